@@ -30,7 +30,7 @@ MIN_HEADROOM = 0.05
 
 FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}
 MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}
-"""As published [-]."""
+"""Published values [-]."""
 
 
 def new_override(override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float) -> Array:

@@ -224,7 +224,7 @@ def column(value: Any) -> Any:
 
 
 def parameter_record(scenario: Scenario, severity: float) -> Any:
-    """Return what ``search`` needs of a scenario, an array of one record."""
+    """Return the parameters of ``search`` for a scenario, an array of one record."""
     material, limits, tool = scenario.material, scenario.limits, scenario.tool
     wear, wear_speed, wear_feed = log_law(material.wear, scenario, tool.wear_criterion)
     time = material.wear.time

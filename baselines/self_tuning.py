@@ -1,4 +1,4 @@
-"""The optimiser with foresight that learns from a job how its laws and its lot of edges differ from the nominal model.
+"""The optimiser with foresight that learns from a job the errors of the nominal laws and of the nominal life of its edges.
 
 The filter of ``predictive`` gets further states (dual estimation): bias and exponents of the laws of force and power, and the
 wear factor of the lot, which lasts from edge to edge. Measured loads correct the laws. The measured wear of each removed edge

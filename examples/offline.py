@@ -147,7 +147,7 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 
 
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
-    """Have Minari write a data set below ``root``, and say in it what it is."""
+    """Have Minari write a data set below ``root``, with a description."""
     scenario, acting = Scenario.load("rough_turning"), BEHAVIOURS[behaviour]
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():

@@ -37,7 +37,7 @@ class Settings:
     """Steps per environment between updates."""
     epochs: int = 5
     batches: int = 4
-    """Per epoch."""
+    """Minibatches per epoch."""
     learning_rate: float = 1e-3
     """Learning rate at the start; it falls linearly to 0."""
     discount: float = 0.8

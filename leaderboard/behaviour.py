@@ -1,4 +1,4 @@
-"""Numbers of what policies do on the way to their return: how they use an edge, enter a bar, and keep to the limits."""
+"""Metrics of behaviour beside the return: use of edges, entries into bars, and overload."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -92,7 +92,7 @@ class Episode:
 
 
 class Metric(NamedTuple):
-    """How a number of a policy's behaviour is printed."""
+    """Heading, unit and format of a metric of behaviour."""
 
     heading: str
     unit: str

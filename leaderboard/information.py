@@ -77,7 +77,7 @@ def class_of(policy: PolicySpec) -> str:
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
-    """Return what an agent was given and sees on the scenario of its training; None if the policy is no agent."""
+    """Return an agent's training data and observations on the scenario of its training; None if the policy is no agent."""
     if policy.kind != "agent":
         return None
     algorithm, p = _algorithm(policy.command), policy.parameters
@@ -101,7 +101,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
 
 
 def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
-    """Return what a training was given; ``life_price`` is a term of every algorithm that has it (``train/terms.py``)."""
+    """Return the inputs of a training; ``life_price`` is a term of every algorithm that has it (``train/terms.py``)."""
     price, given = parameters.get("life_price"), _ALGORITHMS[algorithm]
     return given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
 

@@ -19,7 +19,7 @@ from turning_env.scoring.policy import Policy
 tell_plainly()
 
 DATA = Path(__file__).parent / "data"
-"""What the papers print, and which of it the project holds."""
+"""Folder of the papers' printed values and items."""
 
 
 def rows(name: str) -> list[dict[str, str]]:

@@ -10,7 +10,7 @@ from papers.reproduce import alaskari_oraby, constant_force, fuzzy_override, par
 from papers.reproduce.checks import Check
 
 FIGURES: dict[str, dict[str, str]] = tomllib.loads((DATA / "figures.toml").read_text("utf-8"))
-"""Of each figure by name, in the order of the index: the ``source`` that it reproduces, ``caption`` and ``remark``."""
+"""Figures by name, in the order of the index; each has the ``source`` that it reproduces, a ``caption`` and a ``remark``."""
 
 
 @dataclass(frozen=True)
@@ -82,4 +82,4 @@ PAPERS = (
     ),
     Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables, "servo_current"),
 )
-"""A further paper is added here, and its items in ``papers/data/items.csv``."""
+"""All papers. To add one, also add its items to ``papers/data/items.csv``."""

@@ -1,4 +1,4 @@
-"""What the grid search of Alaskari and Oraby (2018) computes in the minutes of its edge's life, with the paper's grid and limits.
+"""The grid search of Alaskari and Oraby (2018) in every minute of its edge's life, with the paper's grid and limits.
 
 The paper calls a minute a time interval.
 """
@@ -27,15 +27,15 @@ class Responses:
 
     scenario: Scenario
     speed: Array
-    """[m/min]"""
+    """Speed [m/min]."""
     feed: Array
-    """[mm/rev]"""
+    """Feed [mm/rev]."""
     wear: Array
-    """[mm]"""
+    """Wear [mm]."""
     thrust_force: Array
-    """[N]"""
+    """Thrust force [N]."""
     power: Array
-    """[kW]"""
+    """Power [kW]."""
 
     @property
     def removal_rate(self) -> Array:
@@ -64,7 +64,7 @@ class PaperRun:
         return float((wear / self.scenario.tool.wear_criterion) ** (1.0 / self.scenario.material.wear.time))
 
     def chosen(self, wear: float, start: float) -> tuple[float, float] | None:
-        """Return (cutting speed [m/min], feed [mm/rev]) for the next minute, or None where none is feasible."""
+        """Return (cutting speed [m/min], feed [mm/rev]) for the next minute, or None if none is feasible."""
         life = self.used_life(wear)
         speed, feed = best_pair(self.parameters, self.speeds, self.feeds, life, start, start + 1.0, *self.limits)
         return None if speed < 0 else (float(self.speeds[speed]), float(self.feeds[feed]))
@@ -94,15 +94,15 @@ class Minute(NamedTuple):
 
     pair: tuple[float, float]
     commanded: tuple[float, float]
-    """Both: cutting speed [m/min], feed [mm/rev]."""
+    """Pair of cutting speed [m/min] and feed [mm/rev]."""
     removed: float
-    """[cm3]"""
+    """Removed [cm3]."""
     wear: float
-    """[mm]"""
+    """Wear [mm]."""
     thrust_force: float
-    """[N]"""
+    """Thrust force [N]."""
     power: float
-    """[kW]"""
+    """Power [kW]."""
     finished: bool
     """Whether the edge was worn out or broken."""
 
@@ -152,7 +152,7 @@ def plane(minute: int) -> Responses:
 
 
 def sides(minute: int) -> int:
-    """Return how many sides, and so corners, the feasible region of the plane has; 0 where nothing is feasible."""
+    """Return how many sides, and so corners, the feasible region of the plane has; 0 if nothing is feasible."""
     found, limits = plane(minute), paper_run().scenario.limits
     columns = np.flatnonzero(found.within.any(axis=0))
     if not columns.size:

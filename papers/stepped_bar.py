@@ -59,7 +59,7 @@ class Trajectory:
     """A bar turned by a policy; arrays over steps, at their ends."""
 
     time: NDArray[np.float64]
-    """Since the start [s]."""
+    """Time since the start [s]."""
     depth: NDArray[np.float64]
     """Depth of cut [mm], 0 in air."""
     override: NDArray[np.float64]

@@ -37,9 +37,9 @@ class VerificationTest:
 
     name: str
     cutting_speed: float
-    """[m/min], stated."""
+    """Cutting speed [m/min], stated."""
     feed: float
-    """[mm/rev], from the ratio of rates, at 2.5 mm depth of cut."""
+    """Feed [mm/rev], from the ratio of rates, at 2.5 mm depth of cut."""
     rate_ratio: float
     """Removal rate of the grid search over that of the test, stated."""
     life: float | None = None

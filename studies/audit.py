@@ -41,7 +41,7 @@ def pinned(constraints: str) -> dict[str, str]:
 
 
 def complaints(installed: Iterable[Distribution], pins: dict[str, str]) -> list[str]:
-    """Print the licence of each distribution, and return what is wrong with licences and versions."""
+    """Print the licence of each distribution, and return the faults of licences and versions."""
     wrong = []
     for name, found in sorted({re.sub(r"[-_.]+", "-", each.name).lower(): each for each in installed}.items()):
         licence, version = licence_of(found), found.version.partition("+")[0]  # without the build, as in torch's 2.13.0+cpu

@@ -96,7 +96,7 @@ class NodeFilter:
         self.covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
 
     def belief(self, place: float, distance: float) -> Array:
-        """Return what is believed at a distance from a place [mm], shape (6, bars).
+        """Return the belief at a distance from a place [mm], shape (6, bars).
 
         Depth of cut [mm], log hardness, log ratios of force and power to nominal, and the standard deviations of these ratios.
         """
@@ -134,7 +134,7 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
 
 
 def beliefs(scenario: Scenario, truth: Array, generator: np.random.Generator) -> tuple[Array, Array]:
-    """Return the stretches' lengths [mm] and what is believed of their metal before they are cut.
+    """Return the stretches' lengths [mm] and the belief on their metal before they are cut.
 
     Args:
         scenario: task.

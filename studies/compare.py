@@ -65,7 +65,7 @@ class Variant(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     like: str = ""
-    """Variant whose fields hold where this one has none, and with which it is compared instead of the first."""
+    """Variant that supplies the fields this one lacks, and with which it is compared instead of the first."""
     algorithm: str = ""
     policy: str = ""
     agent: Path | None = None
@@ -78,7 +78,7 @@ class Variant(BaseModel):
     without: tuple[Literal["speed", "feed", "change"], ...] = ()
     """Corrections of the agent's network that are left out."""
     told: str | None = None
-    """How the names of the fields begin whose true values the agent is told; None: of no field."""
+    """Prefix of the fields whose true values the agent receives; None: of none."""
 
 
 class Study(BaseModel):
@@ -154,7 +154,7 @@ class Study(BaseModel):
         return (variant.trainings or self.trainings) if variant.algorithm else 1
 
     def with_options(self, trainings: int | None, steps: int | None, episodes: int | None) -> "Study":
-        """Return the study with numbers in place of its own, where they are given."""
+        """Return the study with the given numbers in place of its own."""
         values = self.model_dump(exclude_unset=True)
         values |= {name: value for name, value in (("trainings", trainings), ("episodes", episodes)) if value is not None}
         for variant in values["variants"].values():
@@ -221,7 +221,7 @@ def _controller(variant: Variant, scenario: Scenario) -> PolicySpec:
 
 
 def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
-    """Return what was played under an identity, or do the work and keep it."""
+    """Return the episodes kept under an identity, or do the work and keep it."""
     path = runs / "episodes" / f"{digest_of(identity)}.json"
     if not path.exists():
         content = json.dumps({field: values.tolist() for field, values in work().items()})
@@ -230,7 +230,7 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
 
 
 def _play_agent(file: agent_file.AgentFile, variant: Variant, jobs: int) -> Episodes:
-    """Play the family's first training jobs with an agent's file, without some corrections or told some of the truth."""
+    """Play the family's first training jobs with an agent's file, without some corrections or with some true laws."""
     family = Family.load("shop")
     if variant.told is not None:
         family = truthful(family, variant.told)
@@ -326,7 +326,7 @@ def _text(estimate: Estimate) -> str:
 
 
 def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> list[str]:
-    """Return the lines of a Markdown table of variants, each with what its training seeds have played."""
+    """Return the lines of a Markdown table of variants, each with the episodes of its training seeds."""
     bootstrap = Bootstrap(study.episodes)
     rows = {name: Row(name, trained, bootstrap) for name, trained in variants.items()}
     first, *_ = rows.values()
@@ -344,7 +344,7 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> list[str]:
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train what is missing, play all and print the table; return the exit status."""
+    """Train and play all missing variants and print the table; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m studies", **described(__doc__))
     parser.add_argument("study", metavar="NAME", help=f"{', '.join(STUDIES)}, or a TOML file")

@@ -1,4 +1,4 @@
-"""Measure how much is left above the best agent on RoughTurning-v0 for any policy that sees observations only.
+"""Measure the gap from the best agent on RoughTurning-v0 to a bound on all policies that see observations only.
 
     python -m studies.headroom
     python -m studies.headroom --seeds 8
@@ -34,11 +34,11 @@ def main(arguments: list[str] | None = None) -> int:
     if not 1 <= parsed.seeds <= MAX_SEEDS:
         parser.error(f"--seeds is {parsed.seeds}, but must be 1 to {MAX_SEEDS}")
     scenario, seeds = Scenario.load(IDS[ENV_ID]), held_out_seeds(parsed.seeds)
-    board = read_leaderboard(result_folder(RESULTS, ENV_ID, scenario.name))
-    best = {kind: next(each.name for each in board.standings if each.kind == kind) for kind in ("agent", "rule")}
+    leaderboard = read_leaderboard(result_folder(RESULTS, ENV_ID, scenario.name))
+    best = {kind: next(each.name for each in leaderboard.standings if each.kind == kind) for kind in ("agent", "rule")}
     rows = {"belief-state bound": np.array([belief_bound.bound(scenario, seed) for seed in seeds])}
     for title, name in (("clairvoyant bound", "clairvoyant"), *((f"best {kind}, {name}", name) for kind, name in best.items())):
-        results = [each for each in board.results if board.names[each.policy.label] == name]
+        results = [each for each in leaderboard.results if leaderboard.names[each.policy.label] == name]
         places = [results[0].task.seeds.index(seed) for seed in seeds]
         rows[title] = np.mean([np.array(each.episodes["return"])[places] for each in results], axis=0)
     agent, bootstrap = rows[f"best agent, {best['agent']}"], Bootstrap(len(seeds))

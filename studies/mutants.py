@@ -80,7 +80,7 @@ def _with(node: ast.AST, **fields: object) -> ast.AST:
 
 
 def places(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
-    """Yield expressions below a node with their changed forms; texts, types, decorators and what is raised stay."""
+    """Yield expressions below a node with their changed forms; texts, types, decorators and raised errors stay."""
     if isinstance(node, ast.If | ast.While):
         yield node.test, ast.UnaryOp(ast.Not(), node.test)
     yield from ((node, changed) for changed in changes(node))

@@ -131,7 +131,7 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
 
 
 def bytes_per_env(num_envs: int) -> float:
-    """Return what Python and NumPy have allocated for a vector environment of ``MAIN`` after a step [bytes per environment]."""
+    """Return the memory that a vector environment of ``MAIN`` has allocated after a step [bytes per environment]."""
     vector(MAIN, 1, 1).step()  # loads all that belongs to no environment
     tracemalloc.start()
     try:

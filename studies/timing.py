@@ -104,7 +104,7 @@ def timed(case: Case, count: int) -> Timing:
 
 
 def main() -> None:
-    """For each line of input, print the steps per CPU second of a turn of one environment, and of one of a batch.
+    """Print, for each line of input, the steps per CPU second of one turn of a single environment and of a batch.
 
     ``studies.throughput`` runs this in each of two checkouts; the argument is the length of a turn [s].
     """

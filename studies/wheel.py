@@ -59,7 +59,7 @@ def new_python(folder: Path, python: str = sys.executable) -> str:
 
 
 def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str]) -> set[str]:
-    """Install the wheel for a Python, with pinned requirements and with other versions of Gymnasium; return what they played.
+    """Install the wheel for a Python, with pinned requirements and other versions of Gymnasium; return the digests of plays.
 
     Raises:
         subprocess.CalledProcessError: something cannot be installed, or fails.

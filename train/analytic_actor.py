@@ -141,7 +141,7 @@ class DistanceTracker:
 
 
 class NoTracker:
-    """A tracker without state and readings, for an agent that is not told its position."""
+    """A tracker without state and readings, for an agent that does not observe its position."""
 
     STATES = READINGS = 0
 
@@ -181,7 +181,7 @@ class GruActor(Actor):
         return torch.cat([observation, readings], dim=-1), torch.cat([state, cells], dim=-1)
 
     def respond(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return actions and the next memory for what ``see`` has returned."""
+        """Return actions and the next memory for the output of ``see``."""
         state, cells = self._parts(memory)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
         target = self.bounded(self._unbounded(cells, seen), seen)
@@ -199,7 +199,7 @@ class GruActor(Actor):
         return self.unroll_seen(torch.stack(all_seen), memory, begins)
 
     def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """Return unbounded targets as ``unroll``, for what ``see`` has returned of the observations."""
+        """Return unbounded targets as ``unroll``, for the output of ``see``."""
         _, cells = self._parts(memory)
         all_cells = []
         for step, begin in zip(torch.relu(self.encoder(seen)), begins, strict=True):
@@ -221,7 +221,7 @@ class GruActor(Actor):
         return torch.cat([held.tanh(), target[..., self.commands.targets :]], dim=-1)
 
     def held(self, target: Tensor, seen: Tensor) -> Tensor:
-        """Return unbounded targets of speed and feed, kept within what is allowed."""
+        """Return unbounded targets of speed and feed, kept within the allowed range."""
         return target[..., : self.commands.targets]
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
@@ -233,7 +233,7 @@ class MemorylessActor(GruActor):
     """A ``GruActor`` whose GRU begins anew with every observation; only the tracker's state goes on."""
 
     def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """Return unbounded targets for what ``see`` has returned of the observations."""
+        """Return unbounded targets for the output of ``see``."""
         return super().unroll_seen(seen, memory, torch.ones_like(begins))
 
     def _parts(self, memory: Tensor) -> tuple[Tensor, Tensor]:

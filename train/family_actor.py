@@ -3,7 +3,7 @@
 Gradients reach over a rollout only, and a GRU must learn to average. The extended Kalman filter is given: that of
 ``baselines/models/kalman_steps.py``, which estimates depth and hardness of the bar, the wear of the insert, and errors of the
 laws of wear, force and power. Their prior is the mean and covariance of the errors of training jobs (``train/law_errors.py``).
-Beside the insert's factor, the filter follows the mean depth and hardness that its edge has met. By the estimates,
+Beside the insert's factor, the filter follows the mean depth and hardness that its edge has cut. By the estimates,
 ``train/job_optimum.py`` gives the expected gain of commands, and ``train/newton_search.py`` finds the best ones. The network adds
 to them.
 
@@ -35,15 +35,15 @@ from turning_env.scenario.plan import MIDDLE, USED_LIVES
 Tensor = torch.Tensor
 
 SEVERITY = single(0.9), single(0.4)
-"""Factor on the price of overload, and what full doubt adds to it [-] (found on training jobs and tuning seeds)."""
+"""Factor on the price of overload, and its increase at full assumed model error [-] (found on training jobs and tuning seeds)."""
 WEAR_CAUTION = single(1.1)
 """Factor on the standard deviation of the used life at which an edge may soon be worn out [-] (found on training jobs)."""
 LEAD = 2.0
 """Steps before its end at which an edge is changed [-]."""
 POINTS = 8
-"""Number of points in time at which what lies ahead is predicted."""
+"""Number of future points in time at which cutting conditions are predicted."""
 SETTLING = 3.0
-"""How much longer than a step they reach, over the feed servo's time constant [-]: the feed must fall before the next bar."""
+"""Reach of these points beyond a step, over the feed servo's time constant [-]: the feed must fall before the next bar."""
 EARLY = 0.1
 """Time by which the tool may enter a bar earlier than expected [s] (assumption)."""
 MIN_RATIO = single(0.3)
@@ -51,7 +51,7 @@ MIN_RATIO = single(0.3)
 MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
 MISFIT = single(0.02)
-"""Standard deviation of log loads from what errors of the laws explain, at full doubt [-] (found on training jobs)."""
+"""Standard deviation of log loads about the corrected laws, at full assumed model error [-] (found on training jobs)."""
 TIMING_DOUBT = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
 HISTORY = INSERT + 1
@@ -100,7 +100,7 @@ class Place(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """The states of the filter for each environment, and what it is told of the job."""
+    """The filter's states and the nominal model of the job in each environment."""
 
     told: Told
     scales: Tensor
@@ -123,7 +123,7 @@ class Estimate(NamedTuple):
 
 
 class JobFilter(torch.nn.Module):
-    """A filter of bar, insert, lot and laws, beside a tracker of the tool's position along the bar.
+    """A filter of bar, insert, wear factor and laws, beside a tracker of the tool's position along the bar.
 
     Observations have a last entry, the doubt: how wrong the nominal model may be, from 0 to 1, as wrong as the family's.
 
@@ -340,7 +340,7 @@ class JobFilter(torch.nn.Module):
         return estimate._replace(mean=mean, excess=transition @ estimate.excess @ transition.transpose(-1, -2))
 
     def _worn(self, estimate: Estimate, fresh_share: Tensor) -> Estimate:
-        """Return the estimate after cutting: the present depth and hardness are a share of what the edge has met."""
+        """Return the estimate after cutting: the present depth and hardness enter the means over the edge's life."""
         zero, scales = torch.zeros_like(fresh_share), estimate.scales
         by_state = [zero] * STATES
         by_state[DEPTH] = estimate.told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
@@ -416,7 +416,7 @@ class JobFilter(torch.nn.Module):
         highest = told["log_highest_feed"] - middle[1] - _INSIDE
 
         def reach(sign: float) -> Pair:
-            """Return the ends of what the next action can command."""
+            """Return the range that the next action can command."""
             speed, feed = (now + sign * step for now, step in zip(commanded, self._steps, strict=True))
             return speed.clamp(slowest, fastest), feed.clamp(lowest, highest)
 
@@ -456,7 +456,7 @@ class JobFilter(torch.nn.Module):
         along: Tensor,
         slack: Tensor,
     ) -> Ahead:
-        """Return what the tool will meet in the next step, and shortly after; see ``_readings``.
+        """Return the cutting conditions in the next step and shortly after; see ``_readings``.
 
         ``laws``: estimated ones; ``log_used``: see ``log_over_half``; ``lost``: price of breaking the edge [min].
         """
@@ -575,11 +575,11 @@ class FamilyActor(GruActor):
         self.register_buffer("see_bias", torch.eye(entries + 1)[entries], persistent=False)
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Act on observations without doubt, as if the nominal model were as wrong as the family's."""
+        """Act on observations without the assumed model error, which is then that of the family."""
         return super().forward(observation @ self.see_weight + self.see_bias, memory)
 
     def see(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return what the GRU sees, and the memory with the filter's next state; see ``GruActor``."""
+        """Return the GRU's input, and the memory with the filter's next state; see ``GruActor``."""
         seen, memory = super().see(observation, memory)
         return torch.minimum(torch.maximum(seen, self.least), self.greatest), memory
 
@@ -589,7 +589,7 @@ class FamilyActor(GruActor):
         return torch.minimum(torch.maximum(target[..., :2], positions[..., 2:4]), positions[..., 4:6])
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
-        """Return what is proposed with the network's correction; the feed is proposed for the corrected speed.
+        """Return the proposed targets with the network's correction; the feed is proposed for the corrected speed.
 
         Corrections of speed and feed are scaled by the doubt: where the nominal model is right, so is what is proposed.
         """

@@ -315,7 +315,7 @@ class Training:
 
 
 def check_alike(scenarios: Columns) -> None:
-    """Check that jobs have what the agent takes as the same for all.
+    """Check that all jobs share the values that the agent assumes to be constant.
 
     Raises:
         ValueError: ranges of speed or feed have different ratios, or edges are not changed on command.

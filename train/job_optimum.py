@@ -8,8 +8,8 @@ edge's life if life has the price
 
 and t is such that a whole edge just pays for itself and its change (Newton's method).
 
-The expected gain is that of ``baselines/models/feed_search.py``, but its functions are elementary, so that every program computes
-them alike. The logarithm of a load has a logistic distribution of scale s about its mean L, not a normal one. Its expected
+The expected gain is that of ``baselines/models/feed_search.py``, but its functions are elementary: every program gives the same
+result. The logarithm of a load has a logistic distribution of scale s about its mean L, not a normal one. Its expected
 distance above 0 is h = s log(1 + exp(L / s)), and the overload exp(h) - 1.
 
 Cutting speeds and feeds are logarithms over the plan's at half a life. Prices are those of a minute [-] and of a life [min].
@@ -70,7 +70,7 @@ class LifeRate(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """Cutting conditions at points in time; fields have shape (num_envs, points), or (num_envs, 1) if alike at all of them."""
+    """Cutting conditions at points in time; fields have shape (num_envs, points), or (num_envs, 1) if constant."""
 
     speed: Tensor
     """Actual cutting speed."""
@@ -180,7 +180,7 @@ class ExpectedGain:
         return (logs - self._power * self._log_capacity(_wide(x))[0])[:, 2:].mean(dim=-1)
 
     def _log_capacity(self, speed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Return the logarithm of the power left for cutting over what the spindle can give at the plan's speed; derivatives."""
+        """Return the logarithm of the power left for cutting over the spindle's at the plan's speed; derivatives."""
         above, idle = speed + self._over_base, self._idle * torch.exp(speed)
         root = torch.sqrt(above.square() + _CORNER)
         reserve = torch.exp(0.5 * (above - root) - self._over_base.clamp(max=0.0))
@@ -238,7 +238,7 @@ class JobOptimum:
         return self._metal_and_life(_wide(speed), _wide(feed))[1][:, 0, 0]
 
     def gain(self, ahead: Ahead, life_price: Tensor) -> "ExpectedGain":
-        """Return the expected gain of what lies ahead as a function of commands; ``life_price``: shape (num_envs,)."""
+        """Return the expected gain of the next steps as a function of commands; ``life_price``: shape (num_envs,)."""
         one = torch.ones_like(self._rate_speed)
         by_speed = torch.cat([one, self._rate_speed, *(load.speed for load in self._loads)], dim=1)
         by_feed = torch.cat([one, self._rate_feed, *(load.feed for load in self._loads)], dim=1)

@@ -1,4 +1,4 @@
-"""How far the nominal models of a family's training jobs are wrong: mean and covariance of the errors of their laws.
+"""Estimate the errors of the nominal laws in a family's training jobs: mean and covariance.
 
 Errors count from a pivot, the mean of the nominal models' best set points within their ranges, because exponents that are wrong
 change loads and life the more, the farther a set point is from where they were measured. Errors of force and power are

@@ -65,7 +65,7 @@ class Trainings(BaseModel):
     env_id: str
     scenario: ScenarioId
     trainings: dict[str, Training]
-    """By name and training seed, such as ``ppo-seed0``."""
+    """Curves by name and training seed, such as ``ppo-seed0``."""
 
     @classmethod
     def read(cls, path: Path) -> Self:

@@ -36,9 +36,9 @@ class Readings:
     """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
 
     spindle_speed: float
-    """[rev/min]"""
+    """Spindle speed [rev/min]."""
     feed_velocity: float
-    """[mm/min]"""
+    """Feed velocity [mm/min]."""
     in_feed: bool
     """Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop."""
     cutting: bool
@@ -48,19 +48,19 @@ class Readings:
     power: float = math.nan
     """Spindle power [kW]."""
     thrust_force: float = math.nan
-    """[N]"""
+    """Thrust force [N]."""
     servo_current: float = math.nan
-    """[A]"""
+    """Servo current [A]."""
     position: float = math.nan
     """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
     new_edge: bool = False
     """Whether the edge has been changed since the readings before."""
     spindle_heat: float = math.nan
-    """[-]"""
+    """Spindle heat [-]."""
     roughness_reference: float = math.nan
-    """[um]"""
+    """Roughness reference [um]."""
     probed_depth: float = math.nan
-    """[mm]"""
+    """Depth of cut measured by a probe [mm]."""
     removed_wear: float = math.nan
     """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
 
@@ -188,7 +188,7 @@ class Controller:
         return Commands(min(feed / self._highest, 1.0), speed / self._scenario.control.initial_cutting_speed, status, reason)
 
     def _fault(self, readings: Readings) -> str:
-        """Return what is wrong with the sensors, or an empty text."""
+        """Return the fault of the sensors, or an empty text."""
         if lost := self.lacks(readings):
             return f"no {lost[0]}"
         loads = readings.power, getattr(readings, force_reading(self._scenario))

@@ -75,7 +75,7 @@ class LinuxCncError(RuntimeError):
 
 
 def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
-    """Return a policy by what a user calls it.
+    """Return the policy of a name or file that a user gives.
 
     Args:
         name: ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
@@ -175,7 +175,7 @@ class Fault(NamedTuple):
     after: float
     """Time after the program's start [s]."""
     lasts: float = 2.0
-    """[s]"""
+    """Duration [s]."""
 
 
 def program(scenario: Scenario, bars: int) -> str:
@@ -236,7 +236,7 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
 
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
-    """Write the lathe's configuration: accelerations ten times what the drive's lag needs, which therefore decides."""
+    """Write the lathe's configuration: accelerations ten times those that the drive's lag needs, so that the lag decides."""
     turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
     velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
     values = {
@@ -298,7 +298,7 @@ class Figures(NamedTuple):
     time: float
     """Time at feed per bar [s]."""
     mean_power: float
-    """[kW]"""
+    """Mean power [kW]."""
     severe: float
     """Share of cutting time with an excess above the tolerance [-]."""
     edges: float

@@ -24,8 +24,8 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 
-class Row(NamedTuple):
-    """A policy's figures on a task."""
+class Result(NamedTuple):
+    """A policy's result on a task."""
 
     env_id: str
     policy: str
@@ -39,7 +39,7 @@ class Row(NamedTuple):
     """Share of cutting time with an excess above the tolerance, 5 % [-]."""
     edges_broken: int
     removal_rate: float
-    """[cm3/min]"""
+    """Removal rate [cm3/min]."""
     overridden: float
     """Share of decisions in which the shield changed the action [-]."""
     handed_over: int
@@ -75,7 +75,7 @@ def best_agent(env_id: str, agents: Path) -> Path | None:
     return max(found)[1] if found else None
 
 
-def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, kept: Path | None = None) -> Iterator[Row]:
+def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, kept: Path | None = None) -> Iterator[Result]:
     """Yield the figures of uniform random actions and of the best agent, each with and without the shield.
 
     Args:
@@ -91,7 +91,7 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
     found = json.loads(kept.read_text()) if kept and kept.is_file() else []
     if others := {str(each.get("version", "none")) for each in found} - {VERSION}:
         raise ValueError(f"{kept} has figures of version {others.pop()}, but the code's is {VERSION}: name another file")
-    known = {row[:6]: row for row in (Row(**each) for each in found)}
+    known = {row[:6]: row for row in (Result(**each) for each in found)}
     for env_id in env_ids:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
@@ -107,7 +107,7 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
             yield known[key]
 
 
-def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Row:
+def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Result:
     env_id, name, with_shield, episodes, *_ = key
     env, policy = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP), make(episodes)
     if with_shield:
@@ -132,7 +132,7 @@ def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, m
         if time.monotonic() > reported + REPORTED:
             reported, shield = time.monotonic(), ", shielded" if with_shield else ""
             print(f"{env_id}: {name}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
-    return Row(
+    return Result(
         *key,
         severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
         edges_broken=int(sums["edges_broken"]),
@@ -142,7 +142,7 @@ def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, m
     )
 
 
-def table(measured: Iterable[Row]) -> str:
+def table(measured: Iterable[Result]) -> str:
     """Return the rows as a Markdown table."""
     heads = ("Task", "Policy", "Shield", "Over 5 % [% of cutting time]", "Edges broken", "MRR [cm3/min]")
     rows = []

@@ -1,4 +1,4 @@
-"""The shield's load observer: what the nominal model does not know of a bar and an edge, and the feeds that the limits allow.
+"""The shield's load observer: estimates of a bar and an edge beyond the nominal model, and the feeds that the limits allow.
 
 The observer (assumption: the nominal exponents hold) is an extended Kalman filter. Power P and force F follow depth, hardness and
 edge:
@@ -24,7 +24,7 @@ from turning_env.scenario import Scenario
 MARGIN = 2.2
 """Margin of expected loads to the tolerance above their limits [standard deviations]."""
 ENTRY = 1.6
-"""Likewise where a bar begins, whose hardness and depth are unknown; this lasts a second or two [standard deviations]."""
+"""Margin at the start of a bar, whose hardness and depth are unknown; this lasts a second or two [standard deviations]."""
 MODEL_NOISE = 0.005
 """Standard deviation of readings that the sensors' noise does not explain [-]."""
 MODEL_SPREAD = 0.05
@@ -48,7 +48,7 @@ Values = NDArray[np.float64]
 
 
 class Observer:
-    """An extended Kalman filter of what the nominal model does not know, in each environment.
+    """An extended Kalman filter of the nominal model's errors in each environment.
 
     Attributes:
         known: whether the present bar has been measured, shape (num_envs,).

@@ -25,7 +25,7 @@ STATES = (
 
 
 class Plant:
-    """A lathe's process. Bars stand in a row as in the simulation; every pass of the program is the next bar.
+    """A lathe's process. Bars follow one another as in the simulation; every pass of the program is the next bar.
 
     Args:
         scenario: scenario of the bars.
@@ -48,7 +48,7 @@ class Plant:
         self._bar, self._along, self._returns = 0, 0.0, False
 
     def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
-        """Move the tool, and return what its sensors read and what is hidden.
+        """Move the tool, and return its sensors' readings and the hidden values.
 
         Args:
             seconds: time since the last call [s].

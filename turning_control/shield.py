@@ -1,4 +1,4 @@
-"""The shield: it stands between a policy and the control, and overrides the policy before a limit is exceeded.
+"""The shield: a layer between policy and control that overrides the policy before a limit is exceeded.
 
 It knows what the policy knows, observations and the nominal model, and works in three stages:
 
@@ -28,7 +28,7 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 LOG = logging.getLogger("turning_control")
 
 SHIELD_VERSION = 1
-"""Raise it when the shield decides differently: kept figures of other versions are refused."""
+"""Version of the shield's decisions. Raise it when they change: kept figures of other versions are refused."""
 PART_MARGIN = 2.2
 """Margin for a part, whose load is not observed before it is cut [standard deviations]."""
 HOPELESS = 2.0
@@ -105,7 +105,7 @@ class Shield(Policy):
         return actions
 
     def _answers(self, observations: Observations) -> tuple[Actions, NDArray[np.str_]]:
-        """Return the policy's actions, 0 where they are refused, and why they are, shape (num_envs,)."""
+        """Return the policy's actions, 0 if they are refused, and the reasons, shape (num_envs,)."""
         shape, start = (len(observations), action_size(self._scenario)), time.perf_counter()
         try:
             answer = np.asarray(self._policy.act(observations))
@@ -142,7 +142,7 @@ class Shield(Policy):
         return np.stack([middle, middle, *[speeds, feeds] * control.passes_max], axis=1).astype(np.float32)
 
     def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
-        """Return actions that keep the limits, and what limited them, shape (num_envs,)."""
+        """Return actions that keep the limits, and the limits that changed them, shape (num_envs,)."""
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading, self.place)
         observer.expect(self._settings.target)
@@ -171,7 +171,7 @@ class Shield(Policy):
         return np.where(changed[:, None], limited, actions), np.where(changed, by, "")
 
     def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
-        """Return actions for parts with feeds that keep the limits in every pass, and what limited them."""
+        """Return actions for parts with feeds that keep the limits in every pass, and the limits that changed them."""
         scenario, machine, work = self._scenario, self._scenario.machine, self._scenario.workpiece
         unsure = work.depth_along_spread if scenario.sensors.probe else np.hypot(work.depth_along_spread, work.depth_bar_spread)
         expected = np.where(np.isfinite(reading.probed_depth), reading.probed_depth, work.depth_of_cut)

@@ -21,7 +21,7 @@ from turning_env.extras import missing
 
 
 class Mistake(ValueError):
-    """A user's mistake. The message says what is wrong and what is allowed."""
+    """A user's mistake. The message names the fault and the allowed values."""
 
 
 DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130

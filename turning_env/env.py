@@ -58,12 +58,12 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Description
 
-    A lathe roughs an endless row of bars until its edge is worn out or breaks. Each bar begins with a short approach through
-    air. The agent sets cutting speed (vc) and feed (f) once per control interval. Flank wear (VB), thrust force and spindle
-    power follow the machinability models of Alaskari and Oraby (2018) for 709M40 steel and GC435 inserts. Spindle and feed
-    servo lag behind their commands. Hardness and depth of cut (ap) vary from bar to bar and along every bar. Inserts differ in
-    wear and strength. Measured power and force are noisy. The agent earns for metal removed. It pays for machine time, used
-    edge life, overload and breakage.
+    A lathe roughs an endless row of bars until its cutting edge (one corner of an insert, here "edge") is worn out or breaks.
+    Each bar begins with a short approach through air. The agent sets cutting speed (vc) and feed (f) once per control interval.
+    Flank wear (VB), thrust force and spindle power follow the machinability models of Alaskari and Oraby (2018) for 709M40
+    steel and GC435 inserts. Spindle and feed servo lag behind their commands. Hardness and depth of cut (ap) vary from bar to
+    bar and along every bar. Inserts differ in wear and strength. Measured power and force are noisy. The agent earns for metal
+    removed. It pays for machine time, used edge life, overload and breakage.
 
     ## Action space
 
@@ -80,8 +80,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(float32)` with 11 entries of order one (12 in some scenarios): what a CNC control knows. True wear, hardness and depth
-    are hidden.
+    `Box(float32)` with 11 entries of order one (12 in some scenarios): the readings of a CNC control. True wear, hardness and
+    depth are hidden.
 
     | Index | Entry                   | Meaning                                                    | Range    |
     | ----- | ----------------------- | ---------------------------------------------------------- | -------- |
@@ -114,8 +114,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting state
 
-    A fresh edge stands before the first bar's approach, at vc = 125 m/min and f = 0.25 mm/rev. Seed and episode determine
-    insert, edge strength and all bars: `reset(seed=s)` starts episode 0 of seed s, `reset()` the next episode.
+    The episode starts with a fresh edge before the first bar's approach, at vc = 125 m/min and f = 0.25 mm/rev. Seed and
+    episode determine insert, edge strength and all bars: `reset(seed=s)` starts episode 0 of seed s, `reset()` the next
+    episode.
 
     ## Episode end
 

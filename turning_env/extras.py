@@ -1,4 +1,4 @@
-"""What other packages add: objects that plug in here, and messages for optional packages that are not installed."""
+"""Extensions by other packages: objects that plug in here, and messages for optional packages that are not installed."""
 
 import sys
 from collections.abc import Iterator
@@ -29,11 +29,11 @@ def _how(extra: str) -> str:
 
 
 HOW = {package: _how(extra) for extra, packages in EXTRAS.items() for package in packages}
-"""How to install each optional package."""
+"""Install commands of optional packages."""
 
 
 def provided(what: str) -> list[Any]:
-    """Return what installed packages provide: ``commands``, ``viewer``, ``warm_up`` or ``rules``, the entry points of that group.
+    """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
 
     Nothing here imports the packages that lean on it. Rules are declared by every installation, but only a clone has them.
 

@@ -58,7 +58,7 @@ class FamilyEnv(RoughTurningEnv):
     ## Arguments
 
     `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train", or "unseen_jobs",
-    "unseen_materials", "unseen_machines", whose jobs no training seed meets. `context`: "told" or "hidden". `render_mode`: None.
+    "unseen_materials", "unseen_machines", whose jobs no training seed plays. `context`: "told" or "hidden". `render_mode`: None.
 
     ## Version history
 

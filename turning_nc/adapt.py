@@ -28,7 +28,7 @@ SAME_DEPTH = 0.02  # relative difference of depths up to which slices of a move 
 
 Where = Literal["words", "blocks", "positions"]
 Key = tuple[str, int, tuple[int, int] | None]
-"""Key of a value: address, line, and the place of the number in it; None where a word is put in."""
+"""Key of a value: address, line, and the place of the number in it; None if a word is put in."""
 
 
 @dataclass(frozen=True)

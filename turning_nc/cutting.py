@@ -23,7 +23,7 @@ FINISHING_DEPTH = 0.5
 
 @dataclass(frozen=True)
 class Machine:
-    """What a scenario does not say of a machine (assumptions)."""
+    """Properties of a machine that a scenario lacks (assumptions)."""
 
     max_spindle_speed: float = 4000.0  # [rev/min]
     rapid: float = 10_000.0  # rapid traverse [mm/min]

@@ -11,12 +11,12 @@ _TERM = rf"(?:R\d+|{NUMBER}|\((?:[^()]|\([^()]*\))*\))"
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
 CornerKind = Literal["legs", "chord", "radius"]
-"""What the size of a broken corner measures: a chamfer's legs, the chamfer itself, or a radius."""
+"""Meaning of a broken corner's size: the chamfer's legs, the chamfer itself, or a radius."""
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the programs of a control look, and which words it understands."""
+    """The syntax of a control's programs, and the words that it understands."""
 
     name: Literal["fanuc", "sinumerik"]
     word: re.Pattern[str]  # matches a word; its groups are those of ``words.Word``

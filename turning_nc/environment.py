@@ -25,7 +25,7 @@ _MIN_SECTION = 0.01  # shallowest depth of cut of a section [mm]; less is air
 
 
 class ToolPath:
-    """The way of one tool of a program through its stock, and the scenario that it makes.
+    """The path of one tool of a program through its stock, and the scenario that it makes.
 
     The path is stretched by the ratio of the tip's diameter to a mean diameter, so that its time and metal at that one diameter
     are right. It holds the moves at feed; rapid moves, dwells and tool changes take no time.

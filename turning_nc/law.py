@@ -23,7 +23,7 @@ PATH_VELOCITY, SPINDLE_SPEED = "$AC_VACTB", "$AA_S[1]"
 PARAMETERS = tuple(f"$AC_PARAM[{index}]" for index in range(10))
 """Variables to compute with."""
 STATE, GAIN = PARAMETERS[:2]
-"""Variables of ``LawWriter``: the override of the last cycle [%], and what is tabulated over the load."""
+"""Variables of ``LawWriter``: the override of the last cycle [%], and the function tabulated over the load."""
 READABLE = (LOAD, PATH_VELOCITY, SPINDLE_SPEED, *PARAMETERS)
 WRITABLE = (OVERRIDE, *PARAMETERS)
 MAX_OVERRIDE = 200.0  # highest override that the control allows [%]

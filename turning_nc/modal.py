@@ -1,4 +1,4 @@
-"""Modal state of a control: units, feed, speed and tool in force, and where the tool stands."""
+"""Modal state of a control: units, feed, speed and tool in force, and the tool's position."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from turning_nc.paths import Point
 from turning_nc.words import Line, PartProgram, Problem, Span
 
 HOME: Point = (200.0, 200.0)
-"""Where the tool stands before the first move and at reference points [mm] (assumption)."""
+"""Tool position before the first move and at reference points [mm] (assumption)."""
 FOOT = 0.3048
 _KNOWN_M = {*range(10), 17, 30, *range(40, 46), 98, 99}
 
@@ -50,7 +50,7 @@ class Modal:
 
     @property
     def here(self) -> Point:
-        """Where the tool stands."""
+        """Tool position."""
         return self.z, self.x
 
     def note(self, text: str, once: str = "") -> None:
@@ -117,7 +117,7 @@ class Modal:
             self.speed = Setting(spindle.value * scale, spindle.span, scale)
 
     def spindle_speed(self) -> float:
-        """Return the spindle speed where the tool stands [rev/min]."""
+        """Return the spindle speed at the tool's position [rev/min]."""
         if self.speed.value <= 0.0:
             raise Problem("no speed is set: S")
         if not self.constant_cutting_speed:
@@ -141,7 +141,7 @@ class Modal:
         return value * self.length_scale * (0.5 if halved else 1.0)
 
     def target(self, line: Line) -> Point:
-        """Return where a block's coordinates lead."""
+        """Return the point to which a block's coordinates lead."""
         z, x = self.here
         for word in line.words:
             if word.value is None or word.address not in ("X", "Z", "U", "W"):

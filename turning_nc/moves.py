@@ -297,7 +297,7 @@ class Control(Modal):
             self.add(Path(self.here, point, rapid=True), "rapid")
 
     def add(self, path: Path, kind: Kind, time: float = 0.0) -> None:
-        """Add a move from where the tool stands, and the corner before it."""
+        """Add a move from the tool's position, and the corner before it."""
         if kind in ("feed", "thread"):
             if path.length < 1e-9:
                 return

@@ -93,7 +93,7 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
 
 
 def _below(points: Sequence[Point], heights: Sequence[float], height: float) -> list[tuple[int, Point, Point]]:
-    """Return where a contour lies below a height: index of the point before each stretch, its first and its last point."""
+    """Return the stretches of a contour below a height: index of the point before each stretch, its first and its last point."""
     found: list[tuple[int, Point, Point]] = []
     begun: tuple[int, Point] | None = (0, points[0]) if heights[0] < height else None
     for index, (low, high) in enumerate(itertools.pairwise(heights)):

@@ -100,7 +100,7 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
 
 
 def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path | None, Path]:
-    """Return two moves that end where a corner is broken, and the chamfer or the arc between them.
+    """Return two moves that end at a broken corner, and the chamfer or the arc between them.
 
     Raises:
         Problem: a move is an arc, or too short for the corner.

@@ -1,4 +1,4 @@
-"""Tell what a part program does, block by block: depths, loads, tool life, and what overloads or wastes time."""
+"""Report on a part program block by block: depths, loads, tool life, and lines that overload or waste time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

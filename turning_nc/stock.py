@@ -171,7 +171,7 @@ class Slices:
 
 @dataclass(frozen=True)
 class Removal:
-    """What the tools of a program remove of a stock."""
+    """The metal that a program's tools remove from a stock."""
 
     slices: Slices
     stock: Any  # the polygon before the first move
@@ -186,7 +186,7 @@ def volume(polygon: Any) -> float:
 
 
 def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
-    """Return what a program's tools remove of a stock (a polygon), slice by slice.
+    """Return the metal that a program's tools remove from a stock (a polygon), slice by slice.
 
     ``tools`` holds kinds of tools by their words, such as ``{"T0303": "inside"}``; all others turn outside.
 

@@ -14,7 +14,7 @@ from turning_render.history import History, along
 LEFT, RIGHT = 76, 926
 """Pixels between which everything along the bar is drawn."""
 _ROOF, _TOP, _SURFACE, _BOTTOM = 74, 88, 174, 208
-"""Pixel rows: top of what is drawn anew, top of the allowance, finished surface, and bottom of the bar."""
+"""Pixel rows: top of the redrawn area, top of the allowance, finished surface, and bottom of the bar."""
 _STRIP_TOP, _STRIP_BOTTOM = 216, 273
 _MAX_LOAD = 1.5
 """Highest load shown, over its limit [-]."""
@@ -234,7 +234,7 @@ class LoadStrip:
             x -= 36
 
     def draw(self, frame: ui.Pixels, history: History) -> None:
-        """Extend the lines from where they ended."""
+        """Extend the lines from their ends."""
         ends = stretch_in_view(self._scenario, history.along)
         if self._along == "part":
             ends = 0.5, self._scenario.workpiece.bars + 0.5

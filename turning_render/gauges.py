@@ -13,11 +13,11 @@ _WIDTH, _HEIGHT = 200, 138
 _RADIUS, _BAND = 74, 12
 _CENTRE = (ui.SCALE * _WIDTH // 2, ui.SCALE * (_RADIUS + 12))
 _ARC = tuple(middle + side * ui.SCALE * _RADIUS for side in (-1, 1) for middle in _CENTRE)
-"""Of the enlarged dial: its centre, and the box around its circle."""
+"""Centre of the enlarged dial, and the box around its circle."""
 
 
 class _Dial(NamedTuple):
-    """What one dial shows: names of ``quantities.INFO``, empty where there is none; no limit of what is held at a reference."""
+    """The quantities of one dial: names of ``quantities.INFO``, empty if absent; a quantity held at a reference has no limit."""
 
     title: str
     unit: str
@@ -59,7 +59,7 @@ def _face(dial: _Dial) -> Image.Image:
 
 
 def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image.Image:
-    """Return the dial as it stands in a report."""
+    """Return the dial with its needle at a report's value."""
     value, mark = now[dial.value], dial.limit
     share = min(max(value / dial.end, 0.0), 1.0)
     image = face.copy()
@@ -82,7 +82,7 @@ def _with_needle(dial: _Dial, face: Image.Image, now: dict[str, float]) -> Image
 
 
 def _write_marks(image: Image.Image, y: int, dial: _Dial, now: dict[str, float]) -> None:
-    """Write what the marks on the arc are, each behind a small copy of its mark."""
+    """Write the legend of the marks on the arc, each text behind a small copy of its mark."""
     if dial.reference:
         entries = [("reference", f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}")]
     else:
@@ -113,7 +113,7 @@ def _ray(share: float, inner: float, outer: float) -> tuple[float, float, float,
 
 
 def _draw_pointer(draw: ImageDraw.ImageDraw, share: float) -> None:
-    """Draw a triangle from outside, which points at what is measured."""
+    """Draw a triangle from outside, which points at the measured value."""
     tip, left, right = (_ray(share + turn, radius, radius)[:2] for turn, radius in ((0, 72), (-0.018, 82), (0.018, 82)))
     draw.polygon([tip, left, right], fill=ui.QUIET)
 
@@ -168,7 +168,7 @@ class Gauges:
         ui.put(frame, image, (self._left + 8, self._top + 146))
 
     def _write_readings(self, frame: ui.Pixels, history: History) -> None:
-        """Write the settings and what they give, in numbers."""
+        """Write the settings and the responses in numbers."""
         image = Image.new("RGB", (400, 78), ui.CARD)
         ImageDraw.Draw(image).line((8, 0, 392, 0), fill=ui.RULE)
         for number, (name, value, observed) in enumerate(self._values(history)):

@@ -1,4 +1,4 @@
-"""The operating map: cutting speed and feed, what limits leave of them, and where the machine is and was.
+"""The operating map: cutting speed and feed, their feasible region, and the machine's path through it.
 
 ``OperatingMap`` shows at every step what Figures 3, 6, 7 and 10 of Alaskari and Oraby (2018) show of four moments: contours of
 the metal removal rate, and the region that power, force and wear leave, which shrinks as the edge wears. Both axes are
@@ -49,13 +49,13 @@ class Cut(NamedTuple):
 
 
 def bound(law: PowerLaw, limit: float, cut: Cut) -> HalfPlane:
-    """Return where a response does not exceed a limit, in its unit."""
+    """Return the half-plane in which a response does not exceed a limit, in its unit."""
     rest = float(law(1.0, 1.0, cut.depth, 1.0, cut.wear, cut.hardness))
     return HalfPlane(law.cutting_speed, law.feed, math.log(limit / rest))
 
 
 def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float) -> HalfPlane:
-    """Return where the edge outlasts the next step; see ``turning_env.physics.wear``.
+    """Return the half-plane in which the edge outlasts the next step; see ``turning_env.physics.wear``.
 
     ``cutting_time`` of the edge is in min.
     """
@@ -70,7 +70,7 @@ def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: floa
 
 
 def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
-    """Return the corners of what a limit leaves of a convex polygon, and those of them that lie on its line."""
+    """Return the corners of a convex polygon clipped at a limit, and those of them that lie on its line."""
     kept: list[ui.Point] = []
     crossings: list[ui.Point] = []
     for before, after in zip([*corners[-1:], *corners[:-1]], corners, strict=True):
@@ -85,7 +85,7 @@ def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point]
 
 
 def region(corners: Sequence[ui.Point], limits: Sequence[HalfPlane]) -> list[ui.Point]:
-    """Return the corners of what limits leave of a convex polygon, none if nothing (Sutherland and Hodgman 1974)."""
+    """Return the corners of a convex polygon clipped at limits, none if nothing remains (Sutherland and Hodgman 1974)."""
     left = list(corners)
     for limit in limits:
         left, _ = _clip(left, limit)
@@ -93,7 +93,7 @@ def region(corners: Sequence[ui.Point], limits: Sequence[HalfPlane]) -> list[ui.
 
 
 def border(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[ui.Point, ui.Point] | None:
-    """Return where the line of a limit enters and leaves a convex polygon, or None where it does not."""
+    """Return the points at which the line of a limit enters and leaves a convex polygon, or None if it misses it."""
     _, crossings = _clip(corners, limit)
     return (crossings[0], crossings[1]) if len(crossings) == 2 else None
 
@@ -265,7 +265,7 @@ class FeedMap:
         draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
 
     def draw(self, frame: ui.Pixels, history: History) -> None:
-        """Draw what is allowed along the bar with the edge as it is now, and the feed so far."""
+        """Draw the allowed feeds along the bar with the edge as it is now, and the feed so far."""
         ends = stretch_in_view(self._scenario, history.along)
         across = ui.Ruler(*ends, 0.0, self._width - 1.0)
         shown = (history.key, history.bars_seen, ends)

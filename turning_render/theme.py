@@ -14,7 +14,7 @@ Colour = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
 Point = tuple[float, float]
 Box = tuple[int, int, int, int]
-"""Left, top, right and bottom; the last two are the first pixels outside."""
+"""A rectangle: left, top, right and bottom; the last two are the first pixels outside."""
 
 WIDTH, HEIGHT = 960, 640
 SCALE = 2
@@ -40,11 +40,11 @@ SOFT_TINT: Colour = (236, 240, 244)
 HARD_TINT: Colour = (96, 122, 150)
 """Colours of the insert, its wear land, the chip and the bar; the last two tint soft and hard metal."""
 POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
-"""What each stands for everywhere; vermillion is for what lies beyond a limit."""
+"""Colours with one meaning in every frame; vermillion marks values beyond a limit."""
 
 _DIGITS = re.compile(r"([0-9])")
 _SPACE = 0.28
-"""Between words, over the size: the font's own space is too narrow for small letters."""
+"""Space between words over the font size: the font's own is too narrow for small letters."""
 
 
 _face = lru_cache(ImageFont.load_default)
@@ -59,7 +59,7 @@ def mixed(colour: Colour, share: float, ground: Colour = CARD) -> Colour:
 
 @lru_cache(maxsize=4096)
 def _letters(text: str, size: int) -> tuple[Image.Image, float]:
-    """Return how much of each pixel the letters cover, from the line's top on, and where the next text begins."""
+    """Return the share of each pixel that letters cover, from the line's top on, and the start of the next text."""
     face, space = _face(size), _SPACE * size
     words = text.split(" ")
     places = [0.0]

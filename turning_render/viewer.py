@@ -1,4 +1,4 @@
-"""The viewer that an environment renders with: what is looked at, its frames, and a window for ``render_mode="human"``."""
+"""The viewer that an environment renders with: watched episodes, their frames, and a window for ``render_mode="human"``."""
 
 import os
 from collections.abc import Iterator
@@ -54,7 +54,7 @@ class Viewer:
         return name if spec is None else f"{spec.id}, {name}"
 
     def note(self) -> None:
-        """Record what the last step gave, where an episode is watched, and show it in a window; call it after step and reset."""
+        """Record the last step of watched episodes, and show it in a window; call it after step and reset."""
         if self._watched:
             self._watched = [history for history in self._watched if history.goes_on()]
         if self._env.render_mode == "human":
@@ -162,7 +162,7 @@ class Window:
 
 @contextmanager
 def _named_if_missing() -> Iterator[None]:
-    """Say which library is missing, and how to install it."""
+    """Name a missing library in the error, with the command that installs it."""
     try:
         yield
     except ModuleNotFoundError as error:

@@ -15,7 +15,7 @@ Values = NDArray[np.float64]
 
 
 class WorkshopError(Mistake):
-    """Invalid input of a workshop tool. The message says what is wrong and what is allowed."""
+    """Invalid input of a workshop tool. The message names the fault and the allowed values."""
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

@@ -161,7 +161,7 @@ def _best(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts) -> Advic
 
 
 def plan(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts, minutes: Values) -> Advice:
-    """Return what follows from chosen settings.
+    """Return the recommendation that follows from chosen settings.
 
     Args:
         scenario: The machine, material, limits and prices.

@@ -233,7 +233,7 @@ def _whatif(options: argparse.Namespace) -> int:
 
 
 def _warned(scenario: Scenario) -> "Evidence":
-    """Print the warnings that travel with a scenario's fitted laws; return what is known of these."""
+    """Print the warnings that travel with a scenario's fitted laws; return the evidence for these."""
     from turning_shop.prediction import read_evidence
 
     evidence = read_evidence(scenario)

@@ -31,7 +31,7 @@ FACTORS = {
 SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
 """Factors that are equal in all readings of one edge in one bar."""
 MIN_VARIATION = 1e-3
-"""Relative variation [-] of a factor, beyond what other factors explain, that is needed to fit its exponent."""
+"""Relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent."""
 MIN_SHARE = 0.1
 """Share of a factor's variance that must lie within edges for its exponent to be estimated from readings of the same edge [-]."""
 MIN_KEPT = 1e-3

@@ -55,10 +55,10 @@ _LETTERS = dict(zip(map(ord, "äöüßµμ·_."), ("ae", "oe", "ue", "ss", "u", 
 
 
 class Heading(NamedTuple):
-    """How a column of a sheet is read."""
+    """The reading of a sheet's header: its column, and the factor to the column's unit."""
 
     text: str
-    """The header as it stands in the sheet."""
+    """The header as written in the sheet."""
     column: str | None
     """The column that it is; None if it is not understood."""
     factor: float = 1.0

@@ -200,7 +200,7 @@ def _read_header(header: list[str], source: str, columns: Mapping[str, Column], 
 
 
 def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
-    """Return the number in a cell in the column's unit, NaN if it is empty; the ValueError says what is wrong.
+    """Return the number in a cell in the column's unit, NaN if it is empty; the ValueError names the fault.
 
     Args:
         cell: The cell's text.

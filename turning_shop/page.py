@@ -45,7 +45,7 @@ def render(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> 
 
 
 def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> dict[str, Any]:
-    """Return what ``page.js`` computes with, as JSON values."""
+    """Return the data of ``page.js`` as JSON values."""
     material, machine, work, economics = scenario.material, scenario.machine, scenario.workpiece, scenario.economics
     laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
     fixed = [each for each in advice if len(each.steps) == 1]

@@ -1,4 +1,4 @@
-"""Find what cannot be true in a sheet of cuts and in the laws fitted to it, and name the rows and the likely cause.
+"""Find implausible values in a sheet of cuts and in the laws fitted to it, and name the rows and the likely cause.
 
 Three checks: quantities of rows and laws that lie outside what is plausible, laws that fall with a factor with which they must
 rise, and rows far from the law of the others.
@@ -40,7 +40,7 @@ TYPICAL = {
     "thrust": (0.9, 0.4),
     "life": (15.0, 0.5),
 }
-"""Typical value of each quantity in rough turning and its spread in decades, to tell apart what may be in a wrong unit."""
+"""Typical value of each quantity in rough turning and its spread in decades, to find values in a wrong unit."""
 WRONG_UNITS = (
     (("power",), 1e-3, "power looks like W: divide by 1000"),
     (("power",), 1e3, "power looks like MW: multiply by 1000"),
@@ -106,13 +106,13 @@ THRUST = Derived(
 
 
 def row_problems(measurements: Measurements) -> Iterator[str]:
-    """Yield what cannot be true of rows, whatever the law."""
+    """Yield messages on rows that are implausible under any law."""
     for quantity in (ENERGY, THRUST):
         yield from _problem(quantity, measurements.lines, measurements.columns)
 
 
 def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str]:
-    """Yield what cannot be true of the fitted laws, at a wear criterion [mm]."""
+    """Yield messages on implausible fitted laws, at a wear criterion [mm]."""
     for response, fitted in fits.items():
         known = fitted.edges is not None or not rows_correlate(fitted)  # otherwise intervals are too narrow
         for name in POSITIVE[response] if known else ():
@@ -167,7 +167,7 @@ def _likely_unit(quantity: Derived, columns: Columns) -> str:
 
 
 def _strangeness(quantity: Derived, columns: Columns) -> float:
-    """Return how far rows lie from what is usual in rough turning, summed over quantities [-]."""
+    """Return the distance of rows from typical values in rough turning, summed over quantities [-]."""
     values = {**columns, **{each.name: each.of(columns) for each in (ENERGY, THRUST, quantity)}}
     total = 0.0
     for name, (typical, decades) in TYPICAL.items():
@@ -277,7 +277,7 @@ def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> I
 
 
 def _slip(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit], rows: Mapping[str, int]) -> str:
-    """Return which cell of a row is probably wrong, and by what factor; ``rows`` is the row's index in each law."""
+    """Return the cell of a row that is probably wrong, and its factor; ``rows`` is the row's index in each law."""
     best, least = "check its numbers", np.inf
     columns: dict[str, tuple[Values, int]] = {}
     for response, row in rows.items():

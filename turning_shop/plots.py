@@ -227,7 +227,7 @@ def _mark_best(axes: Axes, cuts: Cuts) -> None:
 
 
 def draw_jobs(jobs: Sequence[Job]) -> Figure:
-    """Draw a panel per job, four in a row: what is within limits at half an edge's life, by the nominal model and in truth."""
+    """Draw a panel per job, four in a row: the feasible region at half an edge's life, by the nominal model and in truth."""
     rows = -(-len(jobs) // JOBS_IN_A_ROW)
     figure = Figure(figsize=(7.2, 1.9 * rows + 0.6), layout="constrained")
     panels = figure.subplots(rows, JOBS_IN_A_ROW, squeeze=False).ravel()

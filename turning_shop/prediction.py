@@ -1,4 +1,4 @@
-"""How well fitted laws are known: intervals of predictions, and where a prediction extrapolates.
+"""Compute intervals of predictions by fitted laws, and find predictions that extrapolate.
 
 The evidence travels with a scenario, as table ``calibration`` of its file. It counts only for laws that still are those fitted.
 """
@@ -26,7 +26,7 @@ PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 
 
 class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
-    """What is known of one fitted law.
+    """The evidence for one fitted law.
 
     Attributes:
         coefficient: The law's coefficient, by which the law is recognised.
@@ -58,14 +58,14 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.scatter**2))
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
-        """Return where one of the factors lies outside its measured range."""
+        """Return whether one of the factors lies outside its measured range."""
         ranges = [(factors[name], *ends) for name, ends in self.measured.items() if name in factors]
         outside = [(values < low * (1 - BEYOND)) | (values > high * (1 + BEYOND)) for values, low, high in ranges]
         return np.asarray(np.logical_or.reduce(outside))
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
-    """What is known of a scenario's fitted laws, and the name of the file of measurements."""
+    """The evidence for a scenario's fitted laws, and the name of the file of measurements."""
 
     source: str = ""
     warnings: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class Prediction(NamedTuple):
 
 
 def evidence_of(fitted: Fit) -> LawEvidence:
-    """Return what a fit leaves known of its law."""
+    """Return a fit's evidence for its law."""
     return LawEvidence(
         coefficient=fitted.law.coefficient,
         terms=tuple(fitted.exponents),
@@ -98,7 +98,7 @@ def evidence_of(fitted: Fit) -> LawEvidence:
 
 
 def read_evidence(scenario: Scenario) -> Evidence:
-    """Return what is known of a scenario's laws; nothing if they were not fitted, or were changed since.
+    """Return the evidence for a scenario's laws; none if they were not fitted, or were changed since.
 
     Raises:
         WorkshopError: The table ``calibration`` of the scenario's file is damaged.

@@ -20,7 +20,7 @@ MAX_SPREAD = 1.0
 MIN_READING = 0.01
 """Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
 INSPECTION_DOUBT = 0.05
-"""Log standard deviation of a removed edge's wear beside insert and lot [-] (assumption): what the edge has cut is not known."""
+"""Log standard deviation of a removed edge's wear beside insert and batch [-] (assumption): its exact cuts are unknown."""
 
 PARAMETERS = np.dtype(
     (
@@ -161,7 +161,7 @@ def transition(rate, distance):
 
 @compiled
 def growth(p, k, a, b, c, d):
-    """Return what the transition (a, b; c, d) adds to the variances and the covariance of the states k and k + 1."""
+    """Return the increments of variances and covariance of the states k and k + 1 by the transition (a, b; c, d)."""
     u, v = p.prior[k], p.prior[k + 1]
     return u - (a * a * u + b * b * v), -(a * c * u + b * d * v), v - (c * c * u + d * d * v)
 

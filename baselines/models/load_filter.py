@@ -48,7 +48,7 @@ READING_DOUBT = 1e-3
 
 
 class Doubt(NamedTuple):
-    """How far the nominal model may be wrong: prior standard deviations, and the expected log life."""
+    """Assumed error of the nominal model: prior standard deviations, and the expected log life."""
 
     laws: float = 0.0
     """Scale of ``LAW_ERRORS`` [-]."""

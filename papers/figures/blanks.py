@@ -14,7 +14,7 @@ from turning_render import plot_style as style
 
 
 def columns() -> dict[str, tuple[str, ...]]:
-    """Return the rules by what the paper says of the correction with them."""
+    """Return the rules by the paper's statement on the correction with them."""
     said = (*IMPROVED, *NOT_NECESSARY)
     return {
         "improved, says the paper": IMPROVED,
@@ -63,7 +63,7 @@ PAIRS = {
     "P_y T": style.VERMILLION,
     "": style.LIGHT,
 }
-"""Colours of the pairs of limits that bind in the cases; "" where no speed and feed of the lathe keep all limits."""
+"""Colours of the pairs of limits that bind in the cases; "" if no speed and feed of the lathe keep all limits."""
 
 
 def draw_pairs() -> Figure:

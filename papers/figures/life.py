@@ -35,7 +35,7 @@ def draw_responses() -> Figure:
 
 
 def draw_pairs() -> Figure:
-    """Draw the chosen cutting speed and feed over the minutes, with what the text states."""
+    """Draw the chosen cutting speed and feed over the minutes, with the values that the text states."""
     figure, panels = lettered((style.SINGLE, 3.6), 2, 1, sharex=True)
     for place, (axes, name, unit) in enumerate(zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)):
         _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_life()])

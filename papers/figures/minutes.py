@@ -1,4 +1,4 @@
-"""Figures 2 to 10 of Alaskari and Oraby (2018): what the grid search chooses from in one minute of its edge's life."""
+"""Figures 2 to 10 of Alaskari and Oraby (2018): the choices of the grid search in one minute of its edge's life."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ _COLOURED, _LINED = np.s_[::2, :], np.s_[::12, ::15]
 
 
 def printed(minute: int) -> dict[str, list[float]]:
-    """Return what the paper prints at the 16 cutting speeds, by response; nothing where it has no table."""
+    """Return the printed responses at the 16 cutting speeds, by name; none if the paper has no table."""
     if minute not in TABLES:
         return {}
     file, wear = TABLES[minute]
@@ -76,7 +76,7 @@ def draw_best(minute: int) -> Figure:
 
 
 def limits(minute: int) -> list[tuple[Look, NDArray[np.float64]]]:
-    """Return where force and power reach their limits: looks, and points (cutting speed, feed), shape (points, 2)."""
+    """Return the lines of the limits of force and power: looks, and points (cutting speed, feed), shape (points, 2)."""
     found, most = plane(minute), paper_run().scenario.limits
     lines = []
     for values, limit, look in ((found.thrust_force, most.thrust_force, _FORCE), (found.power, most.power, _POWER)):

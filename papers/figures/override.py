@@ -18,7 +18,7 @@ from turning_env import Scenario
 from turning_render import plot_style as style
 
 DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)
-"""[mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2."""
+"""Depths of cut [mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2."""
 
 SHOWN: dict[str, tuple[str, Parameters]] = {
     "programmed_feed": ("programmed feed", {}),
@@ -39,7 +39,7 @@ _TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": "
 
 
 def responses(scenario: Scenario) -> dict[str, Trajectory]:
-    """Return what each rule of ``SHOWN`` does on a bar, by name."""
+    """Return the trajectory of each rule of ``SHOWN`` on a bar, by name."""
     responses = {}
     for name, (_, parameters) in SHOWN.items():
         rule = RULES[name]
@@ -49,7 +49,7 @@ def responses(scenario: Scenario) -> dict[str, Trajectory]:
 
 
 def draw(scenario: Scenario | None = None) -> Figure:
-    """Draw what every rule does on a bar, by default of ``DEPTHS``: depth of cut above, override and load below, over time."""
+    """Draw the trajectories of all rules on a bar, by default of ``DEPTHS``: depth of cut, override and load over time."""
     scenario = scenario or stepped_bar(DEPTHS)
     responses_by_rule = responses(scenario)
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")

@@ -234,7 +234,7 @@ def tables() -> Iterator[str]:
 
 
 def figure_checks() -> Iterator[Check]:
-    """Yield the checks of what the text says of the figures beside the tables, the chosen pairs and the tests."""
+    """Yield the checks of the text's statements on the figures, beside the tables, the chosen pairs and the tests."""
     scenario, run = paper_run().scenario, whole_life()
     force, power, criterion = scenario.limits.thrust_force, scenario.limits.power, scenario.tool.wear_criterion
     for figure, minute in ((3, 1), (6, 2), (7, 14)):

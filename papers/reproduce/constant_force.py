@@ -1,4 +1,4 @@
-"""The roughness control paper: constant force by feed, its eight simulations (Table 1) and what its text says of the control.
+"""The roughness control paper: constant force by feed, its eight simulations (Table 1) and its statements on the control.
 
 Each simulation plays the preset `surface` with one reference of Ra for the whole 15 s on several seeds: at the table's feed
 without control, under control, and, for the two that the text shows, under the same law on the feed commanded before. Numbers are
@@ -45,7 +45,7 @@ SETTLED = 2.0
 FORCE_CHANGE = 0.1
 """Largest random change of the force that the text states [-]."""
 FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
-"""Relative, and in mm/rev: force over feed falls from 3080 to 2680 N per mm/rev in the table, and is 2850 here."""
+"""Tolerances of force [-] and feed [mm/rev]: force over feed is 3080 to 2680 N per mm/rev in the table, and 2850 here."""
 
 
 class Simulation(NamedTuple):
@@ -55,13 +55,13 @@ class Simulation(NamedTuple):
     reference: float
     """Desired Ra [um]."""
     uncontrolled_force: float
-    """[N]"""
+    """Force without control [N]."""
     uncontrolled_feed: float
-    """[mm/rev]"""
+    """Feed without control [mm/rev]."""
     force: float
-    """Under control [N]."""
+    """Force under control [N]."""
     feed: float
-    """Under control [mm/rev]."""
+    """Feed under control [mm/rev]."""
     roughness: float
     """Ra reached under control [um]."""
 
@@ -74,9 +74,9 @@ class Outcome(NamedTuple):
     """Settled means of a simulation; arrays over seeds."""
 
     force: float
-    """[N]"""
+    """Mean force [N]."""
     feed: float
-    """[mm/rev]"""
+    """Mean feed [mm/rev]."""
     roughness: NDArray[np.float64]
     """Mean Ra [um]."""
     spread: float
@@ -84,11 +84,11 @@ class Outcome(NamedTuple):
     deviation: float
     """Mean relative deviation of Ra from the reference [-]."""
     saturated: NDArray[np.float64]
-    """Share of time [-]."""
+    """Share of time at the highest override [-]."""
     entry_deviation: float
     """Mean relative deviation of Ra before it has settled [-]."""
     tool_life: float
-    """[min]"""
+    """Tool life [min]."""
 
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
@@ -220,7 +220,7 @@ def measured_models() -> NDArray[np.float64]:
 
 
 def output_checks() -> Iterator[Check]:
-    """Yield the check of what the text says of the tool life, at the feeds that Table 1 prints."""
+    """Yield the check of the text's statement on tool life, at the feeds that Table 1 prints."""
     scenario = Scenario.load("surface")
     feeds = np.log([(row.uncontrolled_feed, row.feed) for row in SIMULATIONS])
     speed = np.log(np.full(feeds.shape, scenario.control.initial_cutting_speed))

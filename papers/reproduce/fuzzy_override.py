@@ -27,11 +27,11 @@ TARGET = 0.6
 DEEP = 3.0
 """Depth of cut at which the load is held [mm]."""
 PERIODS = (0.25, 0.35, 0.5, 0.7, 1.0, 2.0, 4.0, 10.0)
-"""Of the ripple [s]."""
+"""Periods of the ripple [s]."""
 TRANSIENT = 5.0
 """Time after which the override has settled on a bar of one depth [s]."""
 FEED_VELOCITY = 4.0
-"""Faster than the feed at 3 mm under control [mm/s]: it settles at 0.84 of 3.9 mm/s."""
+"""Programmed feed above that at 3 mm under control [mm/s], which settles at 0.84 of 3.9 mm/s."""
 STRONG = 2.0
 """Torque of a strong drive over that of the test's, as a stand-in for the wheel lathe's [-]."""
 

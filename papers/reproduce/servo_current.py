@@ -33,11 +33,11 @@ NUM_SEEDS = 8
 SETTLED = 3.0
 """Time after which the programmed feed has entered the bar and the estimates have settled [s]."""
 SETTINGS = ((0.2, 5), (0.5, 5), (CUTOFF, WINDOW))
-"""Of the estimator: cut-off frequency over Nyquist's, samples of the root mean square. The last is the controller's."""
+"""Settings of the estimator: cut-off frequency over Nyquist's, samples of the root mean square. The last is the controller's."""
 DELAYS = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
-"""Of the estimates [samples]."""
+"""Delays of the estimates [samples]."""
 FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)
-"""At which the paper measures the idle current [mm/min]."""
+"""Feed velocities at which the paper measures the idle current [mm/min]."""
 
 UNDISTURBED = SPREADS | {"depth_ripple": 0.0}
 
@@ -48,7 +48,7 @@ class Record(NamedTuple):
     force: NDArray[np.float64]
     """True thrust force [N]."""
     current: NDArray[np.float64]
-    """Measured [A]."""
+    """Measured current [A]."""
     plain: NDArray[np.float64]
     """Force by the static inversion of each sample [N]."""
     estimates: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""An agent as one file for any machine: a network in ONNX, with metadata that state what the agent is and how it was trained.
+"""An agent as one file for any machine: a network in ONNX, with metadata on the agent and its training.
 
 The network takes ``observation`` (float32, num_envs x entries) and, where the agent has a memory, ``memory`` (float32,
 num_envs x memory_size); it gives ``action`` (num_envs x actions, -1..1) and then also ``next_memory``. Before an episode's first
@@ -28,7 +28,7 @@ from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
-"""What an agent may be called: the name also names files."""
+"""Pattern of agents' names, which also name files."""
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 ONNX_SUFFIX = ".onnx"
 _STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -61,7 +61,7 @@ class Metadata(BaseModel):
     """Training seed."""
     env_id: str
     scenario: PortableScenario
-    """Scenario of the training: its name and what differs from the defaults."""
+    """Scenario of the training: its name and the values that differ from the defaults."""
     observation_space: Space
     action_space: Space
     parameters: dict[str, JsonValue]
@@ -96,7 +96,7 @@ class Metadata(BaseModel):
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
-        """Read the metadata from what ONNX keeps.
+        """Read the metadata from an ONNX model's properties.
 
         Raises:
             ValueError: something is missing, unknown or not allowed; names it.

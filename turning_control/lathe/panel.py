@@ -28,7 +28,7 @@ def report() -> None:
 
 
 def pins(*commands: str) -> str:
-    """Run commands of halcmd; return what the last one says."""
+    """Run commands of halcmd; return the output of the last one."""
     return [subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout for each in commands][-1]
 
 
@@ -53,7 +53,7 @@ def cause(fault: dict[str, Any]) -> None:
 
 
 def stopped(parent: int) -> bool:
-    """Return whether the process that started LinuxCNC wants its end, or has ended itself."""
+    """Return whether the process that started LinuxCNC has asked to stop it, or has ended itself."""
     return (folder / "stop").exists() or not Path(f"/proc/{parent}").exists()
 
 

@@ -1,4 +1,4 @@
-"""The best set points by the laws of a scenario, for many scenarios at once, and what a policy may be told of them.
+"""The best set points by the laws of a scenario, for many scenarios at once, and the numbers that describe them to a policy.
 
 A scenario is given by ``Columns``: sections like those of ``Scenario`` whose numbers are arrays of shape (scenarios,).
 """
@@ -92,7 +92,7 @@ def log_wear_at(s: Columns, used_life: float) -> Any:
 
 
 class Loads:
-    """A grid of set points, and what they load. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
+    """A grid of set points and their loads. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
 
     Attributes:
         speed: cutting speed [m/min], shape (scenarios, speeds, 1).
@@ -191,7 +191,7 @@ def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
 
 
 def features(s: Columns, plan: Plan) -> dict[str, Array]:
-    """Return the numbers of nominal models that a policy may be told, shape (scenarios,) each, not standardised."""
+    """Return the numbers that describe nominal models to a policy, shape (scenarios,) each, not standardised."""
     material, work, machine = s.material, s.workpiece, s.machine
     speed, feed, life = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE], plan.life[:, MIDDLE]
     travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]

@@ -17,7 +17,7 @@ from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFact
 
 
 def as_factory(policy: Any) -> PolicyFactory:
-    """Return a function that makes the policy for a number of environments; ``turning_env.score`` lists what is accepted.
+    """Return a function that makes the policy for a number of environments; ``turning_env.score`` lists the accepted kinds.
 
     Raises:
         TypeError: the object is none of these.
@@ -69,7 +69,7 @@ def _clipped(actions: Any) -> Actions:
 
 @dataclass
 class _Function(Policy):
-    """A function of observations, and what clears the memory that it may have."""
+    """A function of observations, and a function that clears its memory, if any."""
 
     function: Callable[[Observations], Any]
     forget: Callable[[NDArray[np.bool_]], None] = lambda mask: None
