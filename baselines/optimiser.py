@@ -143,7 +143,7 @@ class Optimiser:
         log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
         rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
-        over = soon * exp(self.wear_caution * self._filter.wear_doubt / exponent) >= 1.0
+        over = soon * exp(self.wear_caution * self._filter.wear_deviation / exponent) >= 1.0
         spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
         return spent
 

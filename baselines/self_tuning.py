@@ -4,14 +4,14 @@ The filter of ``predictive`` gets further states (dual estimation): bias and exp
 wear factor of the lot, which lasts from edge to edge. Measured loads correct the laws. The measured wear of each removed edge
 corrects the lot, and with it the time of the next change and the price of life: if edges last shorter, time is worth less.
 
-It needs of the nominal model what ``predictive`` needs, and how far it may be wrong: the prior deviations of laws and lot.
+It needs the nominal model of ``predictive``, and prior deviations of laws and lot.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from baselines.models.load_filter import Array, Doubt, LoadFilter
+from baselines.models.load_filter import Array, LoadFilter, Uncertainty
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from baselines.rule import Range, Rule
@@ -23,7 +23,7 @@ REACH = 1.5
 
 
 class SelfTuning(Predictive):
-    """A policy as ``Predictive``, on a filter that doubts the nominal model.
+    """A policy as ``Predictive``, on a filter that also estimates errors of the nominal model.
 
     Args:
         scenario: nominal model, or one for each environment, which all have the same actions and sensors.
@@ -48,15 +48,15 @@ class SelfTuning(Predictive):
         lot_life: float,
     ) -> None:
         self.wear_caution = wear_caution
-        self._doubt = Doubt(law_doubt, lot_doubt, lot_life)
+        self._uncertainty = Uncertainty(law_doubt, lot_doubt, lot_life)
         super().__init__(scenario, num_envs, severity, caution)
 
     def _new_filter(self, num_envs: int) -> LoadFilter:
-        return LoadFilter(self._scenarios, num_envs, self._doubt)
+        return LoadFilter(self._scenarios, num_envs, self._uncertainty)
 
     def _log_rates(self) -> Array:
-        lots: Array = self._doubt.lot * REACH * np.array([-1.0, 0.0, 1.0]) - log(self._doubt.lot_life)
-        return lots if self._doubt.lot > 0.0 else lots[:1]
+        lots: Array = self._uncertainty.lot * REACH * np.array([-1.0, 0.0, 1.0]) - log(self._uncertainty.lot_life)
+        return lots if self._uncertainty.lot > 0.0 else lots[:1]
 
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws and the wear of the lot"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.kalman_steps import MAX_SPREAD, MIN_DEPTH
-from baselines.models.load_filter import READING_DOUBT
+from baselines.models.load_filter import READING_DEVIATION
 from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
 from turning_env import Scenario
@@ -51,7 +51,7 @@ class NodeFilter:
         bar = work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread
         self._fields = tuple(zip(bar, along, (work.depth_correlation_length, work.hardness_correlation_length), strict=True))
         self._exponents = np.array([[law.depth_of_cut, law.hardness] for law in (material.thrust_force, material.power)])
-        self._variance = np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DOUBT**2
+        self._variance = np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DEVIATION**2
         self.mean = np.zeros((bars, 8))
         self.covariance = np.zeros((bars, 8, 8)) + np.diag(
             [each for b, a, _ in self._fields for each in (a * a + b * b, 1, 1, 1)]

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 
 import torch
 
-from baselines.models.kalman_steps import DEPTH, HARDNESS, INSERT, INSPECTION_DOUBT, MIN_DEPTH
-from baselines.models.load_filter import READING_DOUBT, SLOPE
+from baselines.models.kalman_steps import DEPTH, HARDNESS, INSERT, INSPECTION_DEVIATION, MIN_DEPTH
+from baselines.models.load_filter import READING_DEVIATION, SLOPE
 from train.analytic_actor import MAX_TIME, GruActor
-from train.job_optimum import MIN_EXPONENT, SET_POINT, Ahead, JobOptimum, LifeRate, Load, Told, log_over_half
+from train.job_optimum import MIN_EXPONENT, SET_POINT, Ahead, JobOptimum, LifeRate, Load, Nominal, log_over_half
 from train.law_errors import ERRORS, LOADS
 from train.newton_search import Pair, search, single
 from turning_env import Scenario
@@ -52,7 +52,7 @@ MIN_SEEN = 0.5
 """Share of the load behind the sensor's lag below which a reading is ignored [-]: the tool has just entered."""
 MISFIT = single(0.02)
 """Standard deviation of log loads about the corrected laws, at full assumed model error [-] (found on training jobs)."""
-TIMING_DOUBT = 0.05
+TIMING_DEVIATION = 0.05
 """Standard deviation of the time at which the tool entered the bar [s] (assumption)."""
 HISTORY = INSERT + 1
 """The state after the insert's log wear factor: that of the depth and hardness that its edge has met."""
@@ -72,7 +72,7 @@ _MIN_VARIANCE = single(1e-6)
 _MEASURED = -0.5  # reduction of the depth's variance, as a share, in a bar that has been measured
 _INSIDE = single(1e-4)  # distance of log feed from the ends of the chip breaker's window
 _LOG_HALF = single(math.log(USED_LIVES[MIDDLE]))
-_SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not told apart from 0
+_SMALL = single(1e-3)  # below which wear over the criterion, or a share, is not distinguished from 0
 
 
 class Linear(NamedTuple):
@@ -102,7 +102,7 @@ class Place(NamedTuple):
 class Estimate(NamedTuple):
     """The filter's states and the nominal model of the job in each environment."""
 
-    told: Told
+    nominal: Nominal
     scales: Tensor
     """See ``JobFilter._scales``."""
     mean: Tensor
@@ -125,7 +125,7 @@ class Estimate(NamedTuple):
 class JobFilter(torch.nn.Module):
     """A filter of bar, insert, wear factor and laws, beside a tracker of the tool's position along the bar.
 
-    Observations have a last entry, the doubt: how wrong the nominal model may be, from 0 to 1, as wrong as the family's.
+    Observations have a last entry, the assumed model error: 0 for a true nominal model, 1 for one as wrong as the family's.
 
     The state, shape (num_envs, STATES), is 0 before an episode's first observation. Its columns are those of ``PLACE``, the
     mean, and the covariance less I.
@@ -172,7 +172,7 @@ class JobFilter(torch.nn.Module):
         self._overload_price = single(scenario.economics.overload_price)
         self._downtime = single(scenario.economics.breakage_downtime)
         self._strength_variance = single(scenario.tool.edge_strength_spread**2)
-        self._noise = [single(noise**2 + READING_DOUBT**2) for noise in (sensors.force_noise, sensors.power_noise)]
+        self._noise = [single(noise**2 + READING_DEVIATION**2) for noise in (sensors.force_noise, sensors.power_noise)]
         self._lags = [single(lag) for lag in (sensors.force_time_constant, sensors.power_time_constant)]
         usual = dict(zip(self._names, context["mean"], strict=True))
         self._pivot = [single(usual[name]) for name in SET_POINT]
@@ -204,10 +204,10 @@ class JobFilter(torch.nn.Module):
         """
         observation, state = observation.double(), state.double()
         context = observation[:, self._first : -1] * self._told_spread + self._told_mean
-        told = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
+        nominal = dict(zip(self._names, context.unbind(dim=-1), strict=True)) | {"doubt": observation[:, -1]}
         begun, along, last_speed, last_feed, worn, *pace, slack = state[:, :PLACE].unbind(dim=-1)
         mean, excess = state[:, PLACE : PLACE + STATES], state[:, PLACE + STATES :].reshape(-1, STATES, STATES)
-        estimate = Estimate(told, self._scales(told), mean, excess)
+        estimate = Estimate(nominal, self._scales(nominal), mean, excess)
 
         wear = observation[:, OBS.nominal_wear]
         fresh_edge = wear < worn
@@ -216,20 +216,20 @@ class JobFilter(torch.nn.Module):
             factor = self._wear_factor(estimate, pace)
             surprise = torch.log(removed.clamp(min=_SMALL) / worn.clamp(min=_SMALL)) - factor.at(estimate.mean)
             seen = fresh_edge & (removed > 0.0) & (worn > 0.0)
-            estimate = estimate.corrected(factor.row, surprise, seen, single(INSPECTION_DOUBT**2))
+            estimate = estimate.corrected(factor.row, surprise, seen, single(INSPECTION_DEVIATION**2))
 
-        speed, feed = self._set_point(observation, _ACTUAL, told)
+        speed, feed = self._set_point(observation, _ACTUAL, nominal)
         known = (torch.where(fresh_edge, 0.0, worn) / wear.clamp(min=_SMALL)).clamp(min=_SMALL, max=1.0)
-        fresh_share = 1.0 - torch.exp(torch.log(known) / told["wear_time_exponent"].clamp(min=MIN_EXPONENT))
+        fresh_share = 1.0 - torch.exp(torch.log(known) / nominal["wear_time_exponent"].clamp(min=MIN_EXPONENT))
         fresh_share = torch.where(wear > 0.0, fresh_share, 0.0)
         pace = [was + fresh_share * (now - was) for was, now in zip(pace, (speed, feed), strict=True)]
         pace = [torch.where(wear > 0.0, each, 0.0) for each in pace]
-        rate = torch.exp(speed + feed - told["log_bar_time"])
-        commanded = self._set_point(observation, _COMMANDED, told)
-        travel = begun * self._travel(told, (last_speed, last_feed), commanded)
+        rate = torch.exp(speed + feed - nominal["log_bar_time"])
+        commanded = self._set_point(observation, _COMMANDED, nominal)
+        travel = begun * self._travel(nominal, (last_speed, last_feed), commanded)
         failed = fresh_edge & (wear <= 0.0)  # an edge that is found worn or broken ends the step early, somewhere
         travel = torch.where(failed, 0.5 * travel, travel)
-        approach, cutting = self._approach_share(told), observation[:, OBS.cutting] > 0.5
+        approach, cutting = self._approach_share(nominal), observation[:, OBS.cutting] > 0.5
         along = torch.where(begun > 0.0, along + travel, -approach)
         passed = along >= 1.0
         along = torch.where(passed, along - 1.0 - approach, along)
@@ -246,9 +246,9 @@ class JobFilter(torch.nn.Module):
         estimate = estimate._replace(mean=keeps * estimate.mean, excess=excess)
         estimate = self._worn(self._moved(estimate, torch.minimum(travel, along.clamp(min=0.0))), fresh_share)
 
-        log_wear = torch.log(wear.clamp(min=_SMALL)) - told["wear_time_exponent"] * _LOG_HALF
+        log_wear = torch.log(wear.clamp(min=_SMALL)) - nominal["wear_time_exponent"] * _LOG_HALF
         place = Place(speed, feed, log_wear, self._wear_factor(estimate, pace))
-        idle = 0.0, self._idle_share(told, place)
+        idle = 0.0, self._idle_share(nominal, place)
         in_metal = (along / rate).clamp(min=0.0, max=self._interval)
         before = estimate
         for law, entry in enumerate((OBS.force_ratio, OBS.power_ratio)):
@@ -258,8 +258,8 @@ class JobFilter(torch.nn.Module):
             shown = (1.0 - torch.exp(-in_metal / self._lags[law])).clamp(min=_SMALL)
             surprise = torch.log(ratio.clamp(min=_SMALL) / shown) - expected - (row * (estimate.mean - before.mean)).sum(dim=-1)
             seen = cutting & ~left_late & (shown > MIN_SEEN) & (ratio > MIN_RATIO) & (wear > 0.0)
-            timing = single(TIMING_DOUBT / self._lags[law]) * (1.0 / shown - 1.0)
-            noise = self._noise[law] + timing.square() + (MISFIT * told["doubt"]).square()
+            timing = single(TIMING_DEVIATION / self._lags[law]) * (1.0 / shown - 1.0)
+            noise = self._noise[law] + timing.square() + (MISFIT * nominal["doubt"]).square()
             estimate = estimate.corrected(row, surprise, seen, noise)
 
         time_left = ((1.0 - along).clamp(min=0.0) / rate).clamp(max=MAX_TIME)
@@ -269,43 +269,44 @@ class JobFilter(torch.nn.Module):
         followed = torch.stack([torch.ones_like(wear), along, speed, feed, wear, *pace, slack], dim=-1)
         return readings.clamp(-5.0, 5.0), torch.cat([followed, estimate.mean, estimate.excess.flatten(1)], dim=-1).float()
 
-    def _scales(self, told: Told) -> Tensor:
+    def _scales(self, nominal: Nominal) -> Tensor:
         """Return the prior standard deviations of the states before ``LAWS``; the history's is 0, but its unit is 1."""
-        depth, one = _spread(told, "depth"), torch.ones_like(told["doubt"])
-        return torch.stack([depth, one, _spread(told, "hardness"), one, torch.exp(told["log_wear_factor_spread"]), one], dim=-1)
+        depth, one = _spread(nominal, "depth"), torch.ones_like(nominal["doubt"])
+        hardness, wear = _spread(nominal, "hardness"), torch.exp(nominal["log_wear_factor_spread"])
+        return torch.stack([depth, one, hardness, one, wear, one], dim=-1)
 
     def _errors(self, estimate: Estimate) -> Tensor:
         """Return the expected errors of the laws, see ``train/law_errors.py``; shape (num_envs, ERRORS)."""
-        return estimate.told["doubt"].unsqueeze(-1) * (self._error_mean + estimate.mean[:, LAWS:] @ self._error_factor.T)
+        return estimate.nominal["doubt"].unsqueeze(-1) * (self._error_mean + estimate.mean[:, LAWS:] @ self._error_factor.T)
 
     def _wear_factor(self, estimate: Estimate, pace: Sequence[Tensor]) -> Linear:
         """Return the log ratio of wear to the nominal model.
 
         ``pace``: the edge's mean logarithms of speed and feed over the plan's at half a life.
         """
-        told, scales = estimate.told, estimate.scales
-        speed, feed = (each + offset for each, offset in zip(pace, self._over_pivot(told), strict=True))
-        time, by_speed = told["wear_time_exponent"], told["wear_cutting_speed_exponent"]
+        nominal, scales = estimate.nominal, estimate.scales
+        speed, feed = (each + offset for each, offset in zip(pace, self._over_pivot(nominal), strict=True))
+        time, by_speed = nominal["wear_time_exponent"], nominal["wear_cutting_speed_exponent"]
         by_error = torch.stack([time, by_speed * speed, time * feed], dim=-1)
         own = slice(by_error.shape[-1])
         zero, insert = torch.zeros_like(speed), scales[:, INSERT]
         by_state = torch.stack([zero] * INSERT + [insert, torch.ones_like(zero)], dim=-1)
         of_errors = by_error @ self._error_factor[own]
-        row = torch.cat([by_state, told["doubt"].unsqueeze(-1) * of_errors], dim=-1)
-        return Linear(row, told["doubt"] * (by_error @ self._error_mean[own]))
+        row = torch.cat([by_state, nominal["doubt"].unsqueeze(-1) * of_errors], dim=-1)
+        return Linear(row, nominal["doubt"] * (by_error @ self._error_mean[own]))
 
-    def _over_pivot(self, told: Told) -> list[Tensor]:
+    def _over_pivot(self, nominal: Nominal) -> list[Tensor]:
         """Return the logarithms of the plan's speed and feed at half a life over those from which errors count."""
-        return [middle - pivot for middle, pivot in zip(_middle(told), self._pivot, strict=True)]
+        return [middle - pivot for middle, pivot in zip(_middle(nominal), self._pivot, strict=True)]
 
-    def _set_point(self, observation: Tensor, entries: Sequence[int], told: Told) -> list[Tensor]:
+    def _set_point(self, observation: Tensor, entries: Sequence[int], nominal: Nominal) -> list[Tensor]:
         """Return logarithms of speed and feed over the plan's at half a life."""
-        best = _middle(told)
+        best = _middle(nominal)
         return [0.5 * (observation[:, entries[k]] + 1.0) * self._spans[k] - best[k] for k in range(2)]
 
-    def _travel(self, told: Told, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
+    def _travel(self, nominal: Nominal, last: Sequence[Tensor], commanded: Sequence[Tensor]) -> Tensor:
         """Return the distance since the last observation."""
-        decays = [self._sub_step * torch.exp(-told[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
+        decays = [self._sub_step * torch.exp(-nominal[f"log_{drive}_time_constant"]) for drive in ("spindle", "feed")]
         decays.append(decays[0] + decays[1])
         numbers = range(1, self._sub_steps + 1)
         slow, late, both = (torch.stack([torch.exp(-k * decay) for k in numbers]).mean(dim=0) for decay in decays)
@@ -314,14 +315,14 @@ class JobFilter(torch.nn.Module):
             [torch.exp(was) - torch.exp(now) for was, now in zip(last, commanded, strict=True)],
         )
         mean = speed * feed + over_speed * feed * slow + speed * over_feed * late + over_speed * over_feed * both
-        return self._interval * mean * torch.exp(-told["log_bar_time"])
+        return self._interval * mean * torch.exp(-nominal["log_bar_time"])
 
-    def _approach_share(self, told: Told) -> Tensor:
+    def _approach_share(self, nominal: Nominal) -> Tensor:
         """Return the length of the approach over the bar's, which follows from the sustained removal rate."""
-        edge = torch.exp(told["log_edge_change_time"]) + torch.exp(told["log_edge_price"])
-        cutting = 1.0 + edge * torch.exp(-told["log_life"])
-        log_rate = told["log_removal_rate"] - told["log_depth_of_cut"] - told["log_diameter"]
-        bar = torch.exp(log_rate + told["log_bar_time"]) * cutting * single(1000.0 / (60.0 * math.pi))
+        edge = torch.exp(nominal["log_edge_change_time"]) + torch.exp(nominal["log_edge_price"])
+        cutting = 1.0 + edge * torch.exp(-nominal["log_life"])
+        log_rate = nominal["log_removal_rate"] - nominal["log_depth_of_cut"] - nominal["log_diameter"]
+        bar = torch.exp(log_rate + nominal["log_bar_time"]) * cutting * single(1000.0 / (60.0 * math.pi))
         return self._approach / bar
 
     def _moved(self, estimate: Estimate, cut: Tensor) -> Estimate:
@@ -343,7 +344,7 @@ class JobFilter(torch.nn.Module):
         """Return the estimate after cutting: the present depth and hardness enter the means over the edge's life."""
         zero, scales = torch.zeros_like(fresh_share), estimate.scales
         by_state = [zero] * STATES
-        by_state[DEPTH] = estimate.told["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
+        by_state[DEPTH] = estimate.nominal["wear_depth_of_cut_exponent"] * scales[:, DEPTH]
         by_state[HARDNESS] = self._hardness[2] * scales[:, HARDNESS]
         by_state[HISTORY] = -torch.ones_like(zero)
         change = fresh_share.unsqueeze(-1) * torch.stack(by_state, dim=-1)
@@ -355,39 +356,39 @@ class JobFilter(torch.nn.Module):
 
     def _rates(self, estimate: Estimate) -> list[Tensor]:
         """Return the rates of depth and hardness along the bar [1/bar]."""
-        told, scales, rates = estimate.told, estimate.scales, []
+        nominal, scales, rates = estimate.nominal, estimate.scales, []
         for name, k in (("depth", DEPTH), ("hardness", HARDNESS)):
-            share = single(SLOPE) * torch.exp(told[f"log_{name}_along_spread"]) / scales[:, k]
-            rates.append(share * torch.exp(told["log_bar_time"] - told[f"log_{name}_correlation_time"]))
+            share = single(SLOPE) * torch.exp(nominal[f"log_{name}_along_spread"]) / scales[:, k]
+            rates.append(share * torch.exp(nominal["log_bar_time"] - nominal[f"log_{name}_correlation_time"]))
         return rates
 
     def _load(self, law: int, estimate: Estimate, place: Place) -> tuple[Tensor, Tensor]:
         """Return the derivatives by the states of the log ratio of a law's load to the nominal model, and that ratio."""
-        told, scales, mean = estimate.told, estimate.scales, estimate.mean
+        nominal, scales, mean = estimate.nominal, estimate.scales, estimate.mean
         factor = place.wear_factor.at(mean)
-        speed, feed = (each + offset for each, offset in zip(place[:2], self._over_pivot(told), strict=True))
+        speed, feed = (each + offset for each, offset in zip(place[:2], self._over_pivot(nominal), strict=True))
         by_error = torch.stack([torch.ones_like(speed), speed, feed, place.wear + factor], dim=-1)
         own = slice(LOADS[law], LOADS[law] + by_error.shape[-1])
         errors, of_hardness = self._errors(estimate)[:, own], self._hardness[law]
-        of_depth = told[f"{_LAWS[law]}_depth_of_cut_exponent"]
-        exponent = told[f"{_LAWS[law]}_wear_exponent"] + errors[:, -1]
+        of_depth = nominal[f"{_LAWS[law]}_depth_of_cut_exponent"]
+        exponent = nominal[f"{_LAWS[law]}_wear_exponent"] + errors[:, -1]
         share = (1.0 + scales[:, DEPTH] * mean[:, DEPTH]).clamp(min=single(MIN_DEPTH))
         by_state = [torch.zeros_like(speed)] * LAWS
         by_state[DEPTH], by_state[HARDNESS] = of_depth / share * scales[:, DEPTH], of_hardness * scales[:, HARDNESS]
-        of_errors = told["doubt"].unsqueeze(-1) * (by_error @ self._error_factor[own])
+        of_errors = nominal["doubt"].unsqueeze(-1) * (by_error @ self._error_factor[own])
         row = torch.cat([torch.stack(by_state, dim=-1), of_errors], dim=-1) + exponent.unsqueeze(-1) * place.wear_factor.row
         ratio = of_depth * torch.log(share) + of_hardness * scales[:, HARDNESS] * mean[:, HARDNESS]
-        return row, ratio + told[f"{_LAWS[law]}_wear_exponent"] * factor + (by_error * errors).sum(dim=-1)
+        return row, ratio + nominal[f"{_LAWS[law]}_wear_exponent"] * factor + (by_error * errors).sum(dim=-1)
 
-    def _idle_share(self, told: Told, place: Place) -> Tensor:
+    def _idle_share(self, nominal: Nominal, place: Place) -> Tensor:
         """Return the idle power over that of the cut by the nominal model.
 
         Measured and predicted power contain both, but the law of power is that of the cut.
         """
-        log_cut = told["log_power_load"]
+        log_cut = nominal["log_power_load"]
         for name, value in zip(("cutting_speed", "feed", "wear"), place[:3], strict=True):
-            log_cut = log_cut + told[f"power_{name}_exponent"] * value
-        return torch.exp(told["log_idle_power"] + place.speed - log_cut)
+            log_cut = log_cut + nominal[f"power_{name}_exponent"] * value
+        return torch.exp(nominal["log_idle_power"] + place.speed - log_cut)
 
     def _readings(
         self, estimate: Estimate, wear: Tensor, place: Place, commanded: Sequence[Tensor], along: Tensor, slack: Tensor
@@ -396,24 +397,24 @@ class JobFilter(torch.nn.Module):
 
         ``commanded``: commanded speed and feed as in ``Place``; ``along``, ``slack``: see ``PLACE``.
         """
-        told, mean, excess = estimate.told, estimate.mean, estimate.excess
-        exponent = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
+        nominal, mean, excess = estimate.nominal, estimate.mean, estimate.excess
+        exponent = nominal["wear_time_exponent"].clamp(min=MIN_EXPONENT)
         of_wear, log_factor = place.wear_factor.row, place.wear_factor.at(mean)
         used = torch.exp((torch.log(wear.clamp(min=single(1e-6))) + log_factor) / exponent)
-        wear_doubt = (of_wear * estimate.covariances(of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
+        wear_deviation = (of_wear * estimate.covariances(of_wear)).sum(dim=-1).clamp(min=0.0).sqrt() / exponent
 
         life_rate, laws = self._estimated(estimate)
-        overload_price = self._overload_price * (SEVERITY[0] + SEVERITY[1] * told["doubt"])
-        job = JobOptimum(told, laws, life_rate, overload_price)
+        overload_price = self._overload_price * (SEVERITY[0] + SEVERITY[1] * nominal["doubt"])
+        job = JobOptimum(nominal, laws, life_rate, overload_price)
         time_price, life_price = job.prices(used)
-        life = torch.exp(told["log_edge_price"]) + time_price * torch.exp(told["log_edge_change_time"])
+        life = torch.exp(nominal["log_edge_price"]) + time_price * torch.exp(nominal["log_edge_change_time"])
         lost = (1.0 - used).clamp(min=0.0) * life + self._downtime
         ahead = self._ahead(estimate, place, laws, log_over_half(used), lost, commanded, along, slack)
 
-        middle = _middle(told)
-        slowest, fastest = -middle[0], -told["log_speed_over_fastest"]
-        lowest = told["log_lowest_feed"] - middle[1] + _INSIDE
-        highest = told["log_highest_feed"] - middle[1] - _INSIDE
+        middle = _middle(nominal)
+        slowest, fastest = -middle[0], -nominal["log_speed_over_fastest"]
+        lowest = nominal["log_lowest_feed"] - middle[1] + _INSIDE
+        highest = nominal["log_highest_feed"] - middle[1] - _INSIDE
 
         def reach(sign: float) -> Pair:
             """Return the range that the next action can command."""
@@ -425,7 +426,7 @@ class JobFilter(torch.nn.Module):
 
         life_price = life_price / life
         soon = used + job.life_rate(place.speed, place.feed) * single(LEAD * self._interval / 60.0)
-        spent = torch.log(soon.clamp(min=_SMALL)) + WEAR_CAUTION * wear_doubt
+        spent = torch.log(soon.clamp(min=_SMALL)) + WEAR_CAUTION * wear_deviation
         return [
             self._position(0, best.x + middle[0]),
             2.0 * (best.free_y + middle[1]) / self._spans[1] - 1.0,
@@ -438,7 +439,7 @@ class JobFilter(torch.nn.Module):
             *mean.unbind(dim=-1),
             *(excess[:, k, k] + 1.0 for k in (DEPTH, HARDNESS, INSERT, LAWS, TAYLOR)),
             2.0 * used.clamp(max=1.5) - 1.0,
-            wear_doubt,
+            wear_deviation,
             *(4.0 * gain.log_loads(best.x, best.y)).unbind(dim=-1),
             *(8.0 * ahead.spreads.mean(dim=-1)).unbind(dim=-1),
             2.0 * (time_price - 1.0),
@@ -460,11 +461,11 @@ class JobFilter(torch.nn.Module):
 
         ``laws``: estimated ones; ``log_used``: see ``log_over_half``; ``lost``: price of breaking the edge [min].
         """
-        told, scales, mean, excess = estimate
-        lags = [torch.exp(told[f"log_{drive}_time_constant"]).unsqueeze(-1) for drive in ("spindle", "feed")]
+        nominal, scales, mean, excess = estimate
+        lags = [torch.exp(nominal[f"log_{drive}_time_constant"]).unsqueeze(-1) for drive in ("spindle", "feed")]
         number = torch.arange(1, POINTS + 1, dtype=along.dtype, device=along.device)
         times = (self._interval + SETTLING * lags[1]) * number / single(POINTS)
-        velocity, approach = torch.exp(commanded[0] + commanded[1] - told["log_bar_time"]), self._approach_share(told)
+        velocity, approach = torch.exp(commanded[0] + commanded[1] - nominal["log_bar_time"]), self._approach_share(nominal)
         reached = along.unsqueeze(-1) + velocity.unsqueeze(-1) * times
         early, entry = reached + (slack + velocity * single(EARLY)).unsqueeze(-1), 1.0 + approach.unsqueeze(-1)
         enters = (reached >= 1.0) | (early >= entry)
@@ -484,7 +485,7 @@ class JobFilter(torch.nn.Module):
         for law, load in enumerate(laws):
             row = self._load(law, estimate, place)[0] * (1.0 - self._bar)
             with_row = estimate.covariances(row)
-            exponent = told[f"{_LAWS[law]}_depth_of_cut_exponent"].unsqueeze(-1)
+            exponent = nominal[f"{_LAWS[law]}_depth_of_cut_exponent"].unsqueeze(-1)
             of_depth = exponent * scales[:, DEPTH, None] / share
             of_hardness = (self._hardness[law] * scales[:, HARDNESS, None]).expand_as(share)
             rows = of_fields * torch.stack([of_depth, of_depth, of_hardness, of_hardness], dim=-1)
@@ -495,7 +496,7 @@ class JobFilter(torch.nn.Module):
             here = load.log_load + load.used_life * log_used
             loads.append(here.unsqueeze(-1) + exponent * log_depth + self._hardness[law] * hardness)
         unmeasured = metal & (enters | (excess[:, DEPTH, DEPTH, None] > _MEASURED))
-        growth = told["wear_depth_of_cut_exponent"].unsqueeze(-1) * log_depth + self._hardness[2] * hardness
+        growth = nominal["wear_depth_of_cut_exponent"].unsqueeze(-1) * log_depth + self._hardness[2] * hardness
         return Ahead(
             place.speed.unsqueeze(-1),
             place.feed.unsqueeze(-1),
@@ -503,7 +504,7 @@ class JobFilter(torch.nn.Module):
             torch.exp(-times / lags[1]),
             metal.to(times.dtype),
             torch.where(metal, log_depth, 0.0),
-            growth / told["wear_time_exponent"].clamp(min=MIN_EXPONENT).unsqueeze(-1),
+            growth / nominal["wear_time_exponent"].clamp(min=MIN_EXPONENT).unsqueeze(-1),
             torch.stack(loads, dim=1),
             torch.stack(variances, dim=1).sqrt(),
             (variances[0] + self._strength_variance).sqrt(),
@@ -516,31 +517,31 @@ class JobFilter(torch.nn.Module):
 
     def _estimated(self, estimate: Estimate) -> tuple[LifeRate, tuple[Load, Load]]:
         """Return the laws of wear, force and power for the expected bar, and for a usual insert."""
-        told, errors = estimate.told, self._errors(estimate).unbind(dim=-1)
-        over_speed, over_feed = self._over_pivot(told)
-        time = told["wear_time_exponent"].clamp(min=MIN_EXPONENT)
-        by_speed, by_feed = (told[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
+        nominal, errors = estimate.nominal, self._errors(estimate).unbind(dim=-1)
+        over_speed, over_feed = self._over_pivot(nominal)
+        time = nominal["wear_time_exponent"].clamp(min=MIN_EXPONENT)
+        by_speed, by_feed = (nominal[f"wear_{name}_exponent"] / time for name in ("cutting_speed", "feed"))
         more = by_speed * errors[1], errors[2]
-        log_rate = errors[0] + more[0] * over_speed + more[1] * over_feed - told["log_life"]
+        log_rate = errors[0] + more[0] * over_speed + more[1] * over_feed - nominal["log_life"]
         found = []
         for name, first in zip(_LAWS, LOADS, strict=True):
             bias, speed, feed, wear = errors[first : first + 4]
-            used_life = (told[f"{name}_wear_exponent"] + wear) * told["wear_time_exponent"]
-            exponents = told[f"{name}_cutting_speed_exponent"] + speed, told[f"{name}_feed_exponent"] + feed
-            log_load = told[f"log_{name}_load"] + bias + speed * over_speed + feed * over_feed
+            used_life = (nominal[f"{name}_wear_exponent"] + wear) * nominal["wear_time_exponent"]
+            exponents = nominal[f"{name}_cutting_speed_exponent"] + speed, nominal[f"{name}_feed_exponent"] + feed
+            log_load = nominal[f"log_{name}_load"] + bias + speed * over_speed + feed * over_feed
             found.append(Load(log_load, *exponents, used_life))
         return LifeRate(log_rate, by_speed + more[0], by_feed + more[1]), (found[0], found[1])
 
 
-def _spread(told: Told, name: str) -> Tensor:
+def _spread(nominal: Nominal, name: str) -> Tensor:
     """Return the standard deviation of depth over the nominal depth, or of log hardness, over all bars."""
-    squares = (torch.exp(2.0 * told[f"log_{name}_{part}_spread"]) for part in ("bar", "along"))
+    squares = (torch.exp(2.0 * nominal[f"log_{name}_{part}_spread"]) for part in ("bar", "along"))
     return torch.stack(list(squares)).sum(dim=0).sqrt()
 
 
-def _middle(told: Told) -> list[Tensor]:
+def _middle(nominal: Nominal) -> list[Tensor]:
     """Return the plan's speed and feed at half a life, logarithms over the lowest ones."""
-    return [told[name] for name in SET_POINT]
+    return [nominal[name] for name in SET_POINT]
 
 
 class FamilyActor(GruActor):
@@ -591,7 +592,7 @@ class FamilyActor(GruActor):
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         """Return the proposed targets with the network's correction; the feed is proposed for the corrected speed.
 
-        Corrections of speed and feed are scaled by the doubt: where the nominal model is right, so is what is proposed.
+        Corrections of speed and feed are scaled by the assumed model error: proposals by a true nominal model need no correction.
         """
         correction, proposals = super()._unbounded(cells, seen), self._proposals(seen)
         speed, feed, slowest, lowest, fastest, highest, slope, change = proposals.unbind(dim=-1)

@@ -211,8 +211,8 @@ class Training:
         valid = np.ones(p["num_envs"], np.bool_)
         keeps_edge = self.generator.random(p["num_envs"]) < p["keeps_edge"]
         for _ in range(p["rollout"]):
-            doubts = self.family.error(self.jobs).astype(np.float32)
-            seen = torch.from_numpy(np.column_stack([self.observations, doubts])).to(device)
+            errors = self.family.error(self.jobs).astype(np.float32)
+            seen = torch.from_numpy(np.column_stack([self.observations, errors])).to(device)
             begins = torch.from_numpy(self.begins).to(device, torch.float32).unsqueeze(-1)
             with torch.no_grad():
                 seen, memory = self.actor.see(seen, self.memory * (1.0 - begins))
@@ -229,9 +229,9 @@ class Training:
             reward += float(rewards.mean()) / p["rollout"]
         self.steps += p["rollout"] * p["num_envs"]
         begun, observed, counted, *hidden = zip(*steps, strict=True)
-        told = torch.stack(counted).to(device, torch.float32)
+        were_valid = torch.stack(counted).to(device, torch.float32)
         states = [np.stack(each) for each in hidden]
-        return Rollout(start, torch.stack(begun), torch.stack(observed), told, states, jobs, reward)
+        return Rollout(start, torch.stack(begun), torch.stack(observed), were_valid, states, jobs, reward)
 
     def learn(self, rollout: Rollout, progress: float) -> float:
         """Learn from a rollout at a share of the training; return its mean gain per step [s]."""
@@ -342,9 +342,9 @@ def plan(family: Family, seed: int, runs: Path, command: str, given: dict[str, A
     """Return the run of a training seed, in its own folder below ``runs``."""
     parameters = hyperparameters(NAME, FAMILY_ID) | given
     mixed = truthful(family, errors=parameters["errors"])
-    told = np.concatenate([mixed.context(mixed.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
+    contexts = np.concatenate([mixed.context(mixed.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
     mean, spread = mixed.context_scale
-    numbers = {"mean": mean, "spread": spread, "low": told.min(axis=0), "high": told.max(axis=0)}
+    numbers = {"mean": mean, "spread": spread, "low": contexts.min(axis=0), "high": contexts.max(axis=0)}
     names = list(mixed.context_names)
     speed, feed = (mean[names.index(name)] for name in SET_POINT)
     numbers["error_mean"], numbers["error_factor"] = error_prior(family, (speed, feed))

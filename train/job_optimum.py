@@ -24,7 +24,7 @@ from train.newton_search import Pair, Slopes, single
 from turning_env.scenario.plan import MIDDLE, USED_LIVES
 
 Tensor = torch.Tensor
-Told = dict[str, Tensor]
+Nominal = dict[str, Tensor]
 """Numbers of the context by name, not standardised, each of shape (num_envs,)."""
 
 SET_POINT = tuple(f"{name}_at_{USED_LIVES[MIDDLE]}" for name in ("speed", "feed"))
@@ -194,24 +194,24 @@ class JobOptimum:
     """Estimated jobs, one for each environment.
 
     Args:
-        told: the nominal models' numbers.
+        nominal: the nominal models' numbers.
         loads: force and power.
         life_rate: rate at which a usual edge is used up.
         overload_price: price of a minute with a load 100 % over its limit [min], shape (num_envs,).
     """
 
-    def __init__(self, told: Told, loads: tuple[Load, Load], life_rate: LifeRate, overload_price: Tensor) -> None:
+    def __init__(self, nominal: Nominal, loads: tuple[Load, Load], life_rate: LifeRate, overload_price: Tensor) -> None:
         self._loads = [Load(*map(_wide, load)) for load in loads]
-        self._overload_price, self._log_strength = _wide(overload_price), _wide(told["log_edge_strength"])
-        self._change, self._cost = (_exp(told[f"log_edge_{name}"]) for name in ("change_time", "price"))
+        self._overload_price, self._log_strength = _wide(overload_price), _wide(nominal["log_edge_strength"])
+        self._change, self._cost = (_exp(nominal[f"log_edge_{name}"]) for name in ("change_time", "price"))
         # A minute of the plan's set point, edges included, is worth a minute.
-        self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-told["log_life"])))
+        self._log_metal = _wide(torch.log(1.0 + (self._cost + self._change) * _exp(-nominal["log_life"])))
         self._log_rate, self._rate_feed = _wide(life_rate.log_rate), _wide(life_rate.feed)
         self._rate_speed = _wide(life_rate.speed.clamp(min=_MIN_RATE_EXPONENT))
-        self._over_base, self._idle = _wide(told["log_speed_over_base_speed"]), _wide(_exp(told["log_idle_power"]))
-        speed, feed = (told[name] for name in SET_POINT)
-        self._lowest_feed, self._highest_feed = (_wide(told[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))
-        slowest, fastest = _wide(-speed), _wide(-told["log_speed_over_fastest"])
+        self._over_base, self._idle = _wide(nominal["log_speed_over_base_speed"]), _wide(_exp(nominal["log_idle_power"]))
+        speed, feed = (nominal[name] for name in SET_POINT)
+        self._lowest_feed, self._highest_feed = (_wide(nominal[f"log_{end}_feed"] - feed) for end in ("lowest", "highest"))
+        slowest, fastest = _wide(-speed), _wide(-nominal["log_speed_over_fastest"])
         self._speeds = slowest + torch.arange(SPEEDS, dtype=speed.dtype, device=speed.device) / single(SPEEDS - 1) * (
             fastest - slowest
         )

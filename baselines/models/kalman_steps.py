@@ -19,7 +19,7 @@ MAX_SPREAD = 1.0
 """Upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it."""
 MIN_READING = 0.01
 """Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
-INSPECTION_DOUBT = 0.05
+INSPECTION_DEVIATION = 0.05
 """Log standard deviation of a removed edge's wear beside insert and batch [-] (assumption): its exact cuts are unknown."""
 
 PARAMETERS = np.dtype(
@@ -111,7 +111,7 @@ def inspect_edge(mean, covariance, log_factor, work):
     derivatives[:] = 0.0
     derivatives[INSERT] = 1.0
     derivatives[LOT] = 1.0
-    correct(mean, covariance, derivatives, log_factor - mean[INSERT] - mean[LOT], INSPECTION_DOUBT**2, work[1])
+    correct(mean, covariance, derivatives, log_factor - mean[INSERT] - mean[LOT], INSPECTION_DEVIATION**2, work[1])
 
 
 @compiled
@@ -273,11 +273,11 @@ def correct(mean, covariance, derivatives, surprise, variance, gain):
 
 
 @compiled_entry
-def learn_states(memory, mean, covariance, told, states, variance):
+def learn_states(memory, mean, covariance, chosen, states, variance):
     """Correct the estimates by true states, see ``LoadFilter.tell``."""
     derivatives, gain = np.empty(STATES), np.empty(STATES)
-    for i in range(len(told)):
-        if not told[i]:
+    for i in range(len(chosen)):
+        if not chosen[i]:
             continue
         memory[i].measured = 1
         for k in range(3):

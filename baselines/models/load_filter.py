@@ -10,7 +10,7 @@ Depth and hardness vary along the bar and from bar to bar, as stationary process
 square slope along a bar. ``insert`` and ``lot`` are log wear factors of the edge and of all edges of the job.
 
 Each law has a bias b and errors v, s and g of its exponents of speed, feed and wear, constant for a job (dual estimation). They
-count from the initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``Doubt`` they and the lot are known.
+count from the initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``Uncertainty`` laws and lot are known.
 
 If edges are inspected, the wear of a removed edge measures insert + lot. Observations do not contain the position, so the filter
 integrates the travelled distance to know when the next bar begins.
@@ -43,11 +43,11 @@ Array = NDArray[np.float64]
 
 SLOPE = 1.603
 """Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
-READING_DOUBT = 1e-3
+READING_DEVIATION = 1e-3
 """Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
 
 
-class Doubt(NamedTuple):
+class Uncertainty(NamedTuple):
     """Assumed error of the nominal model: prior standard deviations, and the expected log life."""
 
     laws: float = 0.0
@@ -85,15 +85,15 @@ class LoadFilter:
     Args:
         scenarios: nominal models, one for all environments or one for each.
         num_envs: number of environments.
-        doubt: how far they may be wrong.
+        uncertainty: how far they may be wrong.
     """
 
-    def __init__(self, scenarios: Sequence[Scenario], num_envs: int, doubt: Doubt = Doubt()) -> None:  # noqa: B008
+    def __init__(self, scenarios: Sequence[Scenario], num_envs: int, uncertainty: Uncertainty = Uncertainty()) -> None:  # noqa: B008
         self._parameters = np.zeros(len(scenarios), PARAMETERS)
         for i, scenario in enumerate(scenarios):
-            for name, value in _numbers(scenario, doubt).items():
+            for name, value in _numbers(scenario, uncertainty).items():
                 self._parameters[i][name] = value
-        lot = np.array([-scenario.material.wear.time * log(doubt.lot_life) for scenario in scenarios])
+        lot = np.array([-scenario.material.wear.time * log(uncertainty.lot_life) for scenario in scenarios])
         self._start = np.zeros((len(scenarios), STATES))
         self._start[:, LOT] = lot
         self.mean = np.zeros((num_envs, STATES))
@@ -140,7 +140,7 @@ class LoadFilter:
         return self.mean[:, LOT]
 
     @property
-    def wear_doubt(self) -> Array:
+    def wear_deviation(self) -> Array:
         """Standard deviation of the log wear factor [-], shape (num_envs,)."""
         own, lot, both = (self.covariance[:, i, k] for i, k in ((INSERT, INSERT), (LOT, LOT), (INSERT, LOT)))
         return np.sqrt(np.maximum(own + lot + 2.0 * both, 0.0))
@@ -162,9 +162,9 @@ class LoadFilter:
         seen = np.stack(columns, axis=1).astype(np.float64)
         follow(self._parameters, self._memory, self.mean, self.covariance, seen)
 
-    def tell(self, told: NDArray[np.bool_], states: Array, doubt: float) -> None:
-        """Correct the estimates in ``told`` by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
-        learn_states(self._memory, self.mean, self.covariance, told, states, doubt * doubt)
+    def tell(self, chosen: NDArray[np.bool_], states: Array, deviation: float) -> None:
+        """Correct the ``chosen`` estimates by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
+        learn_states(self._memory, self.mean, self.covariance, chosen, states, deviation * deviation)
 
     def outlook(self, distance: Array, entering: NDArray[np.bool_]) -> Outlook:
         """Return the outlook on the present bar at distances ahead [mm], or where ``entering`` on an unmeasured bar.
@@ -176,7 +176,7 @@ class LoadFilter:
         return Outlook(*found)
 
 
-def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
+def _numbers(scenario: Scenario, uncertainty: Uncertainty) -> dict[str, Any]:
     """Return the ``PARAMETERS`` of a nominal model."""
     control, machine, sensors, work = scenario.control, scenario.machine, scenario.sensors, scenario.workpiece
     wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
@@ -187,8 +187,8 @@ def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
     # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
     history = np.square(wear.depth_of_cut * spread[0]) + np.square(wear.hardness * spread[1])
     insert = np.sqrt(np.square(scenario.tool.wear_factor_spread) + history)
-    errors = (doubt.laws * each for law in LAW_ERRORS for each in law)
-    prior = spread[0], slope[0], spread[1], slope[1], insert, wear.time * doubt.lot, *errors
+    errors = (uncertainty.laws * each for law in LAW_ERRORS for each in law)
+    prior = spread[0], slope[0], spread[1], slope[1], insert, wear.time * uncertainty.lot, *errors
     sub_step = control.interval / control.sub_steps
     times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
     spindle, feed = decay(times, machine.spindle_time_constant), decay(times, machine.feed_time_constant)
@@ -205,7 +205,7 @@ def _numbers(scenario: Scenario, doubt: Doubt) -> dict[str, Any]:
         "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
         "references": log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
-        "noise": [np.square(noise) + np.square(READING_DOUBT) for noise in (sensors.force_noise, sensors.power_noise)],
+        "noise": [np.square(noise) + np.square(READING_DEVIATION) for noise in (sensors.force_noise, sensors.power_noise)],
         "interval": control.interval,
         "sub_step": sub_step,
         "spindle_left": spindle.sum(),

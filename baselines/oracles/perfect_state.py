@@ -19,7 +19,7 @@ from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import log
 
-DOUBT = 1e-3
+STATE_DEVIATION = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
 
 
@@ -48,7 +48,7 @@ class ToldFilter(LoadFilter):
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
-        self.tell(*true_states(self.truth, reading, self.depth_of_cut), DOUBT)
+        self.tell(*true_states(self.truth, reading, self.depth_of_cut), STATE_DEVIATION)
 
 
 class PerfectState(Predictive):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from baselines.models import edge_value
 from baselines.models.edge_value import Worth
 from baselines.models.kalman_steps import DEPTH, HARDNESS
-from baselines.models.load_filter import LAW_ERRORS, Doubt, LoadFilter
+from baselines.models.load_filter import LAW_ERRORS, LoadFilter, Uncertainty
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from train import export, family_actor, family_gradient, job_optimum, newton_search
@@ -260,7 +260,7 @@ def test_the_filter_estimates_what_the_compiled_one_does(monkeypatch: pytest.Mon
     shop = Family.model_validate(shop.model_dump() | {"fields": shop.fields | other})
     jobs = [shop.job(number) for number in range(4)]
     env = FamilyVectorEnv(len(jobs), shop)
-    doubt, known, zero = Doubt(1.0, 0.4, 0.78), (0.0, 0.0), [0.0] * (ERRORS - 1)
+    doubt, known, zero = Uncertainty(1.0, 0.4, 0.78), (0.0, 0.0), [0.0] * (ERRORS - 1)
     spreads = [doubt.lot, *known, *(each for law in LAW_ERRORS for each in law)]
     prior = {"error_mean": [-np.log(doubt.lot_life), *zero], "error_factor": np.diag(spreads).tolist()}
     tracker = JobFilter(jobs[0].scenario, context_of(shop) | prior)

@@ -75,7 +75,7 @@ def baked(file: AgentFile, scenario: Scenario, doubt: float, command: str) -> by
     """
     about = file.metadata
     if about.env_id != FAMILY_ID:
-        raise ValueError(f"its environment is {about.env_id}, but only agents of {FAMILY_ID} are told a nominal model")
+        raise ValueError(f"its environment is {about.env_id}, but only agents of {FAMILY_ID} receive a nominal model")
     errors: Any = about.parameters.get("errors", [1.0])
     if not min(errors) <= doubt <= max(errors):
         raise ValueError(f"doubt is {doubt}, but must be {min(errors)} to {max(errors)}, as in its training")
@@ -136,22 +136,22 @@ def _edge_cost(scenario: Scenario, values: dict[str, Any]) -> float:
     cost = own.edge_cost
     if scenario.control.edge_changes == "end":
         cost = float(worth(scenario, own.overload_price).life.mean()) / 60.0 - change
-    told = cost
+    stated = cost
     for _ in range(_TURNS):  # the best set point depends on the price
-        economics = values["economics"] | {"edge_cost": max(told, _MIN_COST)}
+        economics = values["economics"] | {"edge_cost": max(stated, _MIN_COST)}
         plan = plan_of(Columns(values | {"economics": economics}), 1)
         speed, feed, life = (each[0, MIDDLE] for each in (plan.speed, plan.feed, plan.life))
         metal = speed * feed * scenario.workpiece.depth_of_cut / own.reference_removal_rate
-        told = cost * (1.0 + change / life) / max(metal - cost / life, _MIN_COST)
-    return float(max(told, _MIN_COST))
+        stated = cost * (1.0 + change / life) / max(metal - cost / life, _MIN_COST)
+    return float(max(stated, _MIN_COST))
 
 
 def _products(about: Metadata, scenario: Scenario, doubt: float) -> tuple[Floats, Floats, Floats]:
     """Return matrices: the network sees observation @ see + seen, and acts by action @ act."""
-    family, told = about.scenario, about.parameters["context"]
-    assert isinstance(told, dict)
-    mean, spread = (np.array(told[name], np.float64) for name in ("mean", "spread"))
-    names: Any = told["names"]
+    family, trained = about.scenario, about.parameters["context"]
+    assert isinstance(trained, dict)
+    mean, spread = (np.array(trained[name], np.float64) for name in ("mean", "spread"))
+    names: Any = trained["names"]
     usual = dict(zip(names, mean.tolist(), strict=True))
     values = scenario.nominal().model_dump(exclude={"name", "nominal_model"})
     values["economics"]["edge_cost"] = _edge_cost(scenario.nominal(), values)

@@ -197,15 +197,15 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
     travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed per second [mm/s]
     over_base = np.minimum(speed / np.maximum(s.base_cutting_speed, 1.0), _ENOUGH)
     power_limit = s.limits.power * np.minimum(over_base, 1.0)
-    told: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     for law in ("thrust_force", "power", "wear"):
         for factor in ("cutting_speed", "feed", "depth_of_cut", "wear" if law != "wear" else "time"):
-            told[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
-    told["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
+            numbers[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
+    numbers["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     for law, limit in (("thrust_force", s.limits.thrust_force), ("power", power_limit)):
         exponents = getattr(material, law)
         at_best = exponents.cutting_speed * log(speed) + exponents.feed * log(feed)
-        told[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - log(limit)
+        numbers[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - log(limit)
     logs = {
         "life": life,
         "removal_rate": plan.removal_rate,
@@ -230,9 +230,9 @@ def features(s: Columns, plan: Plan) -> dict[str, Array]:
         "highest_feed": s.feed_range[1] / machine.feed_min,
         "speed_over_fastest": speed / s.cutting_speed_max,
     }
-    told |= {f"log_{name}": log(np.maximum(value, 1e-6)) for name, value in logs.items()}
+    numbers |= {f"log_{name}": log(np.maximum(value, 1e-6)) for name, value in logs.items()}
     for k, used in enumerate(USED_LIVES):
-        told[f"speed_at_{used}"] = log(plan.speed[:, k] / machine.cutting_speed_min)
-        told[f"feed_at_{used}"] = log(plan.feed[:, k] / machine.feed_min)
-        told[f"log_life_at_{used}"] = log(plan.life[:, k])
-    return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in told.items()}
+        numbers[f"speed_at_{used}"] = log(plan.speed[:, k] / machine.cutting_speed_min)
+        numbers[f"feed_at_{used}"] = log(plan.feed[:, k] / machine.feed_min)
+        numbers[f"log_life_at_{used}"] = log(plan.life[:, k])
+    return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in numbers.items()}

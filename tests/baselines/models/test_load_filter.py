@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.models.kalman_steps import INSERT, LOT
-from baselines.models.load_filter import Doubt, LoadFilter
+from baselines.models.load_filter import LoadFilter, Uncertainty
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.spindle import idle_power_at
@@ -80,10 +80,10 @@ def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment
     assert (np.abs(estimate.log_wear_factor) > 0).all()
     fresh = np.array([True, False, False, False])
     time = np.where(fresh, 1.0 / 60.0, readings[-1].cutting_time + 1.0 / 60.0)
-    doubt = estimate.wear_doubt.copy()
+    doubt = estimate.wear_deviation.copy()
     estimate.observe(readings[-1]._replace(cutting_time=time))
-    assert estimate.wear_doubt[0] > doubt[0]
-    assert estimate.wear_doubt[1:] == pytest.approx(doubt[1:], rel=0.2)
+    assert estimate.wear_deviation[0] > doubt[0]
+    assert estimate.wear_deviation[1:] == pytest.approx(doubt[1:], rel=0.2)
     estimate.reset(np.array([False, True, False, False]))
     assert estimate.log_wear_factor[1] == 0.0
     assert estimate.along[1] == 0.0
@@ -102,7 +102,7 @@ def test_the_idling_spindle_is_no_deviation_of_the_bar() -> None:
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
     played = changed(nominal, mismatch={"wear_factor": 1.3})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, Doubt(lot=1.0, lot_life=0.8))
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, Uncertainty(lot=1.0, lot_life=0.8))
     observations, _ = env.reset(seed=0)
     estimate.reset(EVERY)
     start = estimate.mean[0, LOT]
@@ -120,7 +120,7 @@ def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
     material = QUIET.material
     force = material.thrust_force.model_copy(update={"coefficient": 1.3 * material.thrust_force.coefficient})
     played = QUIET.model_copy(update={"material": material.model_copy(update={"thrust_force": force})})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, Doubt(laws=1.0))
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, Uncertainty(laws=1.0))
     observations, _ = env.reset(seed=0)
     estimate.reset(EVERY)
     for _ in range(100):
@@ -137,7 +137,7 @@ def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
 
 def test_other_models_in_other_environments_do_not_matter() -> None:
     scenarios = [NOMINAL, changed(NOMINAL, workpiece={"diameter": 60.0, "bar_length": 80.0})]
-    doubt, distance = Doubt(1.0, 0.4, 0.8), np.array([[0.0, 5.0]] * 2)
+    doubt, distance = Uncertainty(1.0, 0.4, 0.8), np.array([[0.0, 5.0]] * 2)
     env = RoughTurningVectorEnv(2, NOMINAL)
     observations, _ = env.reset(seed=0)
     together, alone = LoadFilter(scenarios, 2, doubt), [LoadFilter([scenario], 1, doubt) for scenario in scenarios]
