@@ -275,6 +275,7 @@ def main(arguments: list[str] | None = None) -> int:
     steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
     given = overrides(parsed.algorithm, parsed.set)
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
+    task.folder.mkdir(parents=True, exist_ok=True)  # find out whether it can be written before workers start
     with cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers) as over:
         best = search(task, parsed.trials, over, parsed.workers, parsed.storage)
     print(f"# {command}")
