@@ -200,17 +200,17 @@ def _gallery(options: argparse.Namespace) -> None:
 
     python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
     """
-    from leaderboard import behaviour, gallery, policies  # needed only here: imports Matplotlib, plays
+    from leaderboard import gallery, policies  # needed only here: imports Matplotlib, plays
 
     task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
     chosen = [*policies.named(options.policies, task), *policies.agents(options.agents, task)]
     played = gallery.play(chosen, task.scenario, options.seeds)
     written = gallery.write(played, options.out)
     if options.json:
-        metrics = {label: behaviour.measure(episodes) for label, episodes in played.items()}
+        metrics = {label: gallery.measure(episodes) for label, episodes in played.items()}
         print_json({"env_id": options.env, "scenario": task.scenario.name, "seeds": options.seeds, "policies": metrics})
         return
-    print(behaviour.render(played))
+    print(gallery.render(played))
     for path in written:
         print(f"wrote {path}")
     if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:

@@ -1,12 +1,11 @@
-"""Pictures of how policies behave, for print. Each shows one subject, with the same held-out seeds for all policies.
+"""How policies behave on the same held-out seeds: pictures for print, each of one subject, and numbers."""
 
-The numbers of this behaviour belong in ``leaderboard.behaviour``.
-"""
-
+import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,22 +18,35 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.models.process import Process
-from leaderboard.behaviour import AFTER, BEFORE, Array, Episode, by_life_stage, measure
 from leaderboard.result import ResultError
+from leaderboard.table import aligned
+from leaderboard.trajectories import play_trajectory
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec
 from turning_render import plot_style as style
 
-Played = Mapping[str, Sequence[Episode]]
-"""The episodes of each policy, by its label: of all policies with the same seeds."""
-Looks = Mapping[str, dict[str, Any]]
-"""The colour and line style of each policy."""
-
-_PANEL = 2.8
-"""Width that a panel's title needs at least [inch]."""
+Array = NDArray[np.float64]
+LIFE_STAGES = 5
+"""Equal parts into which an edge's life is divided."""
 MAX_POLICIES = 6
 """More cannot be told apart."""
-_THIN: dict[str, Any] = {"linewidth": 0.6, "alpha": 0.4}
+METRICS = {
+    "minutes_per_edge": ("machine time per edge [min]", 2),
+    "removed_per_edge": ("metal per edge [cm3]", 0),
+    "first_cutting_speed": ("mean cutting speed in the first fifth of life [m/min]", 1),
+    "last_cutting_speed": ("mean cutting speed in the last fifth of life [m/min]", 1),
+    "first_feed": ("mean feed in the first fifth of life [mm/rev]", 3),
+    "last_feed": ("mean feed in the last fifth of life [mm/rev]", 3),
+    "overload_share": ("cutting time over a limit [%]", 2),
+    "severe_overload_share": ("cutting time over a limit by more than the tolerance [%]", 2),
+}
+"""Heading with unit, and decimals, of each number."""
+_SERIES = (
+    *("path", "depth_of_cut", "hardness", "cutting_speed", "feed", "thrust_force", "power", "used_life"),
+    *("engaged_time", "removed", "edges_used", "overload_time", "severe_overload_time"),
+)
+"""Fields of ``info`` at a step's end, and sums over a step."""
+_PANEL = 2.8  # width that a panel's title needs at least [inch]
 _LEVEL = 0.02  # width of a histogram's bin, in limits
 _BARS = 3  # drawn one after another
 # Of use, from fresh to worn: rises evenly in darkness, so that it survives grey print.
@@ -42,6 +54,61 @@ _LIFE = LinearSegmentedColormap.from_list("life", ["#9FD0F0", style.BLUE, "#1223
 _WORN = (0.1, 0.5, 1.0)  # used shares of life for which limits are drawn
 _LIMIT_STYLES: dict[str, Any] = {"force": "-", "power": "--"}
 _LEGEND: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "borderaxespad": 0.1}
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode: ``minutes``, the machine time elapsed, and fields of ``info``, arrays of shape (steps,)."""
+
+    seed: int
+    scenario: Scenario
+    series: dict[str, Array]
+
+    @classmethod
+    def of(cls, spec: PolicySpec, scenario: Scenario, seed: int) -> Self:
+        """Play it.
+
+        Raises:
+            ResultError: the policy's actions have the wrong shape or are not finite.
+        """
+        try:
+            series = play_trajectory(spec.make, scenario, seed, _SERIES)
+        except ValueError as error:
+            raise ResultError(f"{spec.label} cannot play: {error}") from error
+        return cls(seed, scenario, {name: np.array(values) for name, values in series.items()})
+
+    def __getitem__(self, name: str) -> Array:
+        return self.series[name]
+
+    @property
+    def cutting(self) -> NDArray[np.bool_]:
+        """Whether the tool is in metal at each step's end; after a whole part it never is."""
+        return (self["depth_of_cut"] > 0.0) & (self.scenario.control.action != "part")
+
+    @property
+    def force_load(self) -> Array:
+        """Thrust force over its limit [-]."""
+        return self["thrust_force"] / self.scenario.limits.thrust_force
+
+    @property
+    def power_load(self) -> Array:
+        """Power over its limit [-]."""
+        return self["power"] / self.scenario.limits.power
+
+    def bar_start(self, bar: int) -> float:
+        """Return where on the path a bar's metal begins [mm]."""
+        workpiece = self.scenario.workpiece
+        return bar * (workpiece.bar_length + workpiece.approach) + workpiece.approach
+
+    @property
+    def whole_bars(self) -> int:
+        """Number of bars that were cut from end to end."""
+        workpiece = self.scenario.workpiece
+        return int((self["path"][-1] + 1e-6) / (workpiece.bar_length + workpiece.approach))
+
+
+Played = Mapping[str, Sequence[Episode]]
+"""The episodes of each policy, by its label: of all policies with the same seeds."""
 
 
 def play(specs: Sequence[PolicySpec], scenario: Scenario, seeds: Sequence[int]) -> dict[str, list[Episode]]:
@@ -66,6 +133,41 @@ def play(specs: Sequence[PolicySpec], scenario: Scenario, seeds: Sequence[int]) 
     return played
 
 
+def measure(episodes: Sequence[Episode]) -> dict[str, float]:
+    """Return each of ``METRICS`` over all episodes of one policy; NaN where there is nothing to tell."""
+    edges, removed, engaged, overload, severe = (
+        sum(float(episode[name].sum()) for episode in episodes)
+        for name in ("edges_used", "removed", "engaged_time", "overload_time", "severe_overload_time")
+    )
+    speeds, feeds = by_life_stage(episodes, "cutting_speed"), by_life_stage(episodes, "feed")
+    values = (
+        _ratio(sum(float(episode["minutes"][-1]) for episode in episodes), edges),
+        _ratio(removed, edges),
+        *(float(each) for each in (speeds[0], speeds[-1], feeds[0], feeds[-1])),
+        100.0 * _ratio(overload, engaged),
+        100.0 * _ratio(severe, engaged),
+    )
+    return dict(zip(METRICS, values, strict=True))
+
+
+def by_life_stage(episodes: Sequence[Episode], name: str) -> Array:
+    """Return means of a series over the cutting time in each stage of life, shape (LIFE_STAGES,); NaN for stages not reached."""
+    values, weights, used = (_while_cutting(episodes, itemgetter(key)) for key in (name, "engaged_time", "used_life"))
+    stage = np.clip((LIFE_STAGES * used).astype(np.int64), 0, LIFE_STAGES - 1)
+    sums, times = (np.bincount(stage, what, LIFE_STAGES) for what in (values * weights, weights))
+    means: Array = np.divide(sums, times, out=np.full(LIFE_STAGES, np.nan), where=times > 0.0)
+    return means
+
+
+def render(played: Played) -> str:
+    """Return the metrics as text: a line each, a column for every policy."""
+    measured = [measure(episodes) for episodes in played.values()]
+    rows = [["", *played]]
+    for name, (heading, decimals) in METRICS.items():
+        rows.append([heading, *(f"{each[name]:.{decimals}f}" if math.isfinite(each[name]) else "" for each in measured)])
+    return aligned(rows)
+
+
 def write(played: Played, folder: Path) -> list[Path]:
     """Write every picture that applies into a folder, each whole or not at all; returns the paths."""
     written = []
@@ -82,7 +184,8 @@ def draw_operating_points(played: Played, scenario: Scenario) -> Figure | None:
     """Draw cutting speed and feed as an edge wears, a panel for each policy; None where the speed is fixed or nothing is seen."""
     if scenario.control.action in ("override", "part") or not _all_cut(played):
         return None
-    figure, (panels,) = _grid(1, played, 4.0, sharey=True)
+    figure = Figure(figsize=(max(style.DOUBLE, _PANEL * len(played)), 4.0), layout="constrained")
+    panels = figure.subplots(1, len(played), sharex=True, sharey=True, squeeze=False)[0]
     shades: dict[str, Any] = {"cmap": _LIFE, "vmin": 0.0, "vmax": 1.0}
     for axes, (label, episodes) in zip(panels, played.items(), strict=True):
         for episode in episodes:
@@ -140,65 +243,6 @@ def _draw_limits(axes: Axes, scenario: Scenario) -> None:
         for limit, dashes in zip((process.thrust_force, process.power), _LIMIT_STYLES.values(), strict=True):
             line = limit.line(scenario.workpiece.depth_of_cut, 1.0, wear)
             axes.plot(speeds, np.exp(line.highest_feed(np.log(speeds))), color=_LIFE(used), linestyle=dashes, linewidth=1.2)
-
-
-def draw_used_life(played: Played, scenario: Scenario) -> Figure:
-    """Draw metal removed and wear over time, all policies in the same panels."""
-    figure = Figure(figsize=(style.DOUBLE, 4.8), layout="constrained")
-    panels = figure.subplots(2, 1, sharex=True)
-    for label, look in _looks(played).items():
-        metrics = measure(played[label])
-        legend = f"{label}: {metrics['removed_per_edge']:.0f} cm3 in {metrics['minutes_per_edge']:.1f} min per edge"
-        for episode in played[label]:
-            for axes, values in zip(panels, (np.cumsum(episode["removed"]), episode["wear"]), strict=True):
-                axes.plot(episode["minutes"], values, **look, linewidth=1.0, label=legend)
-                axes.plot(episode["minutes"][-1], values[-1], "o", color=look["color"], markersize=4)
-                legend = "_"
-    panels[0].set_ylabel("metal removed [cm3]")
-    panels[0].legend(**_LEGEND)
-    panels[1].axhline(scenario.tool.wear_criterion, **style.LIMIT)
-    panels[1].set(xlabel="machine time [min]", ylabel="flank wear [mm]", xlim=(0.0, None))
-    for axes in panels:
-        axes.set_ylim(bottom=0.0)
-    figure.align_ylabels(panels)
-    return _headline(figure, "Metal and wear per edge", f"red: wear criterion; dots: end of episode; {_seeds_of(played)}")
-
-
-def draw_entries(played: Played, scenario: Scenario) -> Figure | None:
-    """Draw feed and load around the start of every bar, a column for each policy; None where no entry is seen."""
-    places = np.arange(-BEFORE, AFTER + 0.5)
-    entries = {
-        label: [(episode, *entry) for episode in episodes for entry in episode.entries()] for label, episodes in played.items()
-    }
-    if not all(entries.values()):
-        return None
-    figure, grid = _grid(2, played, 4.6, sharey="row")
-    for (upper, lower), (label, look) in zip(grid.T, _looks(played).items(), strict=True):
-        feeds, loads = [], []
-        for episode, place, near in entries[label]:
-            upper.plot(place[near], episode["feed"][near], color=look["color"], **_THIN)
-            feeds.append(np.interp(places, place, episode["feed"]))
-            load, mean = np.maximum(episode.force_load, episode.power_load), np.full(len(places), np.nan)
-            for side, beside in ((places < 0.0, place < 0.0), (places >= 0.0, place >= 0.0)):
-                seen = episode.cutting & beside
-                lower.plot(place[near & seen], load[near & seen], color=look["color"], **_THIN)
-                mean[side] = np.interp(places[side], place[seen], load[seen], left=np.nan, right=np.nan)
-            loads.append(mean)
-        for axes, values in ((upper, np.array(feeds)), (lower, np.array(loads))):
-            known = np.isfinite(values)
-            sums, counts = np.where(known, values, 0.0).sum(axis=0), known.sum(axis=0)
-            # Where less than half of the bars have been sensed, the mean is of other bars than further on.
-            means = np.divide(sums, counts, out=np.full(len(places), np.nan), where=2 * counts >= len(values))
-            axes.plot(places, means, color="black", linewidth=1.8)
-            axes.axvspan(-scenario.workpiece.approach, 0.0, color=style.GREY, alpha=0.18, linewidth=0)
-        lower.axhline(1.0, **style.LIMIT)
-        share = measure(played[label])["feed_at_entry"]
-        upper.set_title(f"{label}\nenters at {share:.0f} % of its feed in the bar", loc="left")
-        lower.set(xlabel="place from the bar's start [mm]", xlim=(-BEFORE, AFTER))
-    grid[0, 0].set(ylabel="feed [mm/rev]", ylim=(0.0, None))
-    grid[1, 0].set_ylabel("force / limit or power / limit,\nthe higher of the two")
-    number = ", ".join(str(len(of_policy)) for of_policy in entries.values())
-    return _headline(figure, "Feed and load at bar entry", f"{number} entries; black: their mean; grey: air; red: limit")
 
 
 def draw_loads(played: Played, scenario: Scenario) -> Figure | None:
@@ -283,24 +327,16 @@ def draw_bars(played: Played, scenario: Scenario) -> Figure | None:
 
 PICTURES: dict[str, Callable[[Played, Scenario], Figure | None]] = {
     "operating_point.png": draw_operating_points,
-    "bar_entry.png": draw_entries,
     "limits.png": draw_loads,
-    "used_life.png": draw_used_life,
     "bars.png": draw_bars,
 }
 """Drawing functions by file name. A function returns None if its picture does not apply to the scenario."""
 
 
-def _looks(played: Played) -> Looks:
+def _looks(played: Played) -> dict[str, dict[str, Any]]:
     """Return each policy's look: the same in every picture."""
     looks = zip(played, style.policy_looks(played), strict=True)
     return {label: {"color": colour, "linestyle": dashes} for label, (colour, dashes) in looks}
-
-
-def _grid(rows: int, played: Played, height: float, sharey: Any) -> tuple[Figure, NDArray[Any]]:
-    """Return a figure with a column of panels for each policy."""
-    figure = Figure(figsize=(max(style.DOUBLE, _PANEL * len(played)), height), layout="constrained")
-    return figure, figure.subplots(rows, len(played), sharex=True, sharey=sharey, squeeze=False)
 
 
 def _all_cut(played: Played) -> bool:
@@ -314,7 +350,6 @@ def _while_cutting(episodes: Sequence[Episode], values: Callable[[Episode], Arra
 
 
 def _seeds_of(played: Played) -> str:
-    """Return the number of seeds of each policy, in words."""
     number = len(next(iter(played.values())))
     return f"{number} seeds" if number > 1 else "1 seed"
 
@@ -328,3 +363,7 @@ def _headline(figure: Figure, what: str, how: str) -> Figure:
         figure.legends[0].set_title(how)
         figure.legends[0].get_title().set_color(style.GREY)
     return figure
+
+
+def _ratio(part: float, whole: float) -> float:
+    return part / whole if whole > 0.0 else math.nan

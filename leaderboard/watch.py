@@ -5,25 +5,27 @@ python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search 
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from leaderboard import film
 from leaderboard.__main__ import positive
-from leaderboard.film import Frame
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
+from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
 
+Frame = NDArray[np.uint8]
+"""Shape (height, width, 3), of even height and width."""
 _CAPTION_HEIGHT = 30
 _GAP = 8
 
@@ -85,8 +87,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _watch(options: argparse.Namespace) -> None:
     if options.human and options.beside:
         raise ResultError("--human shows one policy: give --out to see two beside each other")
-    if not options.human:
-        film.check_suffix(options.out)  # before anything is played
+    if not options.human and options.out.suffix not in _WRITERS:
+        raise ResultError(f"{options.out} must end in one of {', '.join(_WRITERS)}")
     scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
     task = Task(env_id=options.env, scenario=scenario, seeds=[options.seed])
@@ -98,7 +100,8 @@ def _watch(options: argparse.Namespace) -> None:
             for _ in steps(shows, options.steps, 1):
                 pass
         else:
-            film.write(frames(shows, options.steps, options.every), options.out, shows[0].env.metadata["render_fps"])
+            filmed, rate = frames(shows, options.steps, options.every), shows[0].env.metadata["render_fps"]
+            replace_file(options.out, lambda partial: _WRITERS[options.out.suffix](filmed, partial, rate))
             print(f"wrote {options.out}")
     finally:
         for show in shows:
@@ -141,6 +144,65 @@ def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Fram
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
         frame: Frame = np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis=1)
         yield frame
+
+
+def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter  # type: ignore[import-untyped]
+
+    first = next(frames)
+    height, width, _ = first.shape
+    # Few bits are enough for areas of one colour; every player knows yuv420p.
+    quality = ["-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    video: Any = FFMPEG_VideoWriter(str(path), (width, height), frames_per_second, "libx264", ffmpeg_params=quality)
+    with video:
+        video.write_frame(first)
+        for frame in frames:
+            video.write_frame(frame)
+
+
+def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for colour in _colours() for value in colour])
+    first = Image.fromarray(next(frames))
+
+    def reduced(frame: Image.Image) -> Image.Image:
+        return frame.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    rest = (reduced(Image.fromarray(frame)) for frame in frames)
+    # Viewers ignore pauses shorter than 2/100 s.
+    pause = max(1000 // frames_per_second, 20)
+    with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
+        reduced(first).save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=False)
+
+
+def _colours() -> list[tuple[int, int, int]]:
+    """Return the colours of which frames consist: one frame alone would lack some of later ones."""
+    from turning_render import theme
+
+    paints = [theme.BLUE, theme.ORANGE, theme.GREEN, theme.VERMILLION, theme.PURPLE, theme.INSERT, theme.LAND, theme.CHIP]
+    shares = (1.0, 0.75, 0.5, 0.28, 0.22, 0.07)
+    grounds = [theme.CARD, theme.PAPER, theme.RULE, theme.ALLOWANCE]
+    tints = [theme.mixed(theme.HARD_TINT, step / 16, theme.SOFT_TINT) for step in range(17)]
+    greys = [theme.mixed(theme.INK, step / 16, theme.PAPER) for step in range(1, 17)]
+    on_allowed = [theme.mixed(theme.INK, step / 8, theme.mixed(theme.ALLOWED, 0.22)) for step in range(8)]
+    return [*grounds, *tints, *greys, *on_allowed, *(theme.mixed(paint, share) for paint in paints for share in shares)]
+
+
+def _write_still(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
+    from PIL import Image
+
+    *_, last = frames
+    Image.fromarray(last).save(path, optimize=True)
+
+
+_WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
+    ".mp4": _write_video,
+    ".gif": _write_gif,
+    ".png": _write_still,
+}
+"""What writes a video, an animated GIF or a still of the end, by the file's suffix."""
 
 
 def _parser() -> argparse.ArgumentParser:
