@@ -126,16 +126,6 @@ def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_the_training_s_command_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with full_disk(200):
-        assert ppo.main(["--steps", "1", "--runs", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert "error: " in said
-    assert "File too large" in said
-    assert not [path for path in tmp_path.rglob("*") if path.is_file() and "tensorboard" not in path.parts]
-
-
-@pytest.mark.slow
 def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
     tmp_path: Path, scenario_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

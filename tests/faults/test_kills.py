@@ -11,7 +11,7 @@ from random import Random
 import pytest
 
 from studies import soak
-from studies.soak import PROGRAMS, contents, unreadable
+from studies.soak import PROGRAMS, contents
 from tests.walking import MAX, ROOT
 
 
@@ -22,50 +22,6 @@ def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_pa
     assert toll.kills == 1
     assert toll.survived, toll
     assert contents(tmp_path / "undisturbed")
-
-
-def careless(folder: Path) -> int:
-    """Write a file bit by bit, after what it finds there, and be slow where it is to be killed."""
-    path = folder / "result.json"
-    interrupted = path.exists()
-    with path.open("a") as file:
-        print("[", file=file, flush=True)
-        if not (interrupted or folder.name == "undisturbed"):
-            time.sleep(MAX)
-        print("]", file=file, flush=True)
-    return 0
-
-
-class WhenTorn(Random):
-    """Chooses the moment at which a file is half written."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self._path = path
-
-    def uniform(self, a: float, b: float) -> float:
-        """Wait for that moment, and return 0 s."""
-        _until(lambda: self._path.exists() and self._path.read_text() == "[\n")
-        return 0.0
-
-
-@pytest.mark.slow
-def test_a_careless_program_is_found_out(tmp_path: Path) -> None:
-    toll = soak.kill(careless, 1, tmp_path, WhenTorn(tmp_path / "killed0" / "result.json"))
-    assert toll.torn
-    assert toll.differing
-    assert not toll.survived
-
-
-def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
-    for name in ("a.json", "a.json.xz", "a.zip", "a.csv", "index.html", "journal.log"):
-        (tmp_path / name).write_bytes(b"")
-        (tmp_path / f"half-{name}").write_bytes(b"steps\n{")
-    assert len(unreadable(tmp_path)) == 12
-    (tmp_path / "tensorboard").mkdir()
-    for name in (".hidden.json", "tensorboard/a.json"):
-        (tmp_path / name).write_bytes(b"")
-    assert len(unreadable(tmp_path)) == 12
 
 
 PARENT = """

@@ -9,7 +9,6 @@ from tests.train.small import ALGORITHMS, small_run
 from train import curves, learning_curves
 from train.run import CURVE_COLUMNS, Run
 from turning_env import Scenario
-from turning_render.plot_style import policy_looks
 
 
 def a_run(
@@ -62,29 +61,6 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp
         ("sac-seed0", 500.0, False),
     ]
     assert sum("-seed" in row for row in file.read_text("utf-8").splitlines()) == 3
-
-
-def test_the_interval_narrows_as_a_mean_over_seeds_does() -> None:
-    values = np.random.default_rng(0).normal(size=100)
-    group = [learning_curves.Training(first=0.0, last=9.0, mean_return=[value]) for value in values]
-    found = learning_curves.curve("ppo", group)
-    np.testing.assert_allclose(found.high - found.low, 2 * 1.96 * values.std() / 10.0, rtol=0.1)
-    assert np.all((found.low < values.mean()) & (values.mean() < found.high))
-
-
-def test_curves_are_drawn(tmp_path: Path) -> None:
-    out = tmp_path / "curves.svg"
-    folder = a_run(tmp_path, 0, line(-1.0))
-    assert curves.main([str(folder), "--out", str(out), "--level", "predictive=-75", "--level", "a=b=-160.5"]) == 0
-    assert out.read_text("utf-8").startswith("<?xml")
-
-
-def test_a_policy_looks_the_same_in_every_figure_and_unlike_the_others() -> None:
-    names = ["mine", "ppo-seed0", "grid_search", "ppo-seed1", "yours", "analytic_gradient"]
-    looks = dict(zip(names, policy_looks(names), strict=True))
-    assert len({colour for colour, _ in looks.values()}) == len(names)
-    assert looks["ppo-seed0"] == policy_looks(["sac", "ppo"])[1]
-    assert looks["grid_search"] == policy_looks(["grid_search"])[0]
 
 
 def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

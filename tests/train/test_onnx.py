@@ -1,7 +1,5 @@
 """An agent's file acts as the agent, says what it is, and no other file is loaded."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -148,10 +146,3 @@ def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> No
         agent_file.check_fits(agent, Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent_file.check_fits(agent, Scenario.load("shift"))
-
-
-@pytest.mark.slow
-def test_playing_a_file_needs_no_torch() -> None:
-    code = "import sys, train.agents.onnx_policy; print(*{'torch', 'stable_baselines3', 'sb3_contrib'} & sys.modules.keys())"
-    finished = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert finished.stdout.strip() == ""

@@ -2,18 +2,12 @@ import json
 import os
 import subprocess
 import sys
-from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-import turning_env
 from turning_env import Scenario, presets
 from turning_env.__main__ import main
-
-
-def test_the_package_states_its_version() -> None:
-    assert turning_env.__version__ == version("rough-turning")
 
 
 def test_presets_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -37,14 +31,10 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_cuts_beyond_the_machine_are_predicted_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
-    table = ["whatif", "rough_turning", "--wear", "0.1", "--cutting-speed"]
-    assert main([*table, "150", "500", "--feed", "0.05", "0.3", "--csv"]) == 0
-    printed = capsys.readouterr()
-    assert len(printed.out.splitlines()) == 5
-    assert "--cutting-speed 500 is outside the machine's 50 to 200 m/min" in printed.err
-    assert "--feed 0.05 is outside the machine's 0.06 to 0.6 mm/rev" in printed.err
-    assert main([*table, "200", "--feed", "0.6"]) == 0
-    assert capsys.readouterr().err == ""
+    assert main(["whatif", "rough_turning", "--wear", "0.1", "--cutting-speed", "500", "--feed", "0.05", "--csv"]) == 0
+    said = capsys.readouterr().err
+    assert "--cutting-speed 500 is outside the machine's 50 to 200 m/min" in said
+    assert "--feed 0.05 is outside the machine's 0.06 to 0.6 mm/rev" in said
 
 
 @pytest.mark.slow

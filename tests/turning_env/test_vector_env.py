@@ -84,12 +84,6 @@ def test_seeds_may_be_given_one_by_one():
     assert infos["wear_factor"].tolist() == expected
 
 
-@pytest.mark.parametrize("seed", [None, [1, None, None, None]])
-def test_environments_without_a_seed_differ(seed):
-    _, infos = RoughTurningVectorEnv(4).reset(seed=seed)
-    assert len(set(infos["wear_factor"].tolist())) == 4
-
-
 @pytest.mark.parametrize(
     ("mask", "error"),
     [

@@ -26,27 +26,14 @@ def every_play() -> dict[str, Record]:
     return records
 
 
-def every_play_elsewhere(**variables: str) -> dict[str, Record]:
-    """The same from a new interpreter with these environment variables."""
+@pytest.mark.slow
+def test_an_interpreted_process_with_another_hash_seed_gives_the_same_bytes() -> None:
     code = "import pickle, sys; from tests.turning_env.numerics.test_compilation import every_play as play; "
     code += "pickle.dump(play(), sys.stdout.buffer)"
+    variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONHASHSEED": "1"}
     command = [sys.executable, "-W", "error", "-c", code]
-    run = subprocess.run(command, cwd=REPOSITORY, env=os.environ | variables, capture_output=True, check=False)
+    run = subprocess.run(command, cwd=REPOSITORY, env=variables, capture_output=True, check=False)
     assert run.returncode == 0, run.stderr.decode()
-    return pickle.loads(run.stdout)
-
-
-@pytest.mark.slow
-def test_the_interpreter_gives_what_the_compiler_gives():
-    compiled, interpreted = every_play(), every_play_elsewhere(NUMBA_DISABLE_JIT="1")
-    assert compiled.keys() == interpreted.keys()
-    for name, record in compiled.items():
-        assert record.keys() == interpreted[name].keys()
-        assert_same_bytes(interpreted[name], record)
-
-
-@pytest.mark.slow
-def test_results_do_not_depend_on_the_process_or_its_hash_seed():
-    elsewhere = every_play_elsewhere(PYTHONHASHSEED="1")
+    interpreted = pickle.loads(run.stdout)
     for name, record in every_play().items():
-        assert_same_bytes(elsewhere[name], record)
+        assert_same_bytes(interpreted[name], record)

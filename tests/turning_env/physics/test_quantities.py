@@ -1,6 +1,5 @@
 """The table of quantities, and what follows from it: records, resets, info, observations and the tables of the specification."""
 
-import numpy as np
 import pytest
 
 from tests.turning_env.playing import changed, slightly_different, variants
@@ -39,17 +38,6 @@ def test_layout_bounds_and_observations_agree(preset):
     observation, info = env.reset(seed=0)
     assert env.observation_space.contains(observation)
     assert tuple(info) == INFO_KEYS
-
-
-def test_both_optional_entries_have_places_of_their_own():
-    assert layout(Scenario.load("surface"))[-1] == "roughness_reference"
-    assert layout(Scenario.load("batch_casting"))[-1] == "probed_depth"
-    batch = Scenario.load("batch_casting")
-    both = batch.model_copy(update={"control": batch.control.model_copy(update={"aim": "roughness"})})
-    assert layout(both)[-2:] == ("roughness_reference", "probed_depth")
-    observation, _ = RoughTurningEnv(both).reset(seed=0)
-    assert observation.shape == (13,)
-    assert np.isfinite(observation).all()
 
 
 def test_the_specification_has_the_table_of_the_observation():

@@ -10,7 +10,7 @@ from turning_env import Scenario
 from turning_env.scoring.play import Episodes, play
 
 WINDOW = {"tangle_rate": 0.5, "chip_feed_min": 0.2, "chip_feed_max": 0.4, "chip_depth_min": 2.0, "chip_depth_max": 3.0}
-EDGES = 200
+EDGES = 100
 
 
 def episodes(scenario: Scenario, feed: float, depth: float, **swarf: Any) -> Episodes:
@@ -21,7 +21,7 @@ def episodes(scenario: Scenario, feed: float, depth: float, **swarf: Any) -> Epi
 
 @pytest.mark.parametrize(("feed", "depth"), [(0.15, 2.5), (0.45, 2.5), (0.3, 1.5), (0.3, 3.5)])
 def test_outside_the_window_chips_stop_the_machine_at_their_rate(feed: float, depth: float) -> None:
-    """The number of stops is Poisson, so its standard error over some 1000 is 3 %."""
+    """The number of stops is Poisson, so its standard error over some 500 is 4.5 %."""
     played = episodes(UNDISTURBED, feed, depth, **WINDOW)
     stops = played["stopped_time"] / 60.0
     assert (stops == stops.round()).all()
@@ -33,15 +33,9 @@ def test_outside_the_window_chips_stop_the_machine_at_their_rate(feed: float, de
 
 
 def test_inside_the_window_and_by_default_chips_break() -> None:
-    neutral = episodes(UNDISTURBED, 0.3, 2.5)
-    for feed, depth, swarf in ((0.3, 2.5, WINDOW), (0.15, 1.5, {})):
+    """The ends of the window belong to it, whatever the rounding of actions."""
+    for feed, depth, swarf in ((0.2 * (1 - 1e-7), 2.5, WINDOW), (0.4 * (1 + 1e-7), 2.5, WINDOW), (0.15, 1.5, {})):
         assert not episodes(UNDISTURBED, feed, depth, **swarf)["stopped_time"].any()
-    assert episodes(UNDISTURBED, 0.3, 2.5, **WINDOW)["return"].tolist() == neutral["return"].tolist()
-
-
-def test_the_ends_of_the_window_belong_to_it_whatever_the_rounding_of_actions() -> None:
-    for feed in (0.2 * (1.0 - 1e-7), 0.4 * (1.0 + 1e-7)):
-        assert not episodes(UNDISTURBED, feed, 2.5, **WINDOW)["stopped_time"].any()
 
 
 def test_stops_do_not_outlast_an_episode_that_ends_by_the_clock() -> None:

@@ -1,7 +1,6 @@
 """Declarations of fields: every field has its unit, range and description."""
 
 import math
-import tomllib
 from typing import Any
 
 import pytest
@@ -44,10 +43,3 @@ def test_a_further_limit_bounds_the_feed_and_by_default_is_none() -> None:
     for wrong in ({"feed": 0.0}, {"feed": 0.5, "cutting_speed": 0.1}, {"feed": 0.5, "wear": 1.0}):
         with pytest.raises(ValidationError, match="a further limit"):
             FeedLimit(coefficient=2.0, **wrong)
-
-
-def test_cases_round_trip_through_toml() -> None:
-    case = Scenario.load("batch_m20")
-    assert case.limits.radial_force.most == 700.0
-    assert Scenario.load(tomllib.loads(case.to_toml())) == case
-    assert Scenario.load(case.portable()) == case
