@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from baselines.models.process import Process
 from baselines.rule import Parameters, Range, Rule
+from baselines.trivial import ConstantActions
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
 from turning_env.action import set_point_action
@@ -40,33 +41,6 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
     actions[:, 2::2] = set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
     actions[:, 3::2] = set_point_action(feed, machine.feed_min, machine.feed_max)
     return np.clip(actions, -1.0, 1.0).astype(np.float32)
-
-
-class FixedParts(Policy):
-    """A policy with the same passes, cutting speed and feed for every part, as in an NC program.
-
-    Args:
-        scenario: task.
-        passes: number of passes; rounded, and clipped to the control's maximum.
-        cutting_speed: [m/min].
-        feed: [mm/rev].
-    """
-
-    def __init__(self, scenario: Scenario, passes: float, cutting_speed: float, feed: float) -> None:
-        self._scenario = scenario
-        self._passes = min(max(round(passes), 1), scenario.control.passes_max)
-        self._cutting_speed, self._feed = cutting_speed, feed
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        num_envs, passes_max = len(observations), self._scenario.control.passes_max
-        return plan(
-            self._scenario,
-            np.full(num_envs, float(self._passes)),
-            np.full(num_envs, self._scenario.workpiece.depth_of_cut),
-            np.full((num_envs, passes_max), self._cutting_speed),
-            np.full((num_envs, passes_max), self._feed),
-        )
 
 
 class RuledParts(Policy):
@@ -133,11 +107,14 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
     return np.maximum(np.minimum(allowance[:, np.newaxis], ceilings) - floors, 0.0)
 
 
-def _build_fixed(scenario: Scenario, num_envs: int, p: Parameters) -> FixedParts:
-    machine = scenario.machine
+def _build_fixed(scenario: Scenario, num_envs: int, p: Parameters) -> ConstantActions:
+    """Return the policy with the same passes, cutting speed and feed for every part, as in an NC program."""
+    machine, passes_max = scenario.machine, scenario.control.passes_max
+    passes = min(max(round(p["passes"]), 1), passes_max)
     speed = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, p["cutting_speed"])
     feed = machine.feed_min * real_power(machine.feed_max / machine.feed_min, p["feed"])
-    return FixedParts(scenario, p["passes"], speed, feed)
+    speeds, feeds = np.full((1, passes_max), speed), np.full((1, passes_max), feed)
+    return ConstantActions(plan(scenario, np.array([float(passes)]), np.array([scenario.workpiece.depth_of_cut]), speeds, feeds))
 
 
 def _ruled(rule: str, corrected: bool) -> Rule:

@@ -23,22 +23,16 @@ class Range:
 class Rule:
     """A controller with its parameters."""
 
-    description: str
-    """One line that names the source."""
-    build: Callable[[Any, int, Parameters], Policy]
-    """Function that makes the policy for a scenario, a number of environments and parameters."""
-    plays: Callable[[Scenario], bool]
-    """Whether a scenario offers the actions and the inputs that it needs."""
-    parameters: Mapping[str, float | Range]
-    """Fixed numbers, and ranges of parameters to tune."""
+    description: str  # one line that names the source
+    build: Callable[[Any, int, Parameters], Policy]  # makes the policy for a scenario, a number of environments and parameters
+    plays: Callable[[Scenario], bool]  # whether a scenario offers the actions and the inputs that it needs
+    parameters: Mapping[str, float | Range]  # fixed numbers, and ranges of parameters to tune
     version: int = 1
     """Version, raised when its actions change. Results and tuned parameters of other versions are then invalid."""
-    changes_edges: bool = False
-    """Whether it decides when to change the edge, if edges are changed on command."""
+    changes_edges: bool = False  # whether it decides when to change the edge, if edges are changed on command
     worth_tuning: bool = False
     """Whether a quick tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
-    together: bool = False
-    """Whether ``build`` also takes a sequence of scenarios, one for each environment."""
+    together: bool = False  # whether ``build`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None
     """The preset or family on which it is tuned for all scenarios; for slow rules with parameters without unit."""
 

@@ -263,11 +263,12 @@ def _target(task: Task, out: Path | None, shipped: bool) -> Path:
         ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
             name has another suffix.
     """
-    if shipped and (tuned.own_file(task) is not None or out is not None):
+    target = out or tuned.path(task)
+    ships = target.resolve().parent == tuned.FOLDER.resolve()
+    if shipped and (out is not None or not ships):
         known = ", ".join((*presets(), *families()))
         raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
-    target = out or tuned.path(task)
-    if not shipped and target.resolve().parent == tuned.FOLDER.resolve():
+    if ships and not shipped:
         said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
         raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
     if target.suffix != ".json":

@@ -6,7 +6,6 @@ it. A file belongs to the scenario whose digest it states; names do not matter.
 
 import json
 import shlex
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -34,23 +33,18 @@ def first_scenario(task: Task) -> Scenario:
     return task.job(0).scenario.nominal() if isinstance(task, Family) else task
 
 
-def own_file(task: Task) -> Path | None:
-    """Return the path of a scenario's own TOML file, if it has one."""
-    return task.file if isinstance(task, Scenario) else None
-
-
 def path(task: Task) -> Path:
     """Return the path of a task's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
-    file = own_file(task)
-    return file.with_name(f"{file.stem}.tuned.json") if file else FOLDER / f"{task.name}.json"
+    if isinstance(task, Scenario) and task.file:
+        return task.file.with_name(f"{task.file.stem}.tuned.json")
+    return FOLDER / f"{task.name}.json"
 
 
 def command(task: Task) -> str:
     """Return the command that tunes the rules for a task."""
-    if file := own_file(task):
-        source = shlex.quote(str(file))
-    else:
-        source = f"{task.name} --shipped" if task.name in (*presets(), *families()) else "FILE.toml"
+    source = f"{task.name} --shipped" if task.name in (*presets(), *families()) else "FILE.toml"
+    if isinstance(task, Scenario) and task.file:
+        source = shlex.quote(str(task.file))
     return f"python -m baselines.tune --scenario {source}"
 
 
@@ -79,7 +73,7 @@ def contents(task: Task) -> dict[str, Any]:
         ValueError: a file is damaged.
     """
     own = read(path(task))
-    for values in chain([own], map(read, sorted(FOLDER.glob("*.json")))):
+    for values in (own, *map(read, sorted(FOLDER.glob("*.json")))):
         if values.get("scenario_digest") == task.digest():
             return values
     found = "were tuned for other values" if own else "have not been tuned"

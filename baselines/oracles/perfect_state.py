@@ -11,9 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.models.load_filter import Array, LoadFilter
+from baselines.models.load_filter import LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
@@ -21,22 +20,6 @@ from turning_env.numerics.functions import log
 
 STATE_DEVIATION = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
-
-
-def true_states(truth: Mapping[str, Any], reading: Reading, depth_of_cut: Any) -> tuple[NDArray[np.bool_], Array]:
-    """Return where the tool cuts, shape (num_envs,), and the true states of a load filter there.
-
-    The states, shape (num_envs, 3), are relative deviation of the nominal ``depth_of_cut`` [mm], log hardness and log wear
-    factor [-]. ``truth``: see ``ToldFilter``.
-    """
-    known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-    wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
-    states = (
-        truth["depth_of_cut"] / depth_of_cut - 1.0,
-        log(np.where(known, truth["hardness"], 1.0)),
-        log(wear_factor),
-    )
-    return known, np.stack(states, axis=1)
 
 
 class ToldFilter(LoadFilter):
@@ -48,7 +31,12 @@ class ToldFilter(LoadFilter):
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading, and correct the estimate by it and by the true state."""
         super().observe(reading)
-        self.tell(*true_states(self.truth, reading, self.depth_of_cut), STATE_DEVIATION)
+        truth = self.truth
+        known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
+        wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
+        depth = truth["depth_of_cut"] / self.depth_of_cut - 1.0
+        hardness = log(np.where(known, truth["hardness"], 1.0))
+        self.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
 
 
 class PerfectState(Predictive):

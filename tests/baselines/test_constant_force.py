@@ -12,7 +12,6 @@ from baselines.constant_force import (
     ConstantForceNetwork,
     ModelFeed,
     RecommendedFeed,
-    feed_of_roughness,
     force_of_roughness,
 )
 from baselines.models.part_program import PartProgram
@@ -98,13 +97,6 @@ def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> 
     for _ in range(300):
         seen, _, _, _, infos = env.step(policy.act(seen))
     assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
-
-
-@pytest.mark.parametrize("least", [SURFACE.surface.reference_min, SURFACE.surface.reference_max])
-def test_the_network_recommends_the_models_feed_for_a_roughness(least: float) -> None:
-    scenario = changed(SURFACE, surface={"reference_min": least})
-    roughness = np.linspace(least, scenario.surface.reference_max, 50)
-    assert RecommendedFeed(scenario)(roughness) == pytest.approx(feed_of_roughness(scenario, roughness), rel=0.005)
 
 
 def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:

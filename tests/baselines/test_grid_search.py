@@ -3,18 +3,11 @@ import itertools
 import numpy as np
 import pytest
 
-from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid
+from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair
 from papers.grid_search import PaperRun
 from tests.baselines.observing import seen
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.observation import MAX_RATIO
-
-
-def test_the_grid_is_the_papers() -> None:
-    speeds, feeds = grid(Scenario.load("paper"))
-    assert len(speeds) * len(feeds) == 1744
-    assert (speeds[0], speeds[-1], feeds[0]) == (50, 200, 0.06)
-    assert feeds[-1] == pytest.approx(0.6)
 
 
 @pytest.mark.slow
