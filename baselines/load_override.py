@@ -1,6 +1,6 @@
 """Feed override by spindle load, in the manner of commercial controls; and the programmed feed, to compare with.
 
-They keep the load at a target, a share of the power limit. What they need of the nominal model stands in their classes; if
+They keep the load at a target, a share of the power limit. Their classes state what they need of the nominal model; if
 nothing does, they need nothing. The laws and constants are assumptions, because no law is published.
 """
 

@@ -34,10 +34,10 @@ def stepped_bar(
 
     Args:
         depths: depth of cut of each section [mm].
-        bar_length: of all sections [mm].
-        ripple_period: of a ripple of depth [s]; None for a smooth bar.
-        chip_lag: of force and power behind feed and depth [rev].
-        torque: of the main drive over that of the preset [-].
+        bar_length: length of all sections [mm].
+        ripple_period: period of a ripple of depth [s]; None for a smooth bar.
+        chip_lag: lag of force and power behind feed and depth [rev].
+        torque: torque of the main drive over the preset's [-].
     """
     base = Scenario.load("override_torque")
     ripple = {"depth_ripple": 0.0}

@@ -123,7 +123,7 @@ def until_failure(test: VerificationTest) -> tuple[float, bool]:
 
 
 def with_measured_wear(interval: float) -> Scenario:
-    """Return the preset `measured_wear` with a control interval [s], for tests and controllers alike: see ``undisturbed``."""
+    """Return the preset `measured_wear` with a control interval [s], for tests and controllers: see ``undisturbed``."""
     speed = max(test.cutting_speed for test in TESTS)
     control = {"interval": interval, "time_limit": 1000.0}
     return changed("measured_wear", machine={"cutting_speed_max": speed}, tool={"edge_strength": 1e6}, control=control)

@@ -1,6 +1,6 @@
 """Comparisons as data (``*.toml``, ``python -m studies NAME``), speed, bounds, exploits, mutants, soaks, installed packages.
 
-What backs a number or a guarantee of the documentation belongs here; what users or other packages call does not.
+Code that backs a number or a guarantee of the documentation belongs here; code that users or other packages call does not.
 """
 
 from turning_env.extras import tell_plainly

@@ -2,7 +2,7 @@
 
 It is an information relaxation with penalties (Brown, Smith and Sun 2010, doi 10.1287/opre.1090.0796). The clairvoyant bound
 knows the loads of every step and sets the feed right at the limit. Here, every action is scored by its expected gain given the
-readings so far: the penalty takes back what the loads turned out to be. What is still known in advance is how beliefs will move,
+readings so far: the penalty removes the surprise of the actual loads. What is still known in advance is how beliefs will move,
 and thus which bars will come.
 
 The lathe is idealised, as for the clairvoyant bound: nothing lags, no force breaks the edge, any speed and feed may follow any

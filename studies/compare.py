@@ -182,7 +182,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
         piece: the variant's name and the training seed.
         study: the study.
         runs: folder of trainings and episodes.
-        command: what a training notes as its command.
+        command: the command that a training records.
 
     Raises:
         ValueError: a training's folder holds a training with other settings, or there is no such policy or file.
@@ -265,7 +265,7 @@ class Row:
 
     Args:
         name: its name.
-        trained: what each of its training seeds has played.
+        trained: episodes of each training seed.
         bootstrap: the resamples of all variants.
     """
 

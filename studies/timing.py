@@ -85,7 +85,7 @@ def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Ti
 
 
 def calls_within(case: Case, seconds: float) -> int:
-    """Return the number of calls of a case that take about so many seconds."""
+    """Return the number of calls of a case that take about ``seconds``."""
     case.step()  # compiles, or loads what was compiled
     count = 1
     # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.

@@ -1,4 +1,4 @@
-"""What changes an identity and what does not, tried on a copy of the repository: versions and values do, words do not."""
+"""Versions and values change an identity, words do not; tried on a copy of the repository."""
 
 import subprocess
 import sys

@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
-    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only what it lacks, and add it")
+    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only missing ones, and add them")
     guard.add_argument("--json", action="store_true", help="print JSON")
 
     show = command("demo", _demo, "run policies through LinuxCNC")

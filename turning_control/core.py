@@ -99,7 +99,7 @@ class Controller:
     Args:
         scenario: scenario of the policy's training, calibrated for the machine.
         make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
-        settings: of the shield.
+        settings: settings of the shield.
 
     Attributes:
         safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.

@@ -82,7 +82,7 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
         env_ids: tasks.
         episodes: held-out seeds of each.
         agents: folder of the agents.
-        settings: of the shield.
+        settings: settings of the shield.
         kept: file of rows; those in it are not measured again, and new ones are added.
 
     Raises:

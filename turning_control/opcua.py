@@ -9,7 +9,7 @@ A file in TOML names the nodes:
 
 Readings are the fields of ``core.Readings`` but ``engaged_time``; in place of ``new_edge`` there may be ``edge``, a counter of
 edge changes. Commands are ``adaptive_feed``, ``spindle_override``, ``status`` and ``alive``, a counter of this program's cycles.
-The control must fall back to the safe feed itself when ``alive`` stands still, because nothing else tells it that this program
+The control must fall back to the safe feed itself when ``alive`` stops changing, because nothing else tells it that this program
 has died or hangs.
 """
 

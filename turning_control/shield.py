@@ -1,6 +1,6 @@
 """The shield: a layer between policy and control that overrides the policy before a limit is exceeded.
 
-It knows what the policy knows, observations and the nominal model, and works in three stages:
+It knows observations and the nominal model, as the policy does, and works in three stages:
 
 1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
    share of the programmed one.

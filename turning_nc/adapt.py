@@ -21,7 +21,7 @@ from turning_nc.words import NcError, divide
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
 _LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
 _MIN_PRICE, _MAX_PRICE = 1.0, 1e6  # range of prices of an edge's life that are tried [s]
-_PRICE_STEP = 1.02  # ratio of prices that is not told apart [-]
+_PRICE_STEP = 1.02  # ratio of prices that count as equal [-]
 _CANDIDATES = 61
 
 SAME_DEPTH = 0.02  # relative difference of depths up to which slices of a move are one section of a schedule [-]
@@ -60,7 +60,7 @@ def adapt(
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
-    ``where`` says whether the words that stand in the program change, or every block gets one. The program may use ``life`` times
+    ``where`` says whether existing words change, or every block gets one. The program may use ``life`` times
     the tool life that it used before [-], from edges of flank wear ``wear`` [mm]. Feeds of words whose cuts are no deeper than
     ``finishing_depth`` [mm] stay. For ``go_on`` see ``moves.run``.
 

@@ -19,7 +19,7 @@ MARK = ".simulated"
 def program(options: argparse.Namespace) -> int:
     """Play a part program on a stock: depth of cut, load, wear and time of every block; adapt its feeds and speeds.
 
-    The program is Fanuc's (ISO) or SINUMERIK's. What is not understood is named with its line. All values are nominal.
+    The program is Fanuc's (ISO) or SINUMERIK's. An error names lines that are not understood. All values are nominal.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
     more tool life. Within a block no word can change: --adapt positions makes a table (CSV) of feeds by position instead. The
@@ -112,7 +112,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--tool", action="append", type=_tool, metavar="NAME=KIND", help=f"kind of a tool: {kinds}; can be repeated")
     add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
     add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
-    hows = "in the words that stand in the program, in every block, or in a table by position"
+    hows = "in the program's own words, in every block, or in a table by position"
     add("--adapt", choices=("words", "blocks", "positions"), help=f"adapt feeds and speeds: {hows}")
     for option, default, low, high, unit, text in (
         ("--wear", None, 0.0, 10.0, "mm", "flank wear of the edges at the start [mm] (default: half the wear criterion)"),

@@ -84,7 +84,7 @@ class Situation:
         return {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}
 
     def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
-        """Return whether at most half of the way in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
+        """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
         mine = mine & self.engaged
         slices = self.removal.slices
         deep = float(slices.length[mine & (slices.depth > depth)].sum())

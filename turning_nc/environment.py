@@ -52,7 +52,7 @@ class ToolPath:
             stock: see ``stock.read_stock``; by default a bar that the program fits in.
             tools: kinds of tools, as for ``stock.remove``.
             tool: the tool whose edge is played; by default the one that removes most metal.
-            max_spindle_speed: of the machine [rev/min].
+            max_spindle_speed: the machine's highest spindle speed [rev/min].
             parts: number of parts of an episode.
 
         Raises:

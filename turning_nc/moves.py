@@ -1,6 +1,6 @@
 """Run a part program as a control does: from lines to the moves of the tool, with the feed and the speed in force.
 
-Positions are Z and X, X as a radius. What is not understood is named with its line; nothing is skipped silently.
+Positions are Z and X, X as a radius. An error names lines that are not understood; nothing is skipped silently.
 """
 
 import contextlib

@@ -24,7 +24,7 @@ RETRACTION = 10.0  # radial distance by which the tool leaves the cut before it 
 WARNING = "SIMULATION OUTPUT: NOT FOR A MACHINE WITHOUT REVIEW"
 SAFE_START = "G18 G40 G54 G64 G90 G95 G710 DIAMON"
 """Plane ZX; no tool radius compensation; first zero offset; no stop between blocks; absolute; feed per revolution; mm; X is a
-diameter. G95 must stand before G96, which it would end."""
+diameter. G95 must precede G96, which it would end."""
 UNITS = (
     "X: diameter in mm; Z: mm, 0 at the face of the bar; S: cutting speed in m/min (G96); F: feed in mm/rev; "
     "LIMS: highest spindle speed in rev/min"

@@ -126,7 +126,7 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
             raise NcError(f"has {len(data)} bytes, but {MAX_BYTES} at most are read")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
-        return divide(data.decode("latin-1"), dialect)  # every byte stands for a character, and comes back as it was
+        return divide(data.decode("latin-1"), dialect)  # every byte is a character, and is written unchanged
 
 
 def divide(text: str, dialect: Dialect | None = None) -> PartProgram:

@@ -55,7 +55,7 @@ class History:
         now: the last step's report, by the names of ``quantities.INFO``.
         time: machine time since the episode's start [s].
         total, removed, edges, broken: since recording began: return [s], metal [cm3], edges used up and broken [-].
-        reward: of the last step [s], 0 before the first.
+        reward: reward of the last step [s], 0 before the first.
         bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
         trail: (cutting speed [m/min], feed [mm/rev]) of the last steps.
@@ -130,7 +130,7 @@ class History:
         workpiece, now = self._scenario.workpiece, self.now
         pitch = workpiece.bar_length + workpiece.approach
         bar = int(now["bar"])
-        if self._parts and now["passes"] > 0.0:  # the tool stands before the next part; the one that it turned is shown
+        if self._parts and now["passes"] > 0.0:  # the tool is before the next part; the last one is shown
             bar -= 1
         if workpiece.bars:
             bar = min(bar, workpiece.bars - 1)

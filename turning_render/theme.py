@@ -139,7 +139,7 @@ class Ruler:
 
 
 def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Return at most so many round numbers at even distances within a range."""
+    """Return at most ``most`` evenly spaced round numbers within a range."""
     span = high - low
     for power in range(math.floor(math.log10(span)) - 2, math.ceil(math.log10(span)) + 1):
         for digit in (1, 2, 5):

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 class Viewer:
-    """Looks at the first environments of a batch, from an episode's first frame to its end.
+    """A viewer of the first environments of a batch, from an episode's first frame to its end.
 
-    What is never drawn costs nothing: before a frame nothing is recorded, and Pillow, and pygame for a window, are imported when
-    something is drawn for the first time.
+    Without frames it costs nothing: recording starts with an episode's first frame, which also imports Pillow, and pygame for a
+    window.
 
     Args:
-        env: what is rendered; with the mode "human" every step is shown in a window. The frame rate in its metadata is set.
-        batch: what is looked at.
-        num_envs: how many of its environments, from the first on.
+        env: the rendered environment; with the mode "human" a window shows every step. Its metadata receive the frame rate.
+        batch: the batch to watch.
+        num_envs: number of its environments to watch, from the first on.
 
     Raises:
         ValueError: the environment has no such render mode.
@@ -107,7 +107,7 @@ class Viewer:
 
 
 class Window:
-    """A window that shows at most so many frames per second, opened with pygame when there is something to show."""
+    """A window with a limited frame rate, opened with pygame for its first frame."""
 
     def __init__(self, frames_per_second: int) -> None:
         self._pace = frames_per_second
@@ -137,7 +137,7 @@ class Window:
 
         try:
             pygame.display.init()
-            # Where it finds no display, SDL draws to where nobody sees it, unless it was told to.
+            # Without a display, SDL would draw to an invisible driver, unless the user has chosen it.
             if pygame.display.get_driver() == "offscreen" and not {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys():
                 pygame.display.quit()
                 raise pygame.error("there is no display")

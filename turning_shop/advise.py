@@ -165,7 +165,7 @@ def plan(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts, minutes: 
 
     Args:
         scenario: The machine, material, limits and prices.
-        evidence: What is known of the laws.
+        evidence: Evidence for the laws.
         aim: One of ``AIMS``.
         cuts: The cut in each section of the edge's life, at the wear at its end, shape (sections,).
         minutes: Cutting time of each section [min], shape (sections,).

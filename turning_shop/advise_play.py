@@ -68,7 +68,7 @@ class Played:
         hours: Hours of a year, in which the fixed parameters' metal is cut.
         edges: Number of edges played with each policy.
         years: One per policy.
-        notes: What was not played, and why.
+        notes: Policies that were not played, with the reasons.
     """
 
     unit: str
@@ -232,7 +232,7 @@ def _overload(episodes: Episodes) -> float:
 
 
 def _years(scenario: Scenario, played: list[tuple[str, float, Episodes]], hours: float) -> list[Year]:
-    """Return each policy's costs of cutting the metal that the first cuts in so many hours."""
+    """Return each policy's costs of cutting the metal that the first cuts in the given hours."""
     prices, allowed = Prices.of(scenario), scenario.limits.overload_allowance
     scale = 1.0 / 60.0 if prices.unit == "min" else 1.0  # hours of machine time if there is no money
     bootstrap = Bootstrap(len(played[0][2]["time"]))

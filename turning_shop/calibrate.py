@@ -44,12 +44,12 @@ class Calibration:
     """A material with laws fitted to measurements.
 
     Attributes:
-        fits: Fitted laws, by what they predict.
+        fits: Fitted laws by predicted response.
         robust: The same laws, fitted so that a few wrong rows hardly count.
         kept: Laws kept from the base, with the reason.
         material: The fitted and the kept laws.
-        problems: What cannot be true, if the calibration was forced.
-        warnings: What to mind when the laws are used.
+        problems: Implausible values, if the calibration was forced.
+        warnings: Warnings for the use of the laws.
         next_cuts: Cuts to measure next; None if all laws are known.
         readings: How each column of the sheet was read.
         confidence: Confidence level of all intervals [-].

@@ -174,7 +174,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _current(options: argparse.Namespace) -> int:
-    """Relate the current of a feed motor to its load, so that the current can stand for a force sensor.
+    """Relate the current of a feed motor to its load, so that the current can replace a force sensor.
 
     The CSV has one sample per row: time [s], current [A] of one phase or its amplitude, and torque [N m] or thrust_force [N].
     Sample at a constant rate and feed velocity. Hold each load for a second or more, and write the value that was set.

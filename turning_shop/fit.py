@@ -74,7 +74,7 @@ class Fit:
     """A fitted law.
 
     Attributes:
-        response: What the law predicts: a key of ``FACTORS``.
+        response: Predicted quantity, a key of ``FACTORS``.
         law: The fitted law.
         estimates: The coefficient and the fitted exponents, by their names in ``PowerLaw``.
         assumed: Factors whose exponents are the base law's, with the reason.

@@ -28,7 +28,7 @@ class NextCuts(NamedTuple):
 
     Attributes:
         response: The law whose interval is widest on this machine.
-        at: Where it is widest, by factors.
+        at: Factors at which the interval is widest.
         before: The law's interval there: half-width of the logarithm [-].
         after: The same when the cuts have been measured, if rows scatter as before.
         cuts: Factors of each cut.

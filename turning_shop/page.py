@@ -25,7 +25,7 @@ def render(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> 
 
     Args:
         scenario: The machine, material, limits and prices.
-        evidence: What is known of the laws, with the warnings.
+        evidence: Evidence for the laws, with the warnings.
         advice: Returned by ``advise``; the page begins with the fixed parameters of least cost.
     """
     script = (_HERE / "page.js").read_text("utf-8")

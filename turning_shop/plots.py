@@ -132,7 +132,7 @@ def draw_sheet(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice])
 
     Args:
         scenario: The machine, material and limits.
-        evidence: What is known of the laws, with the warnings.
+        evidence: Evidence for the laws, with the warnings.
         advice: Returned by ``advise``.
     """
     criterion = scenario.tool.wear_criterion

@@ -77,7 +77,7 @@ class Prediction(NamedTuple):
 
     Attributes:
         low, high: Ends, by names of ``PREDICTED``; NaN if the law was not fitted.
-        extrapolated: Where a fitted law is used beyond what was measured.
+        extrapolated: Whether a fitted law is used outside the measured range.
     """
 
     low: dict[str, Values]

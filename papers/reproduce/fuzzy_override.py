@@ -33,7 +33,7 @@ TRANSIENT = 5.0
 FEED_VELOCITY = 4.0
 """Programmed feed above that at 3 mm under control [mm/s], which settles at 0.84 of 3.9 mm/s."""
 STRONG = 2.0
-"""Torque of a strong drive over that of the test's, as a stand-in for the wheel lathe's [-]."""
+"""Torque of a strong drive over that of the test's, in place of the wheel lathe's [-]."""
 
 
 def fuzzy(scenario: Scenario, form: str) -> Policy:

@@ -2,7 +2,7 @@
 
     python -m papers.reproduce.part_programming_cases
 
-prints what a blank costs under each kind of control. It takes a few minutes.
+prints the cost of a blank under each kind of control. It takes a few minutes.
 
 The presets `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` hold the slides' limits and costs, with
 coefficients of handbooks. Three kinds of control turn the same blanks in each:
@@ -157,7 +157,7 @@ def planned(name: str, corrected: bool) -> tuple[float, float]:
 def controlled(name: str) -> tuple[float, float]:
     """Return the least cost of a blank [min] under real-time control on the path as drawn, and its margin.
 
-    Every pass is a row of bars of its own, with its own edges. The first takes what the blanks have beyond the drawing.
+    Every pass is a row of bars of its own, with its own edges. The first also removes the blanks' metal beyond the drawing.
     """
     scenario = Scenario.load(name)
     drawn, control = scenario.workpiece.depth_of_cut, {"action": "set_point", "interval": 5.0, "sub_steps": 10}

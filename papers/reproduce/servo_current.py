@@ -84,7 +84,7 @@ def errors(kept: Record, start: float, lags: tuple[int, ...] | None = None) -> l
     Args:
         kept: the record.
         start: first step that counts.
-        lags: of each behind the force with which it is compared [steps]; none by default.
+        lags: lag of each behind the force with which it is compared [steps]; none by default.
     """
     estimates = (kept.plain, *kept.estimates)
     result = []
@@ -192,7 +192,7 @@ PLAY = 0.05
 def brake(lowered: bool) -> Line:
     """Return the load's line over the root mean square current of the motor against a magnetic particle brake.
 
-    The excitation rises to 5 A as in Figure 5 and, if ``lowered``, falls again. The load is the torque that it stands for,
+    The excitation rises to 5 A as in Figure 5 and, if ``lowered``, falls again. The load is the torque that it represents,
     1 N m/A (assumption). The true torque follows with play.
     """
     excitation = np.append(np.arange(0.0, 5.25, 0.5), np.arange(4.5, -0.25, -0.5) if lowered else [])

@@ -40,7 +40,7 @@ def actions(name: str, preset: str) -> list[list[float]]:
 
 
 def recorded() -> dict[str, dict[str, Any]]:
-    """Of every rule its version, and its actions on the preset of each id that it can play."""
+    """Return every rule's version and its actions on the preset of each id that it can play."""
     playable = {preset: names(Scenario.load(preset)) for preset in IDS.values()}
     return {
         name: {

@@ -71,7 +71,7 @@ REFUSED = {
 
 
 def spaces_of(env: Any, kind: str) -> tuple[Any, ...]:
-    """The space that a single environment's wrapper wants to be told."""
+    """Return the space that a single environment's wrapper takes."""
     return () if hasattr(env, "num_envs") else (getattr(env, kind),)
 
 

@@ -26,7 +26,7 @@ def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str,
 
 
 FIELDS = _fields(_SCHEMA["properties"])
-"""Of every value, its schema."""
+"""Schemas of all values by name."""
 LAWS = {path for path in FIELDS if path[0] == "material"}
 """The values of the material's laws: coefficients and exponents."""
 

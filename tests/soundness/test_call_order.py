@@ -1,4 +1,4 @@
-"""Whatever the order of calls: many lanes do what as many single environments do, and neither goes on without a reset."""
+"""In any order of calls, a batch matches single environments, and neither goes on without a reset."""
 
 from typing import Any
 
@@ -18,19 +18,19 @@ SEEDS_OF_LANES = st.integers(0, 2**64 - 8)
 
 
 class Singles:
-    """As many single environments, driven as a vector environment with ``DISABLED`` autoreset should be."""
+    """Single environments behind the interface of a vector environment with ``DISABLED`` autoreset."""
 
     def __init__(self, num_envs: int) -> None:
         self.envs = [RoughTurningEnv(MORTAL) for _ in range(num_envs)]
         self.ended = np.zeros(num_envs, np.bool_)
 
     def reset(self, mask: Any, seed: int | None) -> list[Any]:
-        """The observations of the lanes of the mask."""
+        """Return the observations of the environments in the mask."""
         self.ended &= ~mask
-        return [env.reset(seed=None if seed is None else seed + lane)[0] for lane, env in enumerate(self.envs) if mask[lane]]
+        return [env.reset(seed=None if seed is None else seed + i)[0] for i, env in enumerate(self.envs) if mask[i]]
 
     def step(self, actions: Any) -> list[tuple[Any, ...]]:
-        """What each gives."""
+        """Return the outputs of all environments."""
         given_back = [env.step(row) for env, row in zip(self.envs, actions, strict=True)]
         self.ended = np.array([terminated or truncated for _, _, terminated, truncated, _ in given_back])
         return given_back

@@ -14,11 +14,11 @@ SMOOTH = {
     "tool": {"edge_strength": 1e6},
     "mismatch": {"initial_wear": 0.0},
 }
-"""No steps and no breakage, whose places would hide the order; all fields, lags and wear stay."""
+"""A lathe without depth steps and breakage, whose positions would hide the order; fields, lags and wear stay."""
 
 
 def sums(preset: str, seed: int, sub_steps: int) -> dict[str, float]:
-    """What a dozen intervals of a swinging command give."""
+    """Return the sums over a dozen intervals of a swinging command."""
     scenario: Any = changed(Scenario.load(preset), **SMOOTH, control={"sub_steps": sub_steps, "time_limit": 60.0})
     env = RoughTurningEnv(scenario)
     env.reset(seed=seed)

@@ -14,43 +14,43 @@ from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 WAYS: dict[str, Callable[[Any], Any]] = {"copy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
 
 
-def course(env: Any, actions: Any) -> list[bytes]:
-    """All that is told over some actions, across the ends of episodes."""
-    told = []
+def outputs(env: Any, actions: Any) -> list[bytes]:
+    """Return all outputs over some actions, across the ends of episodes."""
+    found = []
     for action in actions:
         step = env.step(action)
-        told.append(pickle.dumps([step[0].tobytes(), *map(repr, step[1:])]))
+        found.append(pickle.dumps([step[0].tobytes(), *map(repr, step[1:])]))
         if isinstance(env, gymnasium.Env) and (step[2] or step[3]):
-            told.append(env.reset()[0].tobytes())
-    return told
+            found.append(env.reset()[0].tobytes())
+    return found
 
 
 @pytest.mark.parametrize(("way", "render_mode"), [("copy", None), ("pickle", "rgb_array")])
 @pytest.mark.parametrize("preset", ["surface", "shift", "batch_casting"])
-def test_a_copy_in_the_middle_of_an_episode_goes_on_alike(preset: str, render_mode: str | None, way: str) -> None:
+def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(preset: str, render_mode: str | None, way: str) -> None:
     env = RoughTurningEnv(preset, render_mode)
     env.reset(seed=3)
     actions = fixed_actions(8, 1, preset)[:, 0]
-    course(env, actions[:4])
+    outputs(env, actions[:4])
     before = None if render_mode is None else env.render()
     other = WAYS[way](env)
-    there = course(other, actions[4:])
+    there = outputs(other, actions[4:])
     if render_mode is not None:
         assert (env.render() == before).all()
-    assert course(env, actions[4:]) == there
+    assert outputs(env, actions[4:]) == there
     if render_mode is not None:
         assert (env.render() == other.render()).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("way", "render_mode", "autoreset"), [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")])
-def test_a_copy_of_many_lanes_goes_on_alike(autoreset: str, render_mode: str | None, way: str) -> None:
+def test_a_copy_of_a_batch_gives_the_same_outputs(autoreset: str, render_mode: str | None, way: str) -> None:
     envs = RoughTurningVectorEnv(3, SHORT_LIVED, autoreset, render_mode, threads=2)
     envs.reset(seed=0)
     actions = fixed_actions(60, 3)
-    course(envs, actions[:17])
+    outputs(envs, actions[:17])
     other = WAYS[way](envs)
-    assert course(other, actions[17:]) == course(envs, actions[17:])
+    assert outputs(other, actions[17:]) == outputs(envs, actions[17:])
     if render_mode is not None:
         assert all((ours == theirs).all() for ours, theirs in zip(envs.render(), other.render(), strict=True))
     envs.close()

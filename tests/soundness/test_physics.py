@@ -97,7 +97,7 @@ STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion":
 
 
 def first_interval(scenario: Scenario, speed: float, feed: float) -> dict[str, Any]:
-    """What is told of an edge's first interval at a set point."""
+    """Return ``info`` after an edge's first step at a set point."""
     env = RoughTurningEnv(scenario)
     env.reset(seed=3)
     return env.step(np.array([speed, feed]))[4]

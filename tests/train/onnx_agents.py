@@ -54,7 +54,7 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
 
 @functools.cache
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
-    """What an agent's file holds."""
+    """Return the content of an agent's file."""
     actor = remembering(seed) if memory else memoryless(seed)
     weights = {name: array.numpy() for name, array in actor.state_dict().items()}
     first, last = ("cell", "head") if memory else ("layers.0", "layers.2")
@@ -148,7 +148,7 @@ def plain() -> bytes:
 
 
 def unbounded() -> bytes:
-    """As ``plain``, but its actions are beyond 1 where observations are beyond 1."""
+    """Write the agent ``plain`` with actions beyond 1 if observations are beyond 1."""
     return of_load(make_node("Mul", ["first", "big"], ["change"]), big=np.array([9.9], np.float32))
 
 

@@ -1,4 +1,4 @@
-"""What the analytic-gradient agent computes from its scenario agrees with the environment."""
+"""The analytic-gradient agent's own computations agree with the environment."""
 
 import numpy as np
 import pytest

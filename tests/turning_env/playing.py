@@ -1,4 +1,4 @@
-"""What the tests of the environment share: scenarios made for testing, fixed actions, and the record of a play."""
+"""Shared parts of the environment's tests: scenarios made for testing, fixed actions, and the record of a play."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, get_args

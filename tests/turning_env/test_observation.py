@@ -1,4 +1,4 @@
-"""What a policy sees, and how it reads it back."""
+"""Observations, and readings recovered from them."""
 
 import numpy as np
 import pytest

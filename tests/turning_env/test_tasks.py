@@ -1,4 +1,4 @@
-"""What sets the tasks apart from RoughTurning-v0: override, roughness, edge changes, parts, and the current as a sensor."""
+"""Differences of the tasks from RoughTurning-v0: override, roughness, edge changes, parts, and the current as a sensor."""
 
 import math
 from itertools import pairwise

@@ -32,7 +32,7 @@ def output_block(infos: Mapping[str, Any], scenario: Scenario) -> OutputBlock:
 
     The tool life solves the wear law W = K t^n for the tool-life criterion; a skin's wear is left out. The main cutting force is
     60000 power / cutting speed. With the thrust force it makes the resultant; no law gives the third component. In scenarios
-    that hold a roughness, the thrust force stands for the resultant, as equation (5) of the paper takes it.
+    that hold a roughness, the thrust force replaces the resultant, as equation (5) of the paper takes it.
 
     Args:
         infos: values of ``info``, such as those of ``RoughTurningVectorEnv.step``; arrays of one shape.

@@ -1,4 +1,4 @@
-"""What life is worth."""
+"""Tests of the price of edge life."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What lies between the process and the controller."""
+"""Sensors, the link from the process to the controller."""
 
 import math
 

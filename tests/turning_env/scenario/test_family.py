@@ -66,7 +66,7 @@ def test_every_job_makes_sense_and_is_a_scenario(split):
 
 
 def digest_of_jobs(split):
-    """Return a digest of all jobs of a split: what is told, what is true, and the context."""
+    """Return a digest of all jobs of a split: nominal values, true values, and the context."""
     digest = hashlib.sha256()
     for chunk in range(-(-(SHOP.jobs if split == "train" else SHOP.held_out_jobs) // CHUNK)):
         draw = SHOP.draw(split, chunk)
