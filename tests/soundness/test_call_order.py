@@ -14,7 +14,7 @@ from turning_env import RoughTurningEnv, RoughTurningVectorEnv
 
 MORTAL = changed(SHORT_LIVED, control={"time_limit": 0.1}, workpiece={"approach": 0.0})
 """Episodes of at most 6 intervals."""
-SEEDS_OF_LANES = st.integers(0, 2**64 - 8)
+VECTOR_SEEDS = st.integers(0, 2**64 - 8)
 
 
 class Singles:
@@ -38,7 +38,7 @@ class Singles:
 
 @pytest.mark.slow
 @tried(short=60, soak=5_000)
-@given(st.data(), st.integers(1, 6), SEEDS_OF_LANES)
+@given(st.data(), st.integers(1, 6), VECTOR_SEEDS)
 def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, num_envs: int, seed: int) -> None:
     envs, singles = RoughTurningVectorEnv(num_envs, MORTAL, "Disabled"), Singles(num_envs)
     every = np.ones(num_envs, np.bool_)
@@ -47,7 +47,7 @@ def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st
     for _ in range(data.draw(st.integers(1, 12))):
         if data.draw(st.booleans()) or singles.ended.any():
             mask = np.array(data.draw(st.lists(st.booleans(), min_size=num_envs, max_size=num_envs)))
-            anew = data.draw(st.none() | SEEDS_OF_LANES)
+            anew = data.draw(st.none() | VECTOR_SEEDS)
             observations, _ = envs.reset(seed=anew, options={"reset_mask": mask})
             assert observations[mask].tobytes() == b"".join(row.tobytes() for row in singles.reset(mask, anew))
         actions = np.array(data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=num_envs, max_size=num_envs)))
@@ -56,10 +56,10 @@ def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st
                 envs.step(actions)
             continue
         observations, rewards, terminated, truncated, infos = envs.step(actions)
-        for lane, (observation, reward, worn, late, info) in enumerate(singles.step(actions)):
-            assert observations[lane].tobytes() == observation.tobytes()
-            assert (rewards[lane], terminated[lane], truncated[lane]) == (reward, worn, late)
-            assert {name: infos[name][lane] for name in info} == info
+        for i, (observation, reward, worn, late, info) in enumerate(singles.step(actions)):
+            assert observations[i].tobytes() == observation.tobytes()
+            assert (rewards[i], terminated[i], truncated[i]) == (reward, worn, late)
+            assert {name: infos[name][i] for name in info} == info
 
 
 @tried(short=40, soak=5_000)
