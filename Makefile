@@ -81,8 +81,7 @@ results: .venv/run
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v0) \
 				play=".venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) --seeds $(NUM_SEEDS)"; \
-				$$play --splits --policies $(DEGENERATE) fixed_nominal_optimum predictive self_tuning causal \
-					--keep-names --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
+				$$play --splits --policies $(DEGENERATE) fixed_nominal_optimum predictive self_tuning causal; \
 				$$play --splits --policies self_tuning --knows true_wear; \
 				$$play --splits --policies predictive self_tuning --knows true_laws; \
 				$$play --policies self_tuning --forgets; \

@@ -15,18 +15,20 @@ factor and strength, and the lags and noise of drives and sensors.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.edge_value import USED_LIVES, worth_of_lots
+from baselines.models.edge_value import USED_LIVES, worth
 from baselines.models.feed_search import POINT, search
 from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
+from turning_env.physics.spindle import idle_power_at
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations
 
@@ -90,18 +92,15 @@ class Optimiser:
         self._scenarios, self._severity, self._caution = scenarios, severity, caution
         self._parameters = np.concatenate([parameter_record(each, severity) for each in scenarios])
         self._filter = self._new_filter(num_envs)
-        self._lots = self._log_rates()
-        rates = tuple(exp(self._lots).tolist())
-        worths = [worth_of_lots(each, severity * each.economics.overload_price, rates) for each in scenarios]
-        self._prices = np.array([[lot.life for lot in lots] for lots in worths])  # (scenarios, lots, used lives)
         self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
 
     def _new_filter(self, num_envs: int) -> LoadFilter:
         return LoadFilter(self._scenarios, num_envs)
 
-    def _log_rates(self) -> Array:
-        """Return evenly spaced log rates, over the nominal rate, at which the lots whose life is priced use it."""
-        return np.zeros(1)
+    @cached_property
+    def _prices(self) -> Array:
+        """Price of a whole life [s], shape (scenarios, used lives)."""
+        return np.array([worth(each, self._severity * each.economics.overload_price).life for each in self._scenarios])
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the estimates."""
@@ -124,18 +123,11 @@ class Optimiser:
         return nominal, nominal * exp(self._filter.log_wear_factor / exponent)
 
     def _price(self, used_life: Array) -> Array:
-        """Return the price of a life [s] at used shares, shape (num_envs,), between those of the priced lots."""
-        lots, table = self._lots, np.arange(len(used_life)) % len(self._prices)
-        life, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
-        log_rate = self._filter.log_lot_factor / self._scenario.material.wear.time
-        lot, row = between((log_rate - lots[0]) / max(lots[-1] - lots[0], MIN_SPREAD) * (len(lots) - 1), len(lots))
-
-        def along(row: NDArray[np.int64]) -> Array:
-            low, high = (self._prices[table, row, place + step] for step in (0, 1))
-            return np.asarray(low + life * (high - low))
-
-        slow, fast = along(row), along(np.minimum(row + 1, len(lots) - 1))
-        return np.asarray(slow + lot * (fast - slow))
+        """Return the price of a life [s] at used shares, shape (num_envs,)."""
+        table = np.arange(len(used_life)) % len(self._prices)
+        share, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
+        low, high = (self._prices[table, place + step] for step in (0, 1))
+        return np.asarray(low + share * (high - low))
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
@@ -196,11 +188,16 @@ class Optimiser:
         slowest, fastest = self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed")
         lowest, highest = self._reach(reading.commanded_feed, self._scenario.feed_range, "feed")
         known = prospect[: -len(POINT)]
-        environments = np.stack([slowest, fastest, lowest, highest, *known, *exponents.T], axis=1)
+        life = (np.broadcast_to(each, len(reading.feed)) for each in self._life_rate())
+        environments = np.stack([slowest, fastest, lowest, highest, *known, *life, *exponents.T], axis=1)
         points = np.stack(prospect[-len(POINT) :], axis=1)
         found = np.empty((len(points), 2))
         search(self._parameters, self._left, environments, points, found)
         return exp(found[:, 0]), exp(found[:, 1])
+
+    def _life_rate(self) -> list[Array]:
+        """Return the log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [1/s], and its exponents of both."""
+        return list(self._parameters["life"].T)
 
     def _reach(self, commanded: Array, ends: tuple[Any, Any], name: str) -> tuple[Array, Array]:
         """Return the logarithms of the lowest and the highest value, between two ends, that the next action can command."""
@@ -237,6 +234,14 @@ def parameter_record(scenario: Scenario, severity: float) -> Any:
         "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
         "overload_price": severity * scenario.economics.overload_price,
         "interval": scenario.control.interval,
+        "slowest": log(scenario.machine.cutting_speed_min),
+        "fastest": log(scenario.cutting_speed_max),
+        "lowest": log(scenario.feed_range[0]),
+        "highest": log(scenario.feed_range[1]),
+        "metal": scenario.workpiece.depth_of_cut / scenario.economics.reference_removal_rate,
+        "idle": idle_power_at(scenario, 1.0) / scenario.limits.power,
+        "edge_cost": 60.0 * scenario.economics.edge_cost,
+        "edge_change_time": 60.0 * scenario.economics.edge_change_time,
     }
     fields: Any = [(name, np.float64, np.shape(value)) for name, value in parameters.items()]
     return np.array([tuple(parameters.values())], np.dtype((np.record, fields)))

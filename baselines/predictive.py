@@ -11,6 +11,7 @@ It needs of the nominal model what ``optimiser`` needs.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -35,14 +36,20 @@ class Predictive(Optimiser):
         horizon = self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
         self._look_at(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
 
+    def _early(self, velocity: Array) -> Any:
+        """Return how much earlier the tool may reach a bar than expected [mm], for feed velocities [mm/s]."""
+        return 0.0
+
     def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
         work = self._scenario.workpiece
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
         distance = velocity[:, np.newaxis] * self._times
         pitch = work.bar_length + work.approach
         left = column(pitch - self._filter.along)
-        entering = distance >= left
+        early = column(self._early(velocity))
+        entering = (distance >= left) | (distance + early >= left + column(work.approach))
         cutting = (distance - left) % column(pitch) >= column(work.approach)
+        cutting |= (distance + early - left) % column(pitch) >= column(work.approach)
         outlook = self._filter.outlook(np.minimum(distance, left), entering)
         unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
         return outlook, cutting.astype(np.float64), unmeasured.astype(np.float64)

@@ -3,7 +3,6 @@
     python -m baselines.tune --scenario my_mill.toml --quick
     python -m baselines.tune --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
     python -m baselines.tune --scenario forging --out my_forging.tuned.json
-    python -m baselines.tune --scenario shop --seeds 96 --shipped
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
 number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
@@ -28,7 +27,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import optuna
-from gymnasium.vector import AutoresetMode
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import TPESampler
 from optuna.storages import JournalStorage
@@ -39,11 +37,9 @@ from tqdm import tqdm
 from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Range, Rule
-from baselines.tuned import Task
-from turning_env import MODEL_VERSION, Family, FamilyVectorEnv, Scenario, presets
+from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
-from turning_env.scenario.family import families
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import severe_limit, severe_share
@@ -67,15 +63,10 @@ class Played(NamedTuple):
     steps: int  # number of steps played
 
 
-def play_trial(name: str, rule: Rule, task: Task, setting: Parameters, seeds: Sequence[int]) -> Played:
-    """Play a rule with some parameters on seeds, for a family those of its training jobs; note both on an exception."""
+def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
+    """Play a rule with some parameters on seeds; note both on an exception."""
     try:
-        if isinstance(task, Family):
-            models: Any = [task.job(seed).scenario.nominal() for seed in seeds]
-            played: Any = FamilyVectorEnv(len(seeds), task, context="hidden", autoreset_mode=AutoresetMode.SAME_STEP)
-        else:
-            models = played = task
-        episodes = play(lambda num_envs: rule.build(models, num_envs, setting), played, seeds)
+        episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -91,22 +82,22 @@ class Search:
     Args:
         name: name of the rule.
         rule: rule to tune.
-        task: scenario or family to play.
+        scenario: scenario to play.
         trials: number of trials.
         seeds: number of tuning seeds that each trial plays.
         journal: file that keeps the trials until the search is finished.
     """
 
-    def __init__(self, name: str, rule: Rule, task: Task, trials: int, seeds: int, journal: Path) -> None:
+    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, journal: Path) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self.name, self._rule, self._task, self.trials = name, rule, task, trials
-        self._allowance = tuned.first_scenario(task).limits.overload_allowance
+        self.name, self._rule, self._scenario, self.trials = name, rule, scenario, trials
+        self._allowance = scenario.limits.overload_allowance
         self._seeds = tuning_seeds(seeds)
         self._ranges: dict[str, BaseDistribution] = {
             key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
         }
         # What the trials depend on, except the rule's name: a journal's trials of other tasks are ignored.
-        about = json.dumps([MODEL_VERSION, rule.version, task.digest(), trials, seeds])
+        about = json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, seeds])
         self._study = optuna.create_study(
             storage=_open(journal),
             study_name=hashlib.sha256(about.encode()).hexdigest(),
@@ -128,12 +119,12 @@ class Search:
         """Return the number of trials left."""
         return self.trials - len(self._finished)
 
-    def next(self) -> tuple[str, Rule, Task, Parameters, list[int]]:
+    def next(self) -> tuple[str, Rule, Scenario, Parameters, list[int]]:
         """Return the next trial: the arguments of ``play_trial``."""
         # A sampler per trial, so that its random numbers do not depend on interruptions.
         self._study.sampler = TPESampler(seed=len(self._finished), n_ei_candidates=_CANDIDATES)
         self._trial = self._study.ask(self._ranges)
-        return self.name, self._rule, self._task, self._rule.fixed | self._trial.params, self._seeds
+        return self.name, self._rule, self._scenario, self._rule.fixed | self._trial.params, self._seeds
 
     def tell(self, played: Played) -> None:
         """Take the result of the trial that ``next`` returned last."""
@@ -234,17 +225,16 @@ def _open(path: Path) -> JournalStorage:
         return JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
 
 
-def chosen_rules(wanted: Sequence[str] | None, task: Task, quick: bool = False) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the task and have parameters to tune; if ``quick``, the best of them.
+def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
+    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
 
     Raises:
         KeyError: there is no rule of that name.
-        ValueError: a rule cannot play the task or has nothing to tune there.
+        ValueError: a rule cannot play the scenario or has nothing to tune there.
     """
-    scenario = tuned.first_scenario(task)
 
     def tunable(rule: Rule) -> bool:
-        at_home = isinstance(task, Scenario) if rule.tuned_on is None else tuned.load(rule.tuned_on).digest() == task.digest()
+        at_home = rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == scenario.digest()
         return bool(rule.ranges) and at_home
 
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
@@ -252,21 +242,21 @@ def chosen_rules(wanted: Sequence[str] | None, task: Task, quick: bool = False) 
     if wanted is None:
         return {name: rule for name, rule in chosen.items() if rule.worth_tuning or not quick}
     if fixed := rules.keys() - chosen.keys():
-        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {task.name!r}")
+        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
     return chosen
 
 
-def _target(task: Task, out: Path | None, shipped: bool) -> Path:
+def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     """Return the file to write.
 
     Raises:
         ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
             name has another suffix.
     """
-    target = out or tuned.path(task)
+    target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
-        known = ", ".join((*presets(), *families()))
+        known = ", ".join(presets())
         raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
     if ships and not shipped:
         said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
@@ -276,14 +266,14 @@ def _target(task: Task, out: Path | None, shipped: bool) -> Path:
     return target
 
 
-def _kept(chosen: Collection[str], task: Task, target: Path, budget: Budget) -> dict[str, Any]:
-    """Return the entries of a file of the task's tuned parameters for the rules that are not tuned now.
+def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
+    """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
 
     Raises:
         ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
     """
     values = tuned.read(target)
-    if values.get("scenario_digest") != task.digest():
+    if values.get("scenario_digest") != scenario.digest():
         return {}
     kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
     if kept and values.get("budget") != budget:
@@ -300,7 +290,7 @@ def journal(name: str, target: Path) -> Path:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
-    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario or family on which to tune")
+    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune")
     parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these rules, and keep the others in the file")
     which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
@@ -318,19 +308,19 @@ def main(arguments: list[str] | None = None) -> int:
         if number < 1:
             raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
     tuning_seeds(budget["seeds"])
-    task = tuned.load(parsed.scenario)
-    if isinstance(task, Scenario) and task != task.nominal():
-        raise ValueError(f"scenario {task.name!r} has a model mismatch: tune the rules on its nominal model")
-    target = _target(task, parsed.out, parsed.shipped)
-    chosen = chosen_rules(parsed.rules, task, parsed.quick)
+    scenario = Scenario.load(parsed.scenario)
+    if scenario != scenario.nominal():
+        raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
+    target = _target(scenario, parsed.out, parsed.shipped)
+    chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
     some = parsed.quick or parsed.rules is not None
-    _kept(chosen if some else RULES, task, target, budget)  # refuse before hours of playing, not after
+    _kept(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
         for name in chosen:
             held.enter_context(file_lock(journal(name, target)))
             # Optuna's own lock, left by a process that was killed while writing.
             journal(name, target).with_suffix(".log.lock").unlink(missing_ok=True)
-        searches = [Search(name, rule, task, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
+        searches = [Search(name, rule, scenario, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
         run_all(searches, over)
         found = {search.name: search.found() for search in searches}
         for name, best in found.items():
@@ -340,11 +330,11 @@ def main(arguments: list[str] | None = None) -> int:
         words = ["--shipped"] * parsed.shipped + [word for what, number in budget.items() for word in (f"--{what}", str(number))]
         values = {
             "command": shlex.join(["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *words]),
-            "scenario_digest": task.digest(),
+            "scenario_digest": scenario.digest(),
             "budget": budget,
         }
         with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
-            rules = found | (_kept(found, task, target, budget) if some else {})
+            rules = found | (_kept(found, scenario, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}
             replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
         for name in chosen:

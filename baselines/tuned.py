@@ -10,41 +10,27 @@ from pathlib import Path
 from typing import Any
 
 from baselines.rule import Parameters, Rule
-from turning_env import Family, Scenario, presets
-from turning_env.scenario.family import families
+from turning_env import Scenario, presets
 
-Task = Scenario | Family
-"""A scenario, or a family of which the training jobs are played, on which rules are tuned."""
 FOLDER = Path(__file__).parent / "tuned"
 """The folder of the tuned values that ship."""
-
-
-def load(source: str) -> Task:
-    """Return the family that ships under a name, else the scenario of a preset's name or a TOML file."""
-    return Family.load(source) if source in families() else Scenario.load(source)
 
 
 class NotTuned(ValueError):
     """A rule has not been tuned for this scenario."""
 
 
-def first_scenario(task: Task) -> Scenario:
-    """Return the scenario, or the nominal model of a family's first job."""
-    return task.job(0).scenario.nominal() if isinstance(task, Family) else task
+def path(scenario: Scenario) -> Path:
+    """Return the path of a scenario's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
+    file = scenario.file
+    return file.with_name(f"{file.stem}.tuned.json") if file else FOLDER / f"{scenario.name}.json"
 
 
-def path(task: Task) -> Path:
-    """Return the path of a task's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
-    if isinstance(task, Scenario) and task.file:
-        return task.file.with_name(f"{task.file.stem}.tuned.json")
-    return FOLDER / f"{task.name}.json"
-
-
-def command(task: Task) -> str:
-    """Return the command that tunes the rules for a task."""
-    source = f"{task.name} --shipped" if task.name in (*presets(), *families()) else "FILE.toml"
-    if isinstance(task, Scenario) and task.file:
-        source = shlex.quote(str(task.file))
+def command(scenario: Scenario) -> str:
+    """Return the command that tunes the rules for a scenario."""
+    source = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
+    if scenario.file:
+        source = shlex.quote(str(scenario.file))
     return f"python -m baselines.tune --scenario {source}"
 
 
@@ -65,19 +51,19 @@ def read(file: Path) -> dict[str, Any]:
     return values
 
 
-def contents(task: Task) -> dict[str, Any]:
-    """Return the contents of the file for a task with these values.
+def contents(scenario: Scenario) -> dict[str, Any]:
+    """Return the contents of the file for a scenario with these values.
 
     Raises:
         NotTuned: there is no such file; the message says which command makes it.
         ValueError: a file is damaged.
     """
-    own = read(path(task))
+    own = read(path(scenario))
     for values in (own, *map(read, sorted(FOLDER.glob("*.json")))):
-        if values.get("scenario_digest") == task.digest():
+        if values.get("scenario_digest") == scenario.digest():
             return values
     found = "were tuned for other values" if own else "have not been tuned"
-    raise NotTuned(f"the rules of scenario {task.name!r} {found}: run `{command(task)}`")
+    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{command(scenario)}`")
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
@@ -87,7 +73,7 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
         NotTuned: there are none for this scenario, or for another version or other parameters of the rule. The message says
             which command makes them.
     """
-    home = scenario if rule.tuned_on is None else load(rule.tuned_on)
+    home = scenario if rule.tuned_on is None else Scenario.load(rule.tuned_on)
     values = contents(home)
     known = values["rules"]
     if name not in known:

@@ -20,13 +20,11 @@ GIVEN = {
     "life price": "the price of edge life by dynamic programming, in place of the flat charge",
     "spreads": "how much hardness and depth of cut vary",
     "geometry": "length and diameter of the bars",
-    "catalogue errors": "how far nominal models are wrong: mean and covariance over the training jobs",
 }
 """Inputs of training beside observations, by name."""
 SEEN = {
     "memory": "remembers earlier observations",
     "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
-    "nominal model": "is told the nominal model of each job",
 }
 """Inputs at run time beside the present observation, by name."""
 _MODEL_FREE = frozenset({"rewards", "overload share"})
@@ -40,7 +38,6 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "tqc": _REWARDS,
     "lagrangian_ppo": _REWARDS | {"overload share"},
     "analytic_gradient": _TEACHER,
-    "family_gradient": _TEACHER | {"catalogue errors"},
 }
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",
@@ -90,7 +87,6 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     has = {
         "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
         "position": p.get("position", gradient) is True,
-        "nominal model": algorithm == "family_gradient",
     }
     return Information(
         given=tuple(name for name in GIVEN if name in given),

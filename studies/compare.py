@@ -1,4 +1,4 @@
-"""Run a study: variants of a training, of a controller or of an agent, scored on one task and compared seed by seed.
+"""Run a study: variants of a training or of a controller, scored on one task and compared seed by seed.
 
     python -m studies ablation
     python -m studies equal_terms --variants ppo ppo-position --trainings 3 --jobs 2
@@ -17,28 +17,22 @@ import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-import onnx
-from onnx import numpy_helper
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from tqdm import tqdm
 
 from baselines import catalogue
-from leaderboard.family import Retold
 from train.actor import ActorPolicy
-from train.agents import agent_file
 from train.run import HYPERPARAMETERS, Run, hyperparameters
 from train.training import SEEDS, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
 from turning_env.scoring.family import play_family, truthful
-from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
 from turning_env.scoring.policy import PolicyFactory, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
@@ -47,8 +41,6 @@ from turning_env.scoring.workers import spread, workers
 
 FOLDER = Path(__file__).parent
 STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))
-CORRECTIONS = ("speed", "feed", "change")
-"""Outputs of the family agent's network: corrections of speed, feed and the score of an edge change."""
 
 
 def with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scenario:
@@ -60,7 +52,7 @@ def with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scen
 
 
 class Variant(BaseModel):
-    """One row of a study: it trains an algorithm, plays a controller, or plays the family agent's file."""
+    """One row of a study: it trains an algorithm, or plays a controller."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -68,17 +60,14 @@ class Variant(BaseModel):
     """Variant that supplies the fields this one lacks, and with which it is compared instead of the first."""
     algorithm: str = ""
     policy: str = ""
-    agent: Path | None = None
     settings: dict[str, Any] = {}
     """Hyperparameters of the algorithm, or parameters of the controller."""
     scenario: dict[str, dict[str, Any]] = {}
     """Values of the scenario that differ in training and in play, by section."""
     trainings: int = Field(0, ge=0)
     """Number of training seeds; 0: that of the study."""
-    without: tuple[Literal["speed", "feed", "change"], ...] = ()
-    """Corrections of the agent's network that are left out."""
     told: str | None = None
-    """Prefix of the fields whose true values the agent receives; None: of none."""
+    """Prefix of the fields whose true values the controller receives on jobs; None: of none."""
 
 
 class Study(BaseModel):
@@ -109,10 +98,10 @@ class Study(BaseModel):
                 raise ValueError(f"variants.{name}.like is {own.like!r}, but must be a variant before it: {', '.join(before)}")
             before.append(name)
             each = self.variant(name)
-            if (bool(each.algorithm), bool(each.policy), bool(each.agent)).count(True) != 1:
-                raise ValueError(f"variants.{name} needs one of algorithm, policy, agent and like")
-            if bool(each.agent) != (self.task == FAMILY_ID):
-                raise ValueError(f"variants.{name}: agents play {FAMILY_ID}, and no others play it")
+            if bool(each.algorithm) == bool(each.policy):
+                raise ValueError(f"variants.{name} needs one of algorithm, policy and like")
+            if each.algorithm and self.task == FAMILY_ID:
+                raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but none trains on {FAMILY_ID}")
             if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
                 raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}")
             if self.task in IDS:
@@ -190,10 +179,9 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     name, seed = piece
     variant, seconds = study.variant(name), None
     kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
-    if variant.agent:
-        file = agent_file.read(variant.agent)
-        work = partial(_play_agent, file, variant, study.episodes)
-        return Played({study.task: _cached(runs, [*kept, sha256(file.content).hexdigest()], work)}, None)
+    if study.task == FAMILY_ID:
+        kept.append(catalogue.RULES[variant.policy].version)
+        return Played({study.task: _cached(runs, kept, partial(_play_jobs, variant, study.episodes))}, None)
     home = with_changes(Scenario.load(IDS[study.task]), variant.scenario)
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
@@ -229,35 +217,13 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     return {field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()}
 
 
-def _play_agent(file: agent_file.AgentFile, variant: Variant, jobs: int) -> Episodes:
-    """Play the family's first training jobs with an agent's file, without some corrections or with some true laws."""
+def _play_jobs(variant: Variant, jobs: int) -> Episodes:
+    """Play the family's first training jobs with a controller, perhaps with some true laws."""
     family = Family.load("shop")
     if variant.told is not None:
         family = truthful(family, variant.told)
-    session = session_of(without_corrections(file.content, variant.without))
-    context = file.metadata.parameters.get("context")
-
-    def make(num_envs: int) -> Retold:
-        return Retold(OnnxPolicy(session, file.memory_size, num_envs), family, context)
-
-    return play_family(family, "train", range(jobs), make)
-
-
-def without_corrections(content: bytes, names: Sequence[str]) -> bytes:
-    """Return the file of an agent whose network leaves out some of its ``CORRECTIONS``.
-
-    Raises:
-        ValueError: the network has no layer ``head`` with three outputs.
-    """
-    model = onnx.load_model_from_string(content)
-    heads = [tensor for tensor in model.graph.initializer if tensor.name in ("head.weight", "head.bias")]
-    if [tensor.dims[0] for tensor in heads] != [len(CORRECTIONS)] * 2:
-        raise ValueError("its network has no layer 'head' with three outputs: it is no agent of train.family_gradient")
-    for tensor in heads:
-        values = numpy_helper.to_array(tensor).copy()
-        values[[CORRECTIONS.index(name) for name in names]] = 0.0
-        tensor.CopyFrom(numpy_helper.from_array(values, tensor.name))
-    return bytes(model.SerializeToString(deterministic=True))
+    make = catalogue.spec(variant.policy, [family.job(number).scenario for number in range(jobs)]).make
+    return play_family(family, "train", range(jobs), make, "hidden")
 
 
 class Row:

@@ -35,6 +35,7 @@ turning_env calibrate: nothing.csv --out made.toml | . --out made.toml | nothing
 turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging --cutting-speed x --feed 0.3 --wear 0.2
 turning_env advise: nothing | . --seeds 1 | forging --hours 0 | forging --seeds -1
 turning_env map: nothing --wear 0.2 --out made.png | forging --wear 0.2 --out made.txt
+baselines.law_errors: nothing
 turning_env family: nothing | shop --split nothing | shop --figure made.txt | shop --jobs 0
 turning_control: nothing
 turning_control shield: --env nothing | --episodes 0 | --target x
@@ -46,10 +47,9 @@ papers.reproduce: more
 baselines.tune: --scenario nothing | --rules nobody | --trials 0 | --seeds 0 | --jobs 0 | --trials x
 papers.reproduce.part_programming_cases: more
 papers.figures: --only nothing | --format gif
-train.family_gradient: --family nothing | --set nothing=1
 train.tune: --algorithm ppo --scenario nothing | --algorithm nobody | --algorithm ppo --trials 0
 train.curves: nothing | . --out made.png | nothing --level x
-train.export: nothing --out made | . --out made | nothing | --agent nothing.onnx --scenario shift | --agent nothing
+train.export: nothing --out made | . --out made | nothing
 train.export --nc: nothing
 train.export --nc schedule: --rule nobody --out made.mpf | --agent nothing.onnx --out made.mpf | --agent . --out made.mpf
 train.export --nc table: --scenario nothing --out made.mpf | --interval x --out made.mpf

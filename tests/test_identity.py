@@ -17,7 +17,7 @@ from train.agents import agent_file
 from turning_env import Family, Scenario
 
 for path in sorted(tuned.FOLDER.glob("*.json")):
-    assert tuned.contents(tuned.load(path.stem)) == tuned.read(path), path
+    assert tuned.contents(Scenario.load(path.stem)) == tuned.read(path), path
 for path in sorted(Path("agents").glob("*/*/*.onnx")):
     metadata = agent_file.read(path).metadata
     family = metadata.parameters.get("family")

@@ -3,13 +3,11 @@
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
     python -m train.export my_model.zip --normalization vecnormalize.pkl --env RoughTurning-v0 --name mine --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
-    python -m train.export --agent family_gradient-seed0.onnx --scenario my_mill.toml
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
 A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
-With ``--agent``, an agent of ``RoughTurning-Family-v0`` becomes one for your scenario, without training
-(``train/agents/bake.py``). Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part
+Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part
 programs for a lathe's control.
 """
 
@@ -42,7 +40,7 @@ from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import HYPERPARAMETERS, Run
 from train.training import load_actor
-from turning_env import FAMILY_ID, IDS, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
+from turning_env import IDS, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -209,9 +207,6 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 
 def _environments(about: Metadata) -> RoughTurningVectorEnv:
     """Return ``NUM_ENVS`` environments like those of an agent's training."""
-    if about.env_id == FAMILY_ID:
-        family: Any = about.parameters["family"]
-        return FamilyVectorEnv(NUM_ENVS, family, autoreset_mode=AutoresetMode.SAME_STEP)
     return RoughTurningVectorEnv(NUM_ENVS, about.scenario, AutoresetMode.SAME_STEP)
 
 
@@ -259,10 +254,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from train.nc import main as nc
 
         return nc(arguments[1:])
-    if "--agent" in arguments:
-        from train.agents.bake import main as bake
-
-        return bake(arguments)
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument("agents", nargs="+", type=Path, metavar="AGENT", help="run folders, or .zip or .onnx files, of your own")
     parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to")

@@ -24,11 +24,13 @@ NEGLIGIBLE = 6.0
 
 ENVIRONMENT = (
     *("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price"),
+    *("life_rate", "life_speed", "life_feed"),
     *("force_speed", "force_feed", "force_wear", "power_speed", "power_feed", "power_wear"),
 )
 """Numbers of an environment: ends of the reach of log cutting speed and log feed, the first fields of ``Prospect``, exponents."""
 SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
-FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR = range(8, len(ENVIRONMENT))
+LIFE_RATE, LIFE_SPEED, LIFE_FEED = range(8, 11)
+FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR = range(11, len(ENVIRONMENT))
 POINT = (
     "log_force",
     "log_power",
@@ -78,7 +80,7 @@ def search(parameters, lefts, environments, points, found):
 @compiled_separately
 def outlook(p, left, env, ahead, x, y):
     """Return the mean gain [s of machine time per s] expected of a commanded log speed x and log feed y, and the next step."""
-    points, life, overload_price = left.shape[1], p.life, -p.overload_price
+    points, overload_price = left.shape[1], -p.overload_price
     sums, worst, worst_x, worst_y = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -math.inf, 0.0, 0.0
     for k in range(points):
         a, b = 1.0 - left[1, k], 1.0 - left[2, k]
@@ -87,12 +89,12 @@ def outlook(p, left, env, ahead, x, y):
         sums = plus(sums, metal, metal, metal, a, b)
         if ahead[CUTTING, k] == 0.0:
             continue
-        rate = exp(life[0] + life[1] * speed + life[2] * feed)
+        rate = exp(env[LIFE_RATE] + env[LIFE_SPEED] * speed + env[LIFE_FEED] * feed)
         cost = -ahead[LIFE_PRICE, k] * rate
-        sums = plus(sums, cost, cost, cost, a * life[1], b * life[2])
+        sums = plus(sums, cost, cost, cost, a * env[LIFE_SPEED], b * env[LIFE_FEED])
         used = env[USED_LIFE] + rate * left[0, k]
         wear, by_rate = p.wear_time * log(used), p.wear_time * rate * left[0, k] / used
-        wear_x, wear_y = by_rate * a * life[1], by_rate * b * life[2]
+        wear_x, wear_y = by_rate * a * env[LIFE_SPEED], by_rate * b * env[LIFE_FEED]
         force = p.force + env[FORCE_SPEED] * speed + env[FORCE_FEED] * feed + env[FORCE_WEAR] * wear + ahead[LOG_FORCE, k]
         force_x, force_y = env[FORCE_SPEED] * a + env[FORCE_WEAR] * wear_x, env[FORCE_FEED] * b + env[FORCE_WEAR] * wear_y
         if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:

@@ -7,9 +7,10 @@ import numpy as np
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, log
 
-DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, LOT, LAWS = range(7)
-"""States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm], log wear factors [-]; from
-``LAWS`` on the errors of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
+DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, WEAR_FEED, LAWS = range(10)
+"""States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm]; log wear factors [-] of the
+insert, of the depth and hardness that its edge has cut, and of the lot; errors of the exponents of speed and feed in the law of
+wear [-]; from ``LAWS`` on those of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
 FIELDS = (DEPTH, HARDNESS)
 ERRORS = 4
 STATES = LAWS + 2 * ERRORS
@@ -33,7 +34,10 @@ PARAMETERS = np.dtype(
             ("velocity", np.float64),  # feed velocity [mm/s] per cutting speed and feed
             ("rates", np.float64, 2),  # of depth and hardness [1/mm]
             ("prior", np.float64, STATES),  # variances
-            ("history", np.float64),  # variance of an edge's log wear from the bars that it has cut
+            ("history", np.float64),  # variance of an edge's log wear from the bars that it has cut, if they are not followed
+            ("history_exponents", np.float64, 2),  # of depth and hardness in wear; 0 if they are not followed
+            ("wear_time", np.float64),  # exponent
+            ("separates_idle", np.float64),  # 1 if the idling spindle's power is told from that of the cut, else 0
             ("log_laws", np.float64, (2, 4)),  # log force [N] and power [kW] at 1 m/min, 1 mm/rev, 1 mm of wear; exponents
             ("bar_exponents", np.float64, (2, 2)),  # of depth and hardness
             ("references", np.float64, 3),  # log V0, f0, W0
@@ -60,7 +64,9 @@ MEMORY = np.dtype(
             ("cutting_time", np.float64),  # likewise [min]
             ("nominal_wear", np.float64),  # likewise [mm]
             ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
-            ("log_idle", np.float64),  # log ratio of power with idling to cutting power in the nominal model [-]
+            ("idle", np.float64),  # power of the idling spindle over that of the cut in the nominal model [-]
+            ("pace", np.float64, 2),  # mean log speed and log feed of the edge over the references, by the life that it used
+            ("slack", np.float64),  # how much farther the tool may be [mm]
             ("measured", np.int64),
         ],
     )
@@ -83,13 +89,16 @@ def follow_one(p, m, mean, covariance, reading, work):
     fresh_edge = cutting_time < m.cutting_time
     if fresh_edge:
         if removed_wear > 0.0 and m.nominal_wear > 0.0:
-            inspect_edge(mean, covariance, log(removed_wear / m.nominal_wear), work)
-        forget(mean, covariance, INSERT, INSERT + 1, p)
+            inspect_edge(m, mean, covariance, log(removed_wear / m.nominal_wear), work)
+        forget(mean, covariance, INSERT, HISTORY + 1, p)
         m.expected[0] = 0.0
         m.expected[1] = 0.0
     moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
     if fresh_edge and cutting_time == 0.0:  # an edge that is found worn or broken ends the step early, somewhere
         moved *= 0.5
+        m.slack = max(m.slack, moved)
+    if in_metal == 0.0:
+        m.slack = min(m.slack, p.approach)
     bar = math.floor(m.path / p.pitch)
     m.path = on_track(p, m.path + moved, in_metal > 0.0)
     if math.floor(m.path / p.pitch) > bar:
@@ -99,19 +108,52 @@ def follow_one(p, m, mean, covariance, reading, work):
     cut = min(moved, metal)
     move_on(p, mean, covariance, cut)
     covariance[INSERT, INSERT] += p.history * cut / p.bar_length
+    if nominal_wear > 0.0:
+        wear_edge(p, m, mean, covariance, log(speed), log(feed), 0.0 if fresh_edge else m.nominal_wear / nominal_wear)
     time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
     learn(p, m, mean, covariance, speed, feed, nominal_wear if in_metal > 0.0 else 0.0, (force, power), time_in_metal, work)
     m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
 
 
 @compiled
-def inspect_edge(mean, covariance, log_factor, work):
+def wear_factor(m, mean):
+    """Return the expected log ratio of the edge's wear to the nominal model."""
+    return mean[INSERT] + mean[HISTORY] + mean[LOT] + mean[WEAR_SPEED] * m.pace[0] + mean[WEAR_FEED] * m.pace[1]
+
+
+@compiled
+def set_wear_factor(m, derivatives, value):
+    """Set the derivatives by the states of something that changes by ``value`` with the log wear factor."""
+    derivatives[INSERT] = value
+    derivatives[HISTORY] = value
+    derivatives[LOT] = value
+    derivatives[WEAR_SPEED] = value * m.pace[0]
+    derivatives[WEAR_FEED] = value * m.pace[1]
+
+
+@compiled
+def inspect_edge(m, mean, covariance, log_factor, work):
     """Learn from the measured log ratio of a removed edge's wear to the nominal wear."""
     derivatives = work[0]
     derivatives[:] = 0.0
-    derivatives[INSERT] = 1.0
-    derivatives[LOT] = 1.0
-    correct(mean, covariance, derivatives, log_factor - mean[INSERT] - mean[LOT], INSPECTION_DEVIATION**2, work[1])
+    set_wear_factor(m, derivatives, 1.0)
+    correct(mean, covariance, derivatives, log_factor - wear_factor(m, mean), INSPECTION_DEVIATION**2, work[1])
+
+
+@compiled
+def wear_edge(p, m, mean, covariance, log_speed, log_feed, old_wear):
+    """Add the present depth, hardness, speed and feed to those that the edge has cut; ``old_wear``: share of its wear."""
+    fresh = 1.0 - exp(log(old_wear) / p.wear_time) if old_wear > 0.0 else 1.0
+    m.pace[0] += fresh * (log_speed - p.references[0] - m.pace[0])
+    m.pace[1] += fresh * (log_feed - p.references[1] - m.pace[1])
+    of_depth, of_hardness = fresh * p.history_exponents[0], fresh * p.history_exponents[1]
+    mean[HISTORY] += of_depth * mean[DEPTH] + of_hardness * mean[HARDNESS] - fresh * mean[HISTORY]
+    for j in range(STATES):
+        added = of_depth * covariance[DEPTH, j] + of_hardness * covariance[HARDNESS, j]
+        covariance[HISTORY, j] += added - fresh * covariance[HISTORY, j]
+    for j in range(STATES):
+        added = of_depth * covariance[j, DEPTH] + of_hardness * covariance[j, HARDNESS]
+        covariance[j, HISTORY] += added - fresh * covariance[j, HISTORY]
 
 
 @compiled
@@ -187,7 +229,7 @@ def move_on(p, mean, covariance, distance):
 
 
 @compiled
-def log_load(p, mean, law, depth, hardness, place, derivatives):
+def log_load(p, m, mean, law, depth, hardness, place, derivatives):
     """Return the log ratio of a law's load to the nominal model, and set its derivatives by the states.
 
     ``place``: logarithms of speed, feed and nominal wear over the references. ``depth`` and ``hardness``: relative deviation of
@@ -195,14 +237,13 @@ def log_load(p, mean, law, depth, hardness, place, derivatives):
     """
     speed, feed, wear = place
     first = LAWS + ERRORS * law
-    factor = mean[INSERT] + mean[LOT]
+    factor = wear_factor(m, mean)
     share = max(1.0 + depth, MIN_DEPTH)
     exponent = p.log_laws[law, 3] + mean[first + 3]
     derivatives[:] = 0.0
     derivatives[DEPTH] = p.bar_exponents[law, 0] / share
     derivatives[HARDNESS] = p.bar_exponents[law, 1]
-    derivatives[INSERT] = exponent
-    derivatives[LOT] = exponent
+    set_wear_factor(m, derivatives, exponent)
     derivatives[first] = 1.0
     derivatives[first + 1] = speed
     derivatives[first + 2] = feed
@@ -223,19 +264,23 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
     for law in range(2):
         own, lag = p.log_laws[law], p.lags[law]
         nominal = exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
+        load = loads[law]
         if law == 1 and cutting:
-            m.log_idle = log(1.0 + p.idle_power * speed / nominal)
-            nominal += p.idle_power * speed
+            m.idle = p.idle_power * speed / nominal
+            if p.separates_idle > 0.0:
+                load -= p.idle_power * speed
+            else:
+                nominal += p.idle_power * speed
         expected = m.expected[law] * left_after(p.interval, lag) + nominal * (1.0 - left_after(time_in_metal, lag))
         m.expected[law] = expected
-        good = cutting and expected > 0.5 * nominal and loads[law] > MIN_READING * nominal
+        good = cutting and expected > 0.5 * nominal and load > MIN_READING * nominal
         variance[law] = 0.0
         if good:
             # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
             timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
             variance[law] = p.noise[law] + timing * timing
-            predicted = log_load(p, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
-            surprise[law] = log(loads[law] / expected) - predicted
+            predicted = log_load(p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
+            surprise[law] = log(load / expected) - predicted
             m.measured = 1
     before[:] = mean
     for law in range(2):
@@ -285,8 +330,7 @@ def learn_states(memory, mean, covariance, chosen, states, variance):
             if k < 2:
                 derivatives[FIELDS[k]] = 1.0
             else:
-                derivatives[INSERT] = 1.0
-                derivatives[LOT] = 1.0
+                set_wear_factor(memory[i], derivatives, 1.0)
             known = 0.0
             for j in range(STATES):
                 known += derivatives[j] * mean[i, j]
@@ -311,8 +355,10 @@ def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
     origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
     derivatives, products, variances, loads = work[0], work[1:3], work[3], work[4]
     for law in range(2):  # what does not depend on the bar
-        loads[law] = log_load(p, mean, law, 0.0, 0.0, origin, derivatives)
-        log_load(p, mean, law, 0.0, 0.0, place, derivatives)
+        loads[law] = log_load(p, m, mean, law, 0.0, 0.0, origin, derivatives)
+        here = log_load(p, m, mean, law, 0.0, 0.0, place, derivatives)
+        if law == 1:
+            loads[1] += log(1.0 + (m.idle * exp(-here) if p.separates_idle > 0.0 else m.idle))
         variances[law] = 0.0
         for i in range(STATES):
             total = 0.0
@@ -320,7 +366,6 @@ def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
                 total += covariance[i, j] * derivatives[j]
             products[law, i] = total
             variances[law] += derivatives[i] * total if i >= INSERT else 0.0
-    loads[1] += m.log_idle
     for k in range(len(distance)):
         depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
         a, b, e, f = 0.0, 0.0, 0.0, 0.0

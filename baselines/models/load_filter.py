@@ -10,7 +10,7 @@ Depth and hardness vary along the bar and from bar to bar, as stationary process
 square slope along a bar. ``insert`` and ``lot`` are log wear factors of the edge and of all edges of the job.
 
 Each law has a bias b and errors v, s and g of its exponents of speed, feed and wear, constant for a job (dual estimation). They
-count from the initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``Uncertainty`` laws and lot are known.
+count from the initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``LawErrors`` laws and lot are known.
 
 If edges are inspected, the wear of a removed edge measures insert + lot. Observations do not contain the position, so the filter
 integrates the travelled distance to know when the next bar begins.
@@ -18,6 +18,7 @@ integrates the travelled distance to know when the next bar begins.
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from baselines.models.kalman_steps import (
     ERRORS,
+    HISTORY,
     INSERT,
     LAWS,
     LOT,
@@ -47,19 +49,21 @@ READING_DEVIATION = 1e-3
 """Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
 
 
-class Uncertainty(NamedTuple):
-    """Assumed error of the nominal model: prior standard deviations, and the expected log life."""
-
-    laws: float = 0.0
-    """Scale of ``LAW_ERRORS`` [-]."""
-    lot: float = 0.0
-    """Log standard deviation of the life of the lot's edges over the nominal life [-]."""
-    lot_life: float = 1.0
-    """Expected life of the lot's edges over the nominal life [-]."""
+MISFIT = 0.02
+"""Log standard deviation of loads from what errors of the laws explain [-] (found on training jobs)."""
 
 
-LAW_ERRORS = ((0.25, 0.1, 0.08, 0.15), (0.2, 0.05, 0.05, 0.06))
-"""Standard deviations of the log bias and of the exponents of speed, feed and wear, of force and power (assumption)."""
+class LawErrors(NamedTuple):
+    """Mean and covariance of the errors of a nominal model's laws, true less nominal; see ``baselines/law_errors.py``.
+
+    They are those of wear (logarithm of the rate at which life is used, its exponent of speed over the nominal one, less 1, and
+    its exponent of feed), of force and of power (logarithm, exponents of speed, feed and wear).
+    """
+
+    mean: Array
+    """Shape (errors,)."""
+    covariance: Array
+    """Shape (errors, errors)."""
 
 
 class Outlook(NamedTuple):
@@ -85,17 +89,21 @@ class LoadFilter:
     Args:
         scenarios: nominal models, one for all environments or one for each.
         num_envs: number of environments.
-        uncertainty: how far they may be wrong.
+        errors: the errors that they are expected to have; None: they are right.
     """
 
-    def __init__(self, scenarios: Sequence[Scenario], num_envs: int, uncertainty: Uncertainty = Uncertainty()) -> None:  # noqa: B008
+    def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:
         self._parameters = np.zeros(len(scenarios), PARAMETERS)
         for i, scenario in enumerate(scenarios):
-            for name, value in _numbers(scenario, uncertainty).items():
+            for name, value in _numbers(scenario, errors is not None).items():
                 self._parameters[i][name] = value
-        lot = np.array([-scenario.material.wear.time * log(uncertainty.lot_life) for scenario in scenarios])
-        self._start = np.zeros((len(scenarios), STATES))
-        self._start[:, LOT] = lot
+        self._mean = np.zeros((len(scenarios), STATES))
+        self._covariance = self._parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
+        if errors is not None:
+            wear = (scenario.material.wear for scenario in scenarios)
+            scales = np.array([[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear])
+            self._mean[:, LOT:] = scales * errors.mean
+            self._covariance[:, LOT:, LOT:] = scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
         self.mean = np.zeros((num_envs, STATES))
         """Expected states."""
         self.covariance = np.zeros((num_envs, STATES, STATES))
@@ -104,10 +112,8 @@ class LoadFilter:
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Reset to the start of the first bar and to the prior."""
-        count = len(mask)
-        self.mean[mask] = np.broadcast_to(self._start, (count, STATES))[mask]
-        prior = np.broadcast_to(self._parameters["prior"], (count, STATES))[mask]
-        self.covariance[mask] = prior[:, :, np.newaxis] * np.eye(STATES)
+        scenarios = np.flatnonzero(mask) % len(self._mean)
+        self.mean[mask], self.covariance[mask] = self._mean[scenarios], self._covariance[scenarios]
         self._memory[mask] = np.zeros((), MEMORY)
 
     @property
@@ -129,21 +135,42 @@ class LoadFilter:
         return along
 
     @property
-    def log_wear_factor(self) -> Array:
-        """Expected log ratio of wear to the nominal model [-], shape (num_envs,)."""
-        factor: Array = self.mean[:, INSERT] + self.mean[:, LOT]
-        return factor
+    def slack(self) -> Array:
+        """How much farther the tool may be than expected [mm], shape (num_envs,)."""
+        slack: Array = self._memory["slack"]
+        return slack
 
     @property
-    def log_lot_factor(self) -> Array:
-        """Expected part of it that all edges of the job share [-], shape (num_envs,)."""
-        return self.mean[:, LOT]
+    def log_wear_factor(self) -> Array:
+        """Expected log ratio of wear to the nominal model [-], shape (num_envs,)."""
+        return np.asarray(sum(weight * self.mean[:, state] for state, weight in self._wear_states))
 
     @property
     def wear_deviation(self) -> Array:
         """Standard deviation of the log wear factor [-], shape (num_envs,)."""
-        own, lot, both = (self.covariance[:, i, k] for i, k in ((INSERT, INSERT), (LOT, LOT), (INSERT, LOT)))
-        return np.sqrt(np.maximum(own + lot + 2.0 * both, 0.0))
+        pairs = product(self._wear_states, repeat=2)
+        variance = sum(one * other * self.covariance[:, i, k] for (i, one), (k, other) in pairs)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    @property
+    def _wear_states(self) -> list[tuple[int, Any]]:
+        """Return the states that the log wear factor contains, and their weights."""
+        return list(enumerate((1.0, 1.0, 1.0, *self._memory["pace"].T), INSERT))
+
+    @property
+    def wear_errors(self) -> Array:
+        """Expected errors of the law of wear: logarithm at 1 m/min and 1 mm/rev, exponents of both; shape (3, num_envs)."""
+        lot, speed, feed = self.mean[:, LOT:LAWS].T
+        log_speed, log_feed, _ = self._parameters["references"].T
+        return np.stack([lot - speed * log_speed - feed * log_feed, speed, feed])
+
+    @property
+    def load_errors(self) -> Array:
+        """Expected log errors of force and power at 1 m/min, 1 mm/rev and the wear criterion; shape (2, num_envs)."""
+        bias, *exponents = self.mean[:, LAWS:].reshape(-1, 2, ERRORS).T
+        log_speed, log_feed, log_wear = self._parameters["references"].T
+        deviations = -log_speed, -log_feed, log(self._parameters["wear_criterion"]) - log_wear
+        return np.asarray(bias + sum(error * deviation for error, deviation in zip(exponents, deviations, strict=True)))
 
     @property
     def exponents(self) -> Array:
@@ -176,8 +203,8 @@ class LoadFilter:
         return Outlook(*found)
 
 
-def _numbers(scenario: Scenario, uncertainty: Uncertainty) -> dict[str, Any]:
-    """Return the ``PARAMETERS`` of a nominal model."""
+def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
+    """Return the ``PARAMETERS`` of a nominal model, which may have ``errors``."""
     control, machine, sensors, work = scenario.control, scenario.machine, scenario.sensors, scenario.workpiece
     wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
     along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
@@ -185,10 +212,11 @@ def _numbers(scenario: Scenario, uncertainty: Uncertainty) -> dict[str, Any]:
     spread = hypotenuse(along, bar)
     slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
     # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
-    history = np.square(wear.depth_of_cut * spread[0]) + np.square(wear.hardness * spread[1])
+    by_bars = wear.depth_of_cut, wear.hardness
+    history = 0.0 if errors else np.square(by_bars[0] * spread[0]) + np.square(by_bars[1] * spread[1])
     insert = np.sqrt(np.square(scenario.tool.wear_factor_spread) + history)
-    errors = (uncertainty.laws * each for law in LAW_ERRORS for each in law)
-    prior = spread[0], slope[0], spread[1], slope[1], insert, wear.time * uncertainty.lot, *errors
+    prior = np.square([spread[0], slope[0], spread[1], slope[1], insert] + [0.0] * (STATES - HISTORY))
+    noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
     sub_step = control.interval / control.sub_steps
     times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
     spindle, feed = decay(times, machine.spindle_time_constant), decay(times, machine.feed_time_constant)
@@ -199,13 +227,16 @@ def _numbers(scenario: Scenario, uncertainty: Uncertainty) -> dict[str, Any]:
         "pitch": work.bar_length + work.approach,
         "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
         "rates": np.divide(slope, spread, out=np.zeros(2), where=spread > 0),
-        "prior": np.square(prior),
+        "prior": prior,
         "history": history,
+        "history_exponents": by_bars if errors else (0.0, 0.0),
+        "wear_time": wear.time,
+        "separates_idle": float(errors),
         "log_laws": [(log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear) for law in laws],
         "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
         "references": log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
-        "noise": [np.square(noise) + np.square(READING_DEVIATION) for noise in (sensors.force_noise, sensors.power_noise)],
+        "noise": noise + np.square(MISFIT) if errors else noise,
         "interval": control.interval,
         "sub_step": sub_step,
         "spindle_left": spindle.sum(),

@@ -12,7 +12,7 @@ from baselines.catalogue import CHANGE_AT, RULES, TimelyChanges, names, playable
 from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
 from tests.turning_env.playing import changed
-from turning_env import Family, RoughTurningEnv, Scenario, read
+from turning_env import RoughTurningEnv, Scenario, read
 
 TUNABLE = Rule(
     "made up",
@@ -31,7 +31,7 @@ def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "tunable"
 
 
-def keep(rules: dict[str, dict[str, float]], scenario: tuned.Task) -> None:
+def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
     values = {name: {"parameters": parameters} for name, parameters in rules.items()}
     about = {"command": "tune it", "scenario_digest": scenario.digest()}
     tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
@@ -109,18 +109,16 @@ def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: py
     assert built == [mismatch.nominal()]
 
 
-@pytest.mark.parametrize("home", ["forging", "shop"])
-def test_a_rule_that_is_tuned_on_one_task_plays_others_with_what_was_found_there(
-    home: str, tunable: str, monkeypatch: pytest.MonkeyPatch
+def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(
+    tunable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on=home))
-    task = tuned.load(home)
-    played = task.job(0).scenario if isinstance(task, Family) else Scenario()
-    with pytest.raises(tuned.NotTuned, match=rf"--scenario {home} --shipped`"):
-        spec(tunable, played)
-    keep({tunable: {"feed": 0.3} | ({CHANGE_AT: 0.9} if home == "shop" else {})}, task)
-    assert spec(tunable, played).parameters["feed"] == 0.3
-    assert tunable in tune.chosen_rules(None, task)
+    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
+    home = Scenario.load("forging")
+    with pytest.raises(tuned.NotTuned, match=r"--scenario forging --shipped`"):
+        spec(tunable, Scenario())
+    keep({tunable: {"feed": 0.3}}, home)
+    assert spec(tunable, Scenario()).parameters["feed"] == 0.3
+    assert tunable in tune.chosen_rules(None, home)
     assert tunable not in tune.chosen_rules(None, Scenario())
     with pytest.raises(ValueError, match="nothing to tune on scenario 'rough_turning'"):
         tune.chosen_rules([tunable], Scenario())

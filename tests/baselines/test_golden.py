@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from baselines.catalogue import RULES, names, spec
 from tests.turning_env.playing import fixed_actions
-from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env import IDS, Family, RoughTurningVectorEnv, Scenario
 
 FILE = Path(__file__).parents[1] / "golden" / "actions.json"
 STEPS, EVERY, NUM_ENVS = 40, 8, 2
+FAMILY = "shop"
 TOLERANCE = 2e-6
 """Largest difference of an action in -1..1, recorded with seven digits. A rewritten formula within it needs no new version."""
 
@@ -32,7 +33,7 @@ def observations(scenario: Scenario) -> list[NDArray[np.float32]]:
 
 def actions(name: str, preset: str) -> list[list[float]]:
     """A rule's actions on every ``EVERY``-th of these observations, all environments in one row."""
-    scenario = Scenario.load(preset)
+    scenario = Family.load(preset).job(0).scenario if preset == FAMILY else Scenario.load(preset)
     policy = spec(name, scenario).make(NUM_ENVS)
     policy.reset(np.ones(NUM_ENVS, np.bool_))
     acted = [policy.act(seen) for seen in observations(scenario)]
@@ -40,8 +41,8 @@ def actions(name: str, preset: str) -> list[list[float]]:
 
 
 def recorded() -> dict[str, dict[str, Any]]:
-    """Return every rule's version and its actions on the preset of each id that it can play."""
-    playable = {preset: names(Scenario.load(preset)) for preset in IDS.values()}
+    """Return every rule's version, and its actions on the preset of each id or on the family's first job, if it can play it."""
+    playable = {preset: names(Scenario.load(preset)) for preset in IDS.values()} | {FAMILY: ["self_tuning"]}
     return {
         name: {
             "version": rule.version,

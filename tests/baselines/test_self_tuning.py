@@ -1,17 +1,15 @@
-"""The self-tuning optimiser plays jobs of a family, alone and together, and prices its lot."""
+"""The self-tuning optimiser plays jobs of a family, alone and together."""
 
 import numpy as np
 import pytest
 
 from baselines.catalogue import spec
-from baselines.models.edge_value import worth_of_lots
-from baselines.models.kalman_steps import LOT
 from baselines.self_tuning import SelfTuning
 from turning_env import FamilyVectorEnv, Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.family import play_family, play_jobs, truthful
 
-SETTINGS = (1.0, 1.0, 1.0, 1.0, 0.4, 0.8)
+SETTINGS = (1.0, 1.0, 1.0)
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]
 
 
@@ -21,7 +19,7 @@ def test_jobs_played_together_are_those_played_alone() -> None:
     alone = [SelfTuning(job, 1, *SETTINGS) for job in JOBS]
     observations, _ = env.reset(seed=0)
     for policy in (together, *alone):
-        policy.reset(np.ones(len(policy._filter.mean), np.bool_))
+        policy.reset(np.ones(2 if policy is together else 1, np.bool_))
     for step in range(60):
         actions = together.act(observations)
         for i, policy in enumerate(alone):
@@ -29,19 +27,6 @@ def test_jobs_played_together_are_those_played_alone() -> None:
         if step % 20 == 19:
             actions[:, -1] = 1.0
         observations, *_ = env.step(actions)
-
-
-@pytest.mark.slow
-def test_a_slower_lot_makes_time_dearer() -> None:
-    slow, nominal, fast = worth_of_lots(Scenario.load("shift"), 10.0, (0.5, 1.0, 2.0))
-    assert slow.time > nominal.time > fast.time
-    assert worth_of_lots(Scenario.load("shift"), 10.0, (50.0,))[0].time == 0.0  # an edge does not pay for itself
-    assert (slow.life <= nominal.life).all()
-    assert (nominal.life <= fast.life).all()
-    policy = SelfTuning(Scenario.load("shift"), 3, *SETTINGS)
-    policy.reset(np.ones(3, np.bool_))
-    policy._filter.mean[:, LOT] += [-0.1, 0.0, 0.1]
-    assert (np.diff(policy._price(np.full(3, 0.4))) > 0.0).all()
 
 
 @pytest.mark.slow

@@ -13,9 +13,7 @@ from baselines import tune, tuned
 from baselines.catalogue import RULES, spec
 from baselines.rule import Parameters, Range, Rule
 from baselines.tune import Played, Search, play_trial, run_all
-from tests.turning_env.test_family_env import BRIEF
-from turning_env import Family, Scenario
-from turning_env.scoring.family import play_jobs
+from turning_env import Scenario
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 
@@ -136,17 +134,6 @@ def test_settings_are_really_played_and_a_failure_names_rule_and_setting() -> No
     with pytest.raises(TypeError) as caught:
         play_trial("fixed_tuned", rule, scenario, {"share": 0.5}, seeds)
     assert caught.value.__notes__ == ["while tuning fixed_tuned with {'share': 0.5}"]
-
-
-@pytest.mark.slow
-def test_settings_are_played_on_training_jobs_of_a_family() -> None:
-    rule, family = RULES["self_tuning"], Family.load(BRIEF)
-    setting = rule.fixed | {name: tune.middle(values) for name, values in rule.ranges.items()}
-    seeds = list(range(2))  # of the first jobs, with which they are also played one by one
-    alone = play_jobs(family, "train", seeds, lambda job: lambda num_envs: rule.build(job.scenario.nominal(), num_envs, setting))
-    played = play_trial("self_tuning", rule, family, setting, seeds)
-    assert played.mean_return == alone["return"].mean()
-    assert played.steps == alone["steps"].sum()
 
 
 @pytest.fixture

@@ -158,15 +158,14 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys
     assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
     assert all(each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"])
     assert main(["cards", *results, "--agents", str(tmp_path / "agents")]) == 0
-    card = (tmp_path / "agents" / FAMILY_ID / "brief" / "family_gradient.md").read_text("utf-8")
+    card = (tmp_path / "agents" / FAMILY_ID / "brief" / "mine.md").read_text("utf-8")
     for said in (
         "From 3 held-out jobs per split",
         "| `unseen_jobs` | `unseen_machines` | `unseen_materials` |",
-        "privileged agent",
-        "--scenario mine.toml",
+        "other agent",
     ):
         assert said in card, said
-    assert main(["pack", *results, "--without", "family_gradient"]) == 0
+    assert main(["pack", *results, "--without", "mine"]) == 0
     assert main(["cards", *results, "--agents", str(tmp_path / "agents")]) == 2
     assert "has no results" in capsys.readouterr().err
     assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1

@@ -11,7 +11,6 @@ from leaderboard.result import RESULTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
 from train.analytic_actor import DistanceTracker
-from train.family_actor import JobFilter
 from train.run import HYPERPARAMETERS
 from turning_env import Scenario
 
@@ -33,8 +32,7 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     assert found is not None
     assert found.seen is not None
     cells = file.metadata.parameters.get("cells", 0), file.metadata.parameters.get("memory_cells", 0)
-    tracker = JobFilter if "nominal model" in found.seen else DistanceTracker
-    assert file.memory_size == (cells[0] + tracker.STATES * ("position" in found.seen) if cells[0] else 2 * cells[1])
+    assert file.memory_size == (cells[0] + DistanceTracker.STATES * ("position" in found.seen) if cells[0] else 2 * cells[1])
     assert ("memory" in found.seen) == (file.memory_size > 0)
     assert found.steps == file.metadata.trained_steps
     assert found.gradient_steps

@@ -17,10 +17,10 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, play_all
 from tests.train import onnx_agents
-from train import export, training
+from train import training
 from train.export import export_torch
 from train.learning_curves import FILE, Training, Trainings
-from turning_env import FAMILY_ID, Family, Scenario
+from turning_env import Scenario
 from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.seeds import held_out_seeds
 
@@ -194,20 +194,3 @@ def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pyte
     where = ["--env", env_id, "--results", str(tmp_path / "results")]
     assert main(["run", *where, "--agents", str(path), "--policies"]) == 0
     assert capsys.readouterr().out.splitlines()[-1].startswith(f"your agent: rank {score.rank} of {score.ranked}, return ")
-
-
-@pytest.mark.soak
-def test_the_agent_of_a_family_is_ranked_on_a_scenario_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = next(leaderboard_policies.AGENTS.glob(f"{FAMILY_ID}/*/*-seed0.onnx"), None) or onnx_agents.write_of_family(
-        tmp_path, Family.load("shop")
-    )
-    (tmp_path / "mine.toml").write_text(OWN_SCENARIO)
-    mine, folder = str(tmp_path / "mine.toml"), str(tmp_path / "made")
-    assert export.main(["--agent", str(path), "--scenario", mine, "--out", folder]) == 0
-    (agent,) = (tmp_path / "made").glob("*.onnx")
-    assert agent.name == "family_gradient_mine-seed0.onnx"
-    run = ["run", "--scenario", mine, "--seeds", "3", "--results", str(tmp_path / "results"), "--policies", "fixed_handbook"]
-    assert main([*run, "--agents", str(agent)]) == 0
-    printed = capsys.readouterr().out
-    assert "your agent: rank" in printed
-    assert "family_gradient_mine on RoughTurning-v0, scenario mine" in printed

@@ -3,13 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
 
-from studies.compare import STUDIES, Played, Study, main, table, without_corrections
-from tests.train import onnx_agents
+from studies.compare import STUDIES, Played, Study, main, table
 from tests.train.small import PARAMETERS
-from turning_env import Family
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.statistics import Floats
 
@@ -39,8 +36,7 @@ def cells(line: str) -> list[str]:
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_asks_for_what_there_is(name: str) -> None:
-    study = Study.read(name)
-    assert all(each.agent is None or each.agent.is_file() for each in map(study.variant, study.variants))
+    assert Study.read(name).question
 
 
 def test_a_variant_has_the_fields_of_the_one_that_it_is_like() -> None:
@@ -85,26 +81,11 @@ def _played(returns: Floats) -> Played:
 
 
 @pytest.mark.slow
-def test_corrections_are_left_out_of_an_agent_and_no_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = onnx_agents.write_of_family(tmp_path, Family.load("shop"))
-    before, after = (
-        _head(content) for content in (path.read_bytes(), without_corrections(path.read_bytes(), ["speed", "change"]))
-    )
-    assert not after[[0, 2]].any()
-    np.testing.assert_array_equal(after[1], before[1])
-    with pytest.raises(ValueError, match="no agent of"):
-        without_corrections(onnx_agents.content(), [])
-    text = Path("studies/family_ablation.toml").read_text().replace("agents/RoughTurning-Family-v0/shop", str(tmp_path))
-    (tmp_path / "mine.toml").write_text(text)
+def test_a_controller_is_told_the_truth_on_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--variants", "as_it_is", "told_truth", "--episodes", "1", "--runs", str(tmp_path / "runs")]
-    assert main([str(tmp_path / "mine.toml"), *arguments]) == 0
+    assert main(["family_ablation", *arguments]) == 0
     _, _, told, true = (cells(line)[1] for line in capsys.readouterr().out.splitlines())
     assert told != true
-
-
-def _head(content: bytes) -> Floats:
-    found = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in onnx.load_model_from_string(content).graph.initializer}
-    return np.column_stack([found["head.weight"], found["head.bias"]])
 
 
 @pytest.mark.parametrize(
@@ -115,9 +96,8 @@ def _head(content: bytes) -> Floats:
         (('like = "whole"', 'like = "set_point"'), "like is 'set_point'"),
         (('algorithm = "ppo"', 'algorithm = "dqn"'), "algorithm is 'dqn'"),
         (("discount = 0.5", "discounts = 0.5"), "settings has 'discounts'"),
-        (('policy = "fixed_tuned"', 'agent = "shop.onnx"'), "agents play RoughTurning-Family-v0"),
         (("scenario.control.action", "scenario.controls.action"), "controls"),
-        (('policy = "fixed_tuned"', ""), "needs one of algorithm, policy, agent and like"),
+        (('policy = "fixed_tuned"', ""), "needs one of algorithm, policy and like"),
         (("RoughTurning-v0", "RoughTurning-v9"), "task is 'RoughTurning-v9'"),
         (("[variants.rule]", "[variants.rule"), "Expected ']'"),
     ],

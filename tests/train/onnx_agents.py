@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from onnx.helper import make_node
 
-from train import family_gradient
 from train.actor import Actor, Feedforward
 from train.agents.agent_file import Metadata
 from train.export import metadata
 from train.run import Run
-from turning_env import Family, Scenario
+from turning_env import FAMILY_ID, Family, Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.2}})
 Weights = Mapping[str, NDArray[np.generic]]
@@ -88,20 +87,18 @@ def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = Fa
 
 def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
     """The file of an agent of a family that holds its set point, nearly, and changes no edge."""
-    about = metadata(family_gradient.plan(family, seed, folder, f"python -m train.family_gradient --seed {seed}", {}))
+    context = {"names": list(family.context_names)}
+    context |= {name: values.tolist() for name, values in zip(("mean", "spread"), family.context_scale, strict=True)}
+    parameters = {"family": family.portable(), "context": context, "steps": 1000}
+    about = metadata(Run("mine", FAMILY_ID, family.job(0).scenario, seed, parameters, "train it", folder))
     entries = len(about.observation_space.low)
     weights = {
-        "see_weight": np.eye(entries, entries + 1, dtype=np.float32),
-        "see_bias": np.eye(entries + 1, dtype=np.float32)[entries],
-        "head.weight": np.random.default_rng(seed).uniform(-1e-3, 1e-3, (3, entries + 1)).astype(np.float32),
+        "head.weight": np.random.default_rng(seed).uniform(-1e-3, 1e-3, (3, entries)).astype(np.float32),
         "head.bias": np.array([0.0, 0.0, -0.5], np.float32),
     }
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{about.label}.onnx"
-    nodes = [
-        make_node("Gemm", ["observation", "see_weight", "see_bias"], ["seen"]),
-        make_node("Gemm", ["seen", "head.weight", "head.bias"], ["action"], transB=1),
-    ]
+    nodes = [make_node("Gemm", ["observation", "head.weight", "head.bias"], ["action"], transB=1)]
     path.write_bytes(of_nodes(nodes, weights, about=about))
     return path
 

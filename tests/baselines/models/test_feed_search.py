@@ -26,13 +26,14 @@ def states(scenario: Scenario, seed: int, **fixed: float) -> tuple[Any, Any, Any
     environments = np.empty((NUM_ENVS, len(ENVIRONMENT)))
     environments[:, :6] = np.transpose(rows)
     environments[:, 6], environments[:, 7] = random.uniform(0.05, 0.9, NUM_ENVS), 300.0
-    environments[:, 8:] = np.ravel(exponents)
+    parameters = parameter_record(scenario, 1.5)
+    environments[:, 8:] = [*parameters["life"][0], *np.ravel(exponents)]
     drawn = {name: random.normal(0.0, 0.15, NUM_ENVS) for name in ("log_force", "log_power")}
     drawn |= {"force_spread": 0.04, "power_spread": 0.03, "strength_spread": 0.15, "life_price": 1000.0}
     drawn |= {"metal_value": scenario.workpiece.depth_of_cut / scenario.economics.reference_removal_rate}
     drawn |= {"cutting": 1.0, "unmeasured": 0.0} | fixed
     points = np.stack([np.broadcast_to(drawn[name], (POINTS, NUM_ENVS)).T for name in POINT], axis=1).copy()
-    return parameter_record(scenario, 1.5), lefts, environments, points
+    return parameters, lefts, environments, points
 
 
 @pytest.mark.parametrize(

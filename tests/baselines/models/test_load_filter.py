@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.models.kalman_steps import INSERT, LOT
-from baselines.models.load_filter import LoadFilter, Uncertainty
+from baselines.models.load_filter import LawErrors, LoadFilter
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 from turning_env.physics.spindle import idle_power_at
@@ -12,6 +12,8 @@ from turning_env.physics.spindle import idle_power_at
 NOMINAL = Scenario()
 STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
 EVERY = np.ones(4, np.bool_)
+WEAR = np.diag([1.0, *[0.0] * 10])
+LOADS = np.diag([0.0] * 3 + [0.06, 0.01, 0.006, 0.02] + [0.04, 0.003, 0.003, 0.004])
 HERE, NEXT_BAR = np.zeros((4, 1), np.bool_), np.ones((4, 1), np.bool_)
 QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
 
@@ -102,11 +104,11 @@ def test_the_idling_spindle_is_no_deviation_of_the_bar() -> None:
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
     played = changed(nominal, mismatch={"wear_factor": 1.3})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, Uncertainty(lot=1.0, lot_life=0.8))
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, LawErrors(np.array([0.2, *[0.0] * 10]), WEAR))
     observations, _ = env.reset(seed=0)
     estimate.reset(EVERY)
     start = estimate.mean[0, LOT]
-    assert start == pytest.approx(-nominal.material.wear.time * np.log(0.8))
+    assert start == pytest.approx(0.2 * nominal.material.wear.time)
     for step in range(61):
         estimate.observe(read(observations, nominal))
         observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step % 30 == 29 else -1.0]] * 4))
@@ -120,7 +122,7 @@ def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
     material = QUIET.material
     force = material.thrust_force.model_copy(update={"coefficient": 1.3 * material.thrust_force.coefficient})
     played = QUIET.model_copy(update={"material": material.model_copy(update={"thrust_force": force})})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, Uncertainty(laws=1.0))
+    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, LawErrors(np.zeros(11), LOADS))
     observations, _ = env.reset(seed=0)
     estimate.reset(EVERY)
     for _ in range(100):
@@ -137,10 +139,10 @@ def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
 
 def test_other_models_in_other_environments_do_not_matter() -> None:
     scenarios = [NOMINAL, changed(NOMINAL, workpiece={"diameter": 60.0, "bar_length": 80.0})]
-    doubt, distance = Uncertainty(1.0, 0.4, 0.8), np.array([[0.0, 5.0]] * 2)
+    errors, distance = LawErrors(np.full(11, 0.1), WEAR + LOADS), np.array([[0.0, 5.0]] * 2)
     env = RoughTurningVectorEnv(2, NOMINAL)
     observations, _ = env.reset(seed=0)
-    together, alone = LoadFilter(scenarios, 2, doubt), [LoadFilter([scenario], 1, doubt) for scenario in scenarios]
+    together, alone = LoadFilter(scenarios, 2, errors), [LoadFilter([scenario], 1, errors) for scenario in scenarios]
     together.reset(EVERY[:2])
     for each in alone:
         each.reset(EVERY[:1])
