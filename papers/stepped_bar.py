@@ -1,8 +1,8 @@
 """The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
-Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`), without
-spreads and noise, with an edge that does not break. Force and power follow depth and feed at once: with a lag of one turn, the
-first form of the fuzzy law would swing over its whole range even on a smooth bar, which the paper's did not.
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`). There
+are no spreads and no noise, and the edge does not break. Force and power follow depth and feed at once. With a lag of one turn,
+the first form of the fuzzy law would swing over its whole range even on a smooth bar. The paper's did not.
 """
 
 from dataclasses import dataclass

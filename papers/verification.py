@@ -1,15 +1,15 @@
 """The tests at fixed speed and feed with which Alaskari and Oraby (2018) compare their grid search: T1 to T9.
 
 The figures that gave their parameters are lost. The text (section "Experimental verification of the proposed strategy") gives
-the cutting speeds, how many times the grid search's removal rate is a test's, and of some tests how long the edge lasted, or how
-many times the grid search's metal per edge is a test's. From these:
+the cutting speeds, and the grid search's removal rates over those of the tests. For some tests it gives the edge's life, or the
+ratio of metal per edge. From these:
 
 * The removal rate of a test is V f d, so its ratio gives the product of feed and depth of cut, but neither apart. All tests have
   here the nominal depth of 2.5 mm (assumption; theirs lay between 1.5 and 3 mm), and the feed that then follows, rounded.
 * Every stated ratio of metal per edge is the ratio of rates times 15 min over a whole number of minutes. So the edge of the grid
   search was given 15 min, and T4, T8 and T9 lasted 11 (as the text says), 7 and 5 min. Yet no pair is feasible in the fifteenth
   minute of the grid search: its edge lasts 14.
-* The paper says only the cutting speed of T6 and T7, 145 m/min. They are left out.
+* The paper gives only the cutting speed of T6 and T7, 145 m/min. They are left out.
 
 The paper gives the grid search nominal wear and the tests their measured wear. The preset `measured_wear` gives both the
 measured wear: nominal wear times the mean factor of the four tests with a known life.
@@ -60,8 +60,8 @@ MEASURED = tuple(test for test in TESTS if test.life is not None)
 def undisturbed(wear_factor: float = 1.0) -> Scenario:
     """Return the published simulation, extended for the tests.
 
-    The spindle reaches the speed of T9, the edge does not break before it is worn (that of T4 would, just before 0.3 mm),
-    episodes are long enough for T1, and an edge wears ``wear_factor`` times as much as the models say.
+    The spindle reaches the speed of T9, and episodes are long enough for T1. The edge does not break before it is worn; that of
+    T4 would, just before 0.3 mm. An edge wears ``wear_factor`` times as much as in the models.
     """
     law = Scenario.load("paper").material.wear.model_dump()
     return changed(

@@ -2,10 +2,10 @@
 
 It is an information relaxation with penalties (Brown, Smith and Sun 2010, doi 10.1287/opre.1090.0796). The clairvoyant bound
 knows the loads of every step and sets the feed right at the limit. Here, every action is scored by its expected gain given the
-readings so far: the penalty removes the surprise of the actual loads. What is still known in advance is how beliefs will move,
-and thus which bars will come.
+readings so far: the penalty removes the surprise of the actual loads. Only the future motion of beliefs, and so the coming
+bars, are still known in advance.
 
-The lathe is idealised, as for the clairvoyant bound: nothing lags, no force breaks the edge, any speed and feed may follow any
+The lathe is idealised, as for the clairvoyant bound. Nothing lags, no force breaks the edge, any speed and feed may follow any
 other, and wear is known. Settings are chosen once per stretch of metal of a fixed length, at whose start force and power are
 read; a longer stretch means fewer readings and older ones. Then the beliefs do not depend on the actions, and dynamic
 programming over the used share D of the edge's life gives the bound of a seed.
@@ -39,9 +39,10 @@ _FEEDS = np.arange(-0.16, 0.09, 0.02)  # log steps from the feed at the limit
 class NodeFilter:
     """An extended Kalman filter of depth and hardness in many bars with readings at the same places.
 
-    The simulator blends independent normal nodes, one correlation length apart. So each field is linear in four states, which the
-    filter keeps for depth (relative deviation) and for log hardness: the value at the tool, the node behind it, the bar's offset
-    and the node ahead, the last three in units of their spreads. Given the position, only the logarithm of depth is not linear.
+    The simulator blends independent normal nodes, one correlation length apart. So each field is linear in four states: the
+    value at the tool, the node behind it, the bar's offset and the node ahead. The last three are in units of their spreads.
+    The filter keeps them for depth (relative deviation) and for log hardness. Given the position, only the logarithm of depth
+    is not linear.
     """
 
     def __init__(self, scenario: Scenario, bars: int) -> None:

@@ -3,8 +3,8 @@
     python -m studies.headroom
     python -m studies.headroom --seeds 8
 
-The clairvoyant bound, the belief-state bound (``belief_bound.py``) for policies that know a bar only by its readings, the best
-agent that ships and the best rule, on the same held-out seeds.
+It compares two bounds, the best agent that ships and the best rule on the same held-out seeds. The belief-state bound
+(``belief_bound.py``) holds for policies that know a bar only by its readings; the clairvoyant bound knows all bars.
 """
 
 import argparse

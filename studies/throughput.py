@@ -7,8 +7,8 @@ It prints a Markdown table of this project and of every peer that is installed (
 turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
 used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
 
-``--against`` times one environment of RoughTurning-v0 and a batch, in turns in a process of this checkout and in one of another,
-and prints the ratios of their steps per CPU second.
+``--against`` times one environment of RoughTurning-v0 and a batch. A process of this checkout and one of another take turns. It
+prints the ratios of their steps per CPU second.
 """
 
 import argparse

@@ -6,10 +6,10 @@ edge:
     log P = log P_0(vc, f, ap, VB) + c_P log(1 + d / ap) + h_P (b + m) + (w_P / w_F) s
     log F = log F_0(vc, f, ap, VB) + c_F log(1 + d / ap) + h_F (b + m) + s
 
-with the nominal P_0 and F_0 at the depth ap of the drawing, the exponents c of depth, h of hardness and w of wear, the excess d
-of depth [mm], and the logarithms b of the bar's hardness, m of all bars' hardness, and s of the edge's force over nominal. The
-scenario's spreads and correlation lengths are the prior, and say how fast d and b change along the bar. So the filter knows how
-sure it is: it knows little of a new bar, and much of the next section of the same bar.
+P_0 and F_0 are nominal, at the depth ap of the drawing. The exponents are c of depth, h of hardness and w of wear; d is the
+excess of depth [mm]. The logarithms are b of the bar's hardness, m of all bars' hardness, and s of the edge's force over
+nominal. The scenario's spreads and correlation lengths are the prior, and set how fast d and b change along the bar. So the
+filter's variance is large for a new bar, and small for the next section of the same bar.
 
 Pairs of loads or feeds have power first and force second, along the first axis.
 """

@@ -4,9 +4,10 @@ It knows observations and the nominal model, as the policy does, and works in th
 
 1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
    share of the programmed one.
-2. **Limits.** A load observer (``observer.py``) compares measured with nominal loads. Cutting speed and feed are limited so that
-   the loads that it expects keep their limits: in the worst case between the actual and the commanded speed, at the next step of
-   depth, and where the next bar begins. If the asked removal rate is possible at another speed near, that speed is taken.
+2. **Limits.** A load observer (``observer.py``) compares measured with nominal loads. Cutting speed and feed are limited so
+   that the expected loads keep their limits. This holds in the worst case between the actual and the commanded speed, at the
+   next step of depth, and at the start of the next bar. If a nearby speed allows the requested removal rate, that speed is
+   taken.
 3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
 """
 

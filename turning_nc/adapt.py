@@ -1,7 +1,7 @@
 """Choose the feeds and speeds of a part program anew, and write it back with only its F and S words changed.
 
-Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest within the
-scenario's limits of force and power, the machine's range, and the tool life that the program used before.
+Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest. The limits
+are the scenario's force and power, the machine's range, and the tool life that the program used before.
 
 Within a block the depth of cut changes, but no word can. ``schedule`` therefore gives a table of feeds by position instead.
 """

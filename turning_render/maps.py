@@ -1,9 +1,9 @@
 """The operating map: cutting speed and feed, their feasible region, and the machine's path through it.
 
-``OperatingMap`` shows at every step what Figures 3, 6, 7 and 10 of Alaskari and Oraby (2018) show of four moments: contours of
-the metal removal rate, and the region that power, force and wear leave, which shrinks as the edge wears. Both axes are
-logarithmic, so that contours and limits, which are power laws, are straight lines and the region is a polygon. Where only the
-feed is set, ``FeedMap`` shows the feed along the bar, and what limits leave of it there.
+``OperatingMap`` shows contours of the metal removal rate, and the region that power, force and wear allow, which shrinks as the
+edge wears. Figures 3, 6, 7 and 10 of Alaskari and Oraby (2018) show the same at four moments. Both axes are logarithmic, so
+that contours and limits, which are power laws, are straight lines and the region is a polygon. If only the feed is set,
+``FeedMap`` shows the feed along the bar and its feasible range.
 """
 
 import math

@@ -184,8 +184,8 @@ def play_all(
 def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
     """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning.
 
-    Feasible rules are ranked by their return on the leaderboard of the id most like the scenario, so no seed that is played here
-    decides which is played.
+    Feasible rules are ranked by their return on the leaderboard of the id most like the scenario. So no seed that is played
+    here affects the choice.
     """
     usual = "RoughTurning-Override-v0" if scenario.control.action == "override" else "RoughTurning-v0"
     env_id = next((env_id for env_id, preset in IDS.items() if preset == scenario.name), usual)

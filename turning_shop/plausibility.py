@@ -1,7 +1,7 @@
 """Find implausible values in a sheet of cuts and in the laws fitted to it, and name the rows and the likely cause.
 
-Three checks: quantities of rows and laws outside their plausible ranges, laws that fall with a factor with which they must
-rise, and rows far from the law of the others.
+Three checks find quantities of rows and laws outside their plausible ranges; laws that fall with a factor with which they must
+rise; and rows far from the law of the others.
 """
 
 import itertools

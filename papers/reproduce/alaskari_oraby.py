@@ -1,9 +1,9 @@
 """Alaskari and Oraby (2018): the grid search, its tables, the life of its edge, and the tests that it was compared with.
 
-Table 1 (first minute) and Table 2 (second minute): the feed that the grid search chooses for each of 16 cutting speeds, and wear,
-force, power and removal rate there. Then the edge's whole life, played by the grid search on RoughTurning-Paper-v0, and compared
-with the tests at fixed speed and feed: first with the paper's wear, then with the same wear for all. The paper calls a minute a
-time interval.
+Table 1 (first minute) and Table 2 (second minute): the feed that the grid search chooses for each of 16 cutting speeds, and
+wear, force, power and removal rate there. The grid search then plays the edge's whole life on RoughTurning-Paper-v0. It is
+compared with the tests at fixed speed and feed, first with the paper's wear, then with the same wear for all. The paper calls a
+minute a time interval.
 """
 
 from collections.abc import Iterator

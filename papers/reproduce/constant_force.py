@@ -1,8 +1,9 @@
 """The roughness control paper: constant force by feed, its eight simulations (Table 1) and its statements on the control.
 
-Each simulation plays the preset `surface` with one reference of Ra for the whole 15 s on several seeds: at the table's feed
-without control, under control, and, for the two that the text shows, under the same law on the feed commanded before. Numbers are
-means over seeds and over time after the control has settled. "Saturated" means that the law asks for the highest override.
+Each simulation plays the preset `surface` with one reference of Ra for the whole 15 s on several seeds. It is played at the
+table's feed without control, and under control. The two that the text shows are also played under the same law on the feed
+commanded before. Numbers are means over seeds and over time after the control has settled. "Saturated" means that the law asks
+for the highest override.
 
 The text's equation (4), the reference force of a roughness, is lost. It is a regression on the same data as (5). Fitted to the
 forces of Table 1, F = c + d ln Ra gives all eight and the text's 570 N. As d times the exponent of (5) is the data's r2, below 1,

@@ -1,8 +1,8 @@
 """The fuzzy override paper: over-regulation of its first form and the cure, and the time that it saves.
 
 All on the stepped bar without randomness (``papers/stepped_bar.py``). The paper gives the ripple of depth, 2 %, but not its
-period: many are played. Over-regulation is any swing beyond what the load requires: against a slow ripple of 2 %, the override
-must move by 2 % over the exponent of feed in the power law.
+period: many are played. Over-regulation is any swing beyond the one that the load requires. Against a slow ripple of 2 %, that
+is 2 % over the exponent of feed in the power law.
 
 The idle torque of the drive is not in the text. One value is chosen, with which an override of 145 % holds the target load at
 2 mm; the time saved follows from it.

@@ -11,10 +11,11 @@ Its figures are lost. They are recomputed from exponents of engineering handbook
   rises. The slides bound speed and feed from above only, so the project's lowest speed and feed do not apply.
 * The allowance is normal, its dispersion being six standard deviations, above the least that roughness, defect layer and
   spatial deviation ask for (assumption; where a source lacks these, the handbooks').
-* Uncorrected, the path is made for the largest blank of its kind: passes of the same depth, counted from the finished part
-  outwards, as many as are cheapest in the mean. A smaller blank leaves less for the first passes, or only air. Corrected, every
-  blank is measured and divided anew into the cheapest number of equal passes. Either way the control is adaptive: speed and feed
-  of each pass are the rule's at the depth that it meets. Every pass also costs the time to return (0.1 min, assumption).
+* Uncorrected, the path is made for the largest blank of its kind. Its passes have the same depth, counted from the finished
+  part outwards; their number is the cheapest in the mean. A smaller blank leaves less for the first passes, or only air.
+  Corrected, every blank is measured and divided anew into the cheapest number of equal passes. Either way the control is
+  adaptive: speed and feed of each pass are the rule's at the depth that it meets. Every pass also costs the time to return (0.1
+  min, assumption).
 
 The gain is the paper's psi = (Q_0/Q_a - 1) 100 %, uncorrected over corrected cost of the mean part.
 """
