@@ -1,7 +1,7 @@
 """Feed override by spindle load, in the manner of commercial controls; and the programmed feed, to compare with.
 
-They keep the load at a target, a share of the power limit. Their classes state what they need of the nominal model; if
-nothing does, they need nothing. The laws and constants are assumptions, because no law is published.
+They keep the load at a target, a share of the power limit. The laws and constants are assumptions, because the makers publish
+none. Some need an exponent of the nominal law of power, as their classes say; the others need nothing of the nominal model.
 """
 
 import math

@@ -104,17 +104,11 @@ def zero(scenario: Scenario) -> Actions:
     return np.zeros(action_size(scenario), np.float32)
 
 
-def lowest(scenario: Scenario) -> Actions:
-    """Return the action of the lowest speed and feed, with parts in as many passes as possible; no edge is changed."""
-    return _extreme(scenario, -1.0)
+def extreme(scenario: Scenario, end: float) -> Actions:
+    """Return the action of the lowest (-1) or highest (1) speed and feed; no edge is changed.
 
-
-def highest(scenario: Scenario) -> Actions:
-    """Return the action of the highest speed and feed, with parts in one pass; no edge is changed."""
-    return _extreme(scenario, 1.0)
-
-
-def _extreme(scenario: Scenario, end: float) -> Actions:
+    Parts are turned in as many passes as possible at the lowest, and in one pass at the highest.
+    """
     action = np.full_like(zero(scenario), end)
     if scenario.control.action == "part":
         action[:2] = -end, 0.0  # number of passes, and the drawing's allowance
@@ -130,12 +124,12 @@ def _changes_edges(scenario: Scenario) -> bool:
 
 
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
-    first = scenarios[0]
+    first, idle = scenarios[0], extreme(scenarios[0], -1.0)
     each: Any = first if len(scenarios) == 1 else columns_of(scenarios)
     if first.control.action == "part":
-        return FirstThen(num_envs, lowest(first), first.workpiece.bars / 2.0, ConstantActions(zero(first)))
+        return FirstThen(num_envs, idle, first.workpiece.bars / 2.0, ConstantActions(zero(first)))
     steps = each.control.time_limit * 60.0 / each.control.interval
-    return FirstThen(num_envs, lowest(first), steps / 2.0, FixedParameters.programmed(each))
+    return FirstThen(num_envs, idle, steps / 2.0, FixedParameters.programmed(each))
 
 
 def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
@@ -159,12 +153,16 @@ def _constant(description: str, action: Callable[[Scenario], Actions], *, comman
 
 
 DEGENERATE = {
-    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", lowest),
+    "idle": _constant(
+        "degenerate: the lowest speed and feed; cuts as little as possible", lambda scenario: extreme(scenario, -1.0)
+    ),
     "wait_then_play": _rule("degenerate: idles for half of the episode, then the programmed speed and feed", _wait_then_play),
-    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", highest),
+    "fastest": _constant(
+        "degenerate: the highest speed and feed, until the edge breaks", lambda scenario: extreme(scenario, 1.0)
+    ),
     "never_cut": _constant(
         "degenerate: idles and changes the edge in every step, which leaves next to no time to cut",
-        lambda scenario: _changing(lowest(scenario)),
+        lambda scenario: _changing(extreme(scenario, -1.0)),
         commanded=True,
     ),
     "change_every_step": _constant(

@@ -98,7 +98,7 @@ class Process:
         """Return the nominal process of a scenario.
 
         The scenario's limit of torque holds. Without one it follows from full spindle power at the base speed, and without that
-        at the geometric middle of the range of cutting speeds (assumption). The idle torque is not told.
+        at the geometric middle of the range of cutting speeds (assumption). The idle torque is unknown.
         """
         material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
         torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)

@@ -22,7 +22,7 @@ STATE_DEVIATION = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
 
 
-class ToldFilter(LoadFilter):
+class TrueStateFilter(LoadFilter):
     """A load filter that also gets the true state at the tool. Slopes along the bar follow from successive true states."""
 
     truth: Mapping[str, Any]
@@ -42,13 +42,13 @@ class ToldFilter(LoadFilter):
 class PerfectState(Predictive):
     """``Predictive`` on true states; call ``tell`` before every action."""
 
-    _filter: ToldFilter
+    _filter: TrueStateFilter
 
     def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int) -> None:
         super().__init__(scenario, num_envs, severity=1.0, caution=1.0)
 
-    def _new_filter(self, num_envs: int) -> ToldFilter:
-        return ToldFilter(self._scenarios, num_envs)
+    def _new_filter(self, num_envs: int) -> TrueStateFilter:
+        return TrueStateFilter(self._scenarios, num_envs)
 
     def tell(self, infos: Mapping[str, Any]) -> None:
         """Take the ``infos`` that came with the next observations."""

@@ -23,22 +23,10 @@ def test_the_filter_is_scipys_as_if_the_first_sample_had_lasted_for_ever() -> No
     assert filtered == pytest.approx(np.abs(sosfilt(butter(ORDER, 0.3, output="sos"), steady, axis=0)[400:]), abs=1e-9)
 
 
-def test_the_root_mean_square_is_that_of_the_last_samples() -> None:
-    one, other = Smoother(2, 1, 0.999, 3), Smoother(2, 1, 0.999, 1)
-    seen, last = [], []
-    for value in (3.0, 4.0, 5.0, 6.0):
-        samples = np.array([[value], [2.0]])
-        seen.append(one.update(samples)[:, 0])
-        last.append(other.update(samples)[:, 0])
-    for step, row in enumerate(seen):
-        assert row == pytest.approx(np.sqrt(np.mean(np.square(last[max(step - 2, 0) : step + 1]), axis=0)))
-
-
-@pytest.mark.parametrize("cutoff", [0.1, 0.9])
-def test_the_filters_delay_is_the_slope_of_its_phase(cutoff: float) -> None:
-    frequency = 1e-3
-    _, response = sosfreqz(butter(ORDER, cutoff, output="sos"), [frequency])
-    assert delay(cutoff) == pytest.approx(-np.angle(response[0]) / frequency, rel=1e-3)
+def test_the_filters_delay_is_the_slope_of_its_phase() -> None:
+    for cutoff in (0.1, 0.9):
+        _, response = sosfreqz(butter(ORDER, cutoff, output="sos"), [1e-3])
+        assert delay(cutoff) == pytest.approx(-np.angle(response[0]) / 1e-3, rel=1e-3)
 
 
 @pytest.mark.parametrize(("force", "feed"), [(0.0, 0.1), (1500.0, 0.4)])
