@@ -125,9 +125,10 @@ class Optimiser:
     def _price(self, used_life: Array) -> Array:
         """Return the price of a life [s] at used shares, shape (num_envs,)."""
         table = np.arange(len(used_life)) % len(self._prices)
-        share, place = between(used_life * len(USED_LIVES) - 1.0, len(USED_LIVES))
+        position = np.clip(used_life * len(USED_LIVES) - 1.0, 0.0, len(USED_LIVES) - 1.0)
+        place = np.minimum(position.astype(np.int64), len(USED_LIVES) - 2)
         low, high = (self._prices[table, place + step] for step in (0, 1))
-        return np.asarray(low + share * (high - low))
+        return np.asarray(low + (position - place) * (high - low))
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
@@ -206,13 +207,6 @@ class Optimiser:
             return np.broadcast_to(least, commanded.shape), np.broadcast_to(most, commanded.shape)
         step = getattr(self._scenario.control, f"{name}_step")
         return np.clip(log(commanded) - step, least, most), np.clip(log(commanded) + step, least, most)
-
-
-def between(place: Array, count: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return where places in a table of so many rows lie: shares of the way to the next row, and rows."""
-    place = np.clip(place, 0.0, count - 1.0)
-    row = np.minimum(place.astype(np.int64), max(count - 2, 0))
-    return place - row, row
 
 
 def column(value: Any) -> Any:

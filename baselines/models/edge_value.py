@@ -8,8 +8,7 @@ life, the set point maximises
 
 where p(D) is the price at which the best set points, averaged over bars, gain nothing. This is dynamic programming over D, with
 one equation per D, because the used life only grows (Bellman 1957). The charged price does not enter, because a whole edge costs
-the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate. A slower or
-faster lot only changes the price of time, as its edges last longer or shorter.
+the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate.
 
 If edges are changed and time is limited, a second costs what it could earn elsewhere. At that price of time, a whole edge just
 pays for itself, its change and their time. If edges are changed on command, worthless life need not be used: the price is at
@@ -49,17 +48,12 @@ class Worth(NamedTuple):
     """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
 
 
+@lru_cache(maxsize=1024)
 def worth(scenario: Scenario, overload_price: float) -> Worth:
     """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
 
     The arrays are cached, because they can take half a second to compute: do not write to them.
     """
-    return worth_of_lots(scenario, overload_price, (1.0,))[0]
-
-
-@lru_cache(maxsize=1024)
-def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float, ...]) -> list[Worth]:
-    """Return ``worth`` for lots of edges that use their life at so many times the nominal rate, at which dD is still counted."""
     value, rate, weight = _outcomes(scenario, overload_price)
     least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
 
@@ -69,22 +63,20 @@ def worth_of_lots(scenario: Scenario, overload_price: float, rates: tuple[float,
         return np.maximum(found, least)
 
     if scenario.control.edge_changes == "end":
-        return [Worth(1.0, prices(1.0))] * len(rates)
+        return Worth(1.0, prices(1.0))
     economics = scenario.economics
 
-    def gain_of_an_edge(time_price: float, faster: float) -> float:
+    def gain_of_an_edge(time_price: float) -> float:
         change = time_price * economics.edge_change_time
-        return float(prices(time_price).mean()) / faster - 60.0 * (economics.edge_cost + change)
+        return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
 
-    def time_price(faster: float) -> float:
-        if gain_of_an_edge(0.0, faster) <= 0.0:
-            return 0.0  # the edge does not even pay for itself
+    time_price = 0.0  # the edge does not even pay for itself
+    if gain_of_an_edge(0.0) > 0.0:
         from scipy.optimize import brentq  # takes as long as most other imports of the catalogue
 
         most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
-        return float(brentq(gain_of_an_edge, 0.0, most, (faster,), xtol=1e-3))
-
-    return [Worth(price, prices(price)) for price in map(time_price, rates)]
+        time_price = float(brentq(gain_of_an_edge, 0.0, most, xtol=1e-3))
+    return Worth(time_price, prices(time_price))
 
 
 def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
