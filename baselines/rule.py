@@ -34,7 +34,7 @@ class Rule:
     """Whether a quick tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     together: bool = False  # whether ``build`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None
-    """The preset or family on which it is tuned for all scenarios; for slow rules with parameters without unit."""
+    """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
 
     @property
     def ranges(self) -> dict[str, Range]:
