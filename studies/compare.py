@@ -66,7 +66,7 @@ class Variant(BaseModel):
     """Values of the scenario that differ in training and in play, by section."""
     trainings: int = Field(0, ge=0)
     """Number of training seeds; 0: that of the study."""
-    told: str | None = None
+    true_fields: str | None = None
     """Prefix of the fields whose true values the controller receives on jobs; None: of none."""
 
 
@@ -220,8 +220,8 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
 def _play_jobs(variant: Variant, jobs: int) -> Episodes:
     """Play the family's first training jobs with a controller, perhaps with some true laws."""
     family = Family.load("shop")
-    if variant.told is not None:
-        family = truthful(family, variant.told)
+    if variant.true_fields is not None:
+        family = truthful(family, variant.true_fields)
     make = catalogue.spec(variant.policy, [family.job(number).scenario for number in range(jobs)]).make
     return play_family(family, "train", range(jobs), make, "hidden")
 

@@ -23,7 +23,7 @@ SOAKS = os.environ.get("HYPOTHESIS_PROFILE") == "soak"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what only ``make soak`` runs, and begin with the longest tests, so that no worker is left with one at the end."""
+    """Leave out tests of ``make soak``, and begin with the longest tests, so that no worker ends with one."""
     left_out = [item for item in items if item.get_closest_marker("soak")] if not SOAKS else []
     if left_out:
         config.hook.pytest_deselected(items=left_out)

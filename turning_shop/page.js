@@ -64,7 +64,7 @@ function part(at, found) {
   return { parts, cycle_time: cycle, mean_removal_rate: volume / withChange, cost: minute * withChange + edge / parts };
 }
 
-/** All that follows from settings: values, 95 % intervals of fitted laws, and whether a law is used beyond what was measured. */
+/** Results of settings: values, 95 % intervals of fitted laws, and whether a law is used outside its measured range. */
 function results(at) {
   const found = cut(at);
   const values = { ...found, ...part(at, found) };
@@ -266,15 +266,15 @@ function update() {
     interval.textContent = intervals[name] ? intervals[name].map(shown).join(' to ') : '';
     return row;
   }));
-  const told = document.getElementById('cheapest');
+  const advice = document.getElementById('cheapest');
   if (best && !costless) {
     const go = document.createElement('button');
     go.type = 'button';
     go.textContent = 'choose it';
     go.addEventListener('click', () => set({ cutting_speed: best.cutting_speed, feed: best.feed }));
-    told.replaceChildren(`Cheapest within limits: ${best.cutting_speed.toFixed(0)} m/min, ${best.feed.toFixed(3)} mm/rev, `
+    advice.replaceChildren(`Cheapest within limits: ${best.cutting_speed.toFixed(0)} m/min, ${best.feed.toFixed(3)} mm/rev, `
       + `${shown(best.cost)} ${unit} per part `, go);
-  } else told.textContent = best ? 'An insert has a price in money: set an hourly rate.' : 'No speed and feed keep the limits.';
+  } else advice.textContent = best ? 'An insert has a price in money: set an hourly rate.' : 'No speed and feed keep the limits.';
   drawMap(costless ? null : best);
 }
 

@@ -1,4 +1,4 @@
-"""The normal distribution in compiled loops, with elementary functions that have the same bits on all processors."""
+"""The normal distribution in compiled loops, with the same bits on all processors."""
 
 import math
 

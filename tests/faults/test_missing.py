@@ -1,4 +1,4 @@
-"""Optional packages that are not installed: one line that says what to do, or no matter at all."""
+"""Optional packages that are not installed: one line that says what to do, or no effect."""
 
 import os
 import subprocess

@@ -32,7 +32,7 @@ LAWS = {path for path in FIELDS if path[0] == "material"}
 
 
 def value_of(path: Path) -> st.SearchStrategy[Any]:
-    """Values that the schema allows: ends of the range as often as what lies between, evenly and by order of magnitude."""
+    """Values that the schema allows: ends of the range as often as values between, evenly and by order of magnitude."""
     entry = FIELDS[path]
     if "enum" in entry:
         return st.sampled_from(entry["enum"])
@@ -70,7 +70,7 @@ def scenarios() -> st.SearchStrategy[Scenario]:
 
 
 def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
-    """The values, changed where they do not go together with others."""
+    """Return the values, changed if they contradict others."""
     changed = deepcopy(drawn)
     machine, control, surface, sensors = (changed[name] for name in ("machine", "control", "surface", "sensors"))
     for name in ("cutting_speed", "feed"):

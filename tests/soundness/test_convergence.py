@@ -1,4 +1,4 @@
-"""The integration's order: first. Twice as many sub-steps halve the error of what an episode's beginning gives."""
+"""The integration's order: first. Twice as many sub-steps halve the error of an episode's first sums."""
 
 from typing import Any
 

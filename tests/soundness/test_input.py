@@ -1,4 +1,4 @@
-"""Whatever the scenario, the actions and the seed: what an environment tells is finite and within its space, or it refuses."""
+"""For any scenario, actions and seed, outputs are finite and within their spaces, or the environment refuses."""
 
 import copy
 import decimal
@@ -14,7 +14,7 @@ from tests.soundness.scenarios import FIELDS, reconciled, values
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 
 ADDRESSES = {".".join(path) for path in FIELDS} | {path[-1] for path in FIELDS}
-"""Every value, as a refusal may call it."""
+"""Names of all values in refusals."""
 
 
 def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:

@@ -93,7 +93,7 @@ def test_removed_volume_is_the_allowance_over_the_way_cut(
 
 
 STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion": 5.0})
-"""One metal, one depth, no lags; six seconds of constant speed and feed."""
+"""A lathe with one metal, one depth and no lags; six seconds of constant speed and feed."""
 
 
 def first_interval(scenario: Scenario, speed: float, feed: float) -> dict[str, Any]:

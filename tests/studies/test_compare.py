@@ -82,7 +82,7 @@ def _played(returns: Floats) -> Played:
 
 @pytest.mark.slow
 def test_a_controller_is_told_the_truth_on_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--variants", "as_it_is", "told_truth", "--episodes", "1", "--runs", str(tmp_path / "runs")]
+    arguments = ["--variants", "as_it_is", "true_laws", "--episodes", "1", "--runs", str(tmp_path / "runs")]
     assert main(["family_ablation", *arguments]) == 0
     _, _, told, true = (cells(line)[1] for line in capsys.readouterr().out.splitlines())
     assert told != true

@@ -40,7 +40,7 @@ FAILING: dict[str, dict[str, Any]] = {
 """Sections with which edges collapse and chip, wear speeds up, chips tangle and bars bend within a few steps."""
 
 UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
-"""One metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
+"""A lathe with one metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
 
 
 HOT_SPINDLE = changed(

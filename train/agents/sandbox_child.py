@@ -1,4 +1,4 @@
-"""The process in which a stranger's network is checked and run. It holds that file, observations and actions, and nothing else.
+"""The process that checks and runs a submitted network. It holds only that file, observations and actions.
 
 It starts with an empty environment and, before it sees the file, limits itself: its memory and processor time, no writing, and no
 opening of files or connections. It imports nothing of the project's environment, which it must not know. ``onnx_policy.py`` is
@@ -25,7 +25,7 @@ _CHECK_EVERY = 32  # ... and then one of so many at random, which no network can
 
 
 class Connection:
-    """One end of a connection that carries messages: a kind and bytes. Neither side trusts the other to be quick.
+    """One end of a connection for messages: a kind and bytes. Neither side trusts the other to be quick.
 
     Args:
         connection: a connected socket.

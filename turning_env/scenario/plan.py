@@ -37,7 +37,7 @@ class Section(SimpleNamespace):
 
 
 class Columns(Section):
-    """Many scenarios: a section per subject, with arrays of shape (scenarios,) where they differ, and numbers where not."""
+    """Many scenarios: a section per subject, with arrays of shape (scenarios,) for values that differ, and numbers for others."""
 
     def __init__(self, values: dict[str, Any], nominal: "Columns | None" = None) -> None:
         def section(table: dict[str, Any]) -> Section:

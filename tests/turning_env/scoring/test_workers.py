@@ -1,4 +1,4 @@
-"""Every piece of work gives one result, whatever happens to the processes that do it."""
+"""Every piece of work gives one result, even if its process dies."""
 
 import os
 import signal
