@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from turning_env.extras import HOW, missing
-
 ROOT = Path(__file__).parents[2]
 WITHOUT = """
 import importlib.abc, os, sys
@@ -32,6 +30,12 @@ def without(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def python(without: Path, package: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Run Python where a package is missing."""
+    variables = os.environ | {"WITHOUT": package, "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
+    return subprocess.run([sys.executable, *arguments], cwd=ROOT, env=variables, capture_output=True, text=True, check=False)
+
+
 @pytest.mark.parametrize(
     ("package", "command"),
     [
@@ -44,9 +48,7 @@ def without(tmp_path: Path) -> Path:
     ],
 )
 def test_what_is_missing_is_said_in_one_line(package: str, command: str, without: Path) -> None:
-    words = command.replace("FILE", str(without / "film")).split()
-    variables = os.environ | {"WITHOUT": package, "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
-    finished = subprocess.run([sys.executable, "-m", *words], cwd=ROOT, env=variables, capture_output=True, text=True)
+    finished = python(without, package, "-m", *command.replace("FILE", str(without / "film")).split())
     assert finished.returncode == 2, finished.stderr
     (line,) = finished.stderr.splitlines()
     assert line.startswith("error: ")
@@ -55,28 +57,14 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
-    variables = os.environ | {"WITHOUT": "shapely", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
     code = "import gymnasium; gymnasium.make('turning_env:RoughTurning-Program', program='part.mpf')"
-    finished = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    finished = python(without, "shapely", "-c", code)
     assert finished.stderr.count("Traceback") == 1
     last = finished.stderr.splitlines()[-1]
     assert last == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning[programs]'"
 
 
 def test_without_torch_rules_are_played(without: Path) -> None:
-    words = ["leaderboard", "run", "--env", "RoughTurning-Override-v0", "--seeds", "1", "--policies", "programmed_feed"]
-    variables = os.environ | {"WITHOUT": "torch", "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
-    command = [sys.executable, "-m", *words, "--results", str(without / "results")]
-    assert subprocess.run(command, cwd=ROOT, env=variables, capture_output=True).returncode == 0
+    words = ["-m", "leaderboard", "run", "--env", "RoughTurning-Override-v0", "--seeds", "1", "--policies", "programmed_feed"]
+    assert python(without, "torch", *words, "--results", str(without / "results")).returncode == 0
     assert (without / "results" / "index.html").exists()
-
-
-def test_other_failures_are_not_hidden() -> None:
-    assert missing(ModuleNotFoundError("no", name="torch.nn")) == f"torch is not installed: {HOW['torch']}"
-    assert missing(ModuleNotFoundError("no", name="turning_env.nothing")) is None
-    assert missing(ImportError("no", name="torch")) is None
-    assert missing(ValueError("no")) is None
-    finished = subprocess.run(
-        [sys.executable, "-c", "import train, sys; print(sys.excepthook is sys.__excepthook__)"], cwd=ROOT, capture_output=True
-    )
-    assert finished.stdout == b"True\n"  # a program that imports the packages keeps its own

@@ -50,7 +50,7 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp
     folders = [str(a_run(tmp_path, seed, line(-1.0 - seed / 3.0))) for seed in (0, 1)]
     assert curves.main([*folders, "--out", str(file)]) == 0
     for sources, picture in zip((folders, [str(file)]), pictures, strict=True):
-        assert curves.main([*sources, "--out", str(picture)]) == 0
+        assert curves.main([*sources, "--out", str(picture), "--level", "predictive=-75", "--level", "a=b=-160.5"]) == 0
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
     assert curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file), "--again"]) == 0

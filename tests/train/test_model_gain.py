@@ -61,13 +61,6 @@ def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> Non
     assert points(second.cutting) == [1, 1, 0, 0, 0]
 
 
-def test_a_changed_edge_cuts_nothing_and_keeps_the_used_life_of_the_old_one() -> None:
-    truth = truth_of(state(100.0, used_life=0.9), state(110.0, used_life=0.0), changed=True)
-    assert points(truth.cutting) == [0.0] * POINTS
-    assert points(truth.used_life) == pytest.approx([0.9] * POINTS)
-    assert (float(truth.changed), float(truth.failed)) == (1.0, 0.0)
-
-
 PRICES = {each.digest(): worth(each, each.economics.overload_price) for each in (BASE, SHIFT, OVERRIDE)}
 PRICES[JOB.digest()] = flat_prices(JOB)
 
@@ -154,15 +147,6 @@ def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
     assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
 
 
-def test_prices_are_interpolated_between_used_lives() -> None:
-    gain, nodes = gain_of(BASE), PRICES[BASE.digest()].life
-    used = torch.tensor([-1.0, 2.25 / len(nodes), 1.0, 2.0])
-    assert gain.price(used).tolist() == pytest.approx(
-        [nodes[0], 0.75 * nodes[1] + 0.25 * nodes[2], nodes[-1], nodes[-1]], rel=1e-5
-    )
-    assert len(set(gain_of(JOB).price(used).tolist())) == 1  # a job ends before the edge
-
-
 def test_going_on_with_changed_edges() -> None:
     gain = gain_of(SHIFT)
     commands = torch.full((1, 1), math.log(160.0)), torch.full((1, 1), math.log(0.12))
@@ -175,17 +159,6 @@ def test_going_on_with_changed_edges() -> None:
     _, found_worn = gain(*commands, *now, truth_of(worn, fresh, changed=True, failed=True))
     assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * PRICES[SHIFT.digest()].time)
     assert float(gain(*commands, *now, truth_of(air, air))[1]) == 0.0
-
-
-def test_an_edge_is_changed_where_going_on_loses_on_average() -> None:
-    gain = gain_of(SHIFT)
-    for outcomes in ([0.2, 0.1, -0.2], [0.2, -0.1, -0.2]):
-        score = torch.zeros(1, requires_grad=True)
-        gain.edge_change_gain(score, torch.tensor(outcomes)).sum().backward()  # type: ignore[no-untyped-call]
-        assert score.grad is not None
-        assert score.grad.item() == pytest.approx(-0.5 * sum(outcomes))
-    value = gain.edge_change_gain(torch.tensor([1.0, 1.0]), torch.tensor([2.0, -2.0])).tolist()
-    assert value == pytest.approx([-2.0 * math.log1p(math.e), -2.0 * math.log1p(math.exp(-1.0))])
 
 
 def test_an_edge_that_has_borne_a_force_does_not_break_at_it() -> None:

@@ -1,7 +1,5 @@
 """Many environments: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
 
-import re
-
 import gymnasium
 import numpy as np
 import pytest
@@ -119,19 +117,6 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed, said):
         env.reset(seed=seed)
     for _ in range(5):
         assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
-
-
-def test_step_needs_episodes_under_way():
-    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.DISABLED)
-    with pytest.raises(ResetNeeded):
-        env.step(np.zeros((2, 2)))
-    env.reset(seed=0)
-    ended = np.zeros(2, bool)
-    while not ended.any():
-        _, _, terminated, truncated, _ = env.step(np.zeros((2, 2)))
-        ended = terminated | truncated
-    with pytest.raises(ResetNeeded, match=re.escape(f"environments {np.flatnonzero(ended).tolist()} have ended")):
-        env.step(np.zeros((2, 2)))
 
 
 def test_bad_arguments_are_refused():
