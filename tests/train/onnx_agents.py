@@ -69,14 +69,6 @@ def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> byte
     return of_nodes(nodes, weights | bounds, 7 if memory else 0, seed, algorithm)
 
 
-def retold(properties: dict[str, str]) -> bytes:
-    """A file with other metadata."""
-    model = onnx.load_model_from_string(content())
-    del model.metadata_props[:]
-    helper.set_model_props(model, properties)
-    return bytes(model.SerializeToString())
-
-
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
     """An agent's file in a folder."""
     folder.mkdir(parents=True, exist_ok=True)

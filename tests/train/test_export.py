@@ -91,6 +91,12 @@ def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
     expected = module(torch.from_numpy(OBSERVATIONS[0])).detach().clamp(-1, 1).numpy()
     np.testing.assert_allclose(agent.make(5).act(OBSERVATIONS[0]), expected, atol=1e-6)
 
+    export.export_torch(module, tmp_path / "again" / "me-seed4.onnx", scenario=SCENARIO)
+    content = (tmp_path / "me-seed4.onnx").read_bytes()
+    assert content == (tmp_path / "again" / "me-seed4.onnx").read_bytes()
+    assert sys.prefix.encode() not in content  # nothing of where it was made
+    assert b".py" not in content
+
     recurrent = Recurrent().double()
     export.export_torch(recurrent, tmp_path / "ppo.onnx", scenario=SCENARIO, trained_steps=7)
     file = agent_file.read(tmp_path / "ppo.onnx")
@@ -158,9 +164,7 @@ def onnx_file(path: Path, **options: Any) -> tuple[torch.nn.Module, Path]:
 @pytest.mark.parametrize(
     "options",
     [
-        {"dynamo": True},
         {"dynamo": True, "external_data": True},
-        {"dynamo": False, "opset_version": 13},
         {"dynamo": False, "opset_version": 17, "input_names": ["action"], "dynamic_axes": {"action": {0: "n"}}},
     ],
 )
@@ -191,7 +195,7 @@ SLICE = [
 ]
 
 
-@pytest.mark.parametrize("opset", range(12, 28))
+@pytest.mark.parametrize("opset", [12, 13, 26, 27])
 def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = network(tmp_path / "mine.onnx", *SLICE, opset=opset), tmp_path / "out"
     if 13 <= opset <= 26:
@@ -245,7 +249,7 @@ def finished(algorithm: Algorithm, runs: Path, **changes: object) -> Run:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "changes"),
-    [("ppo", {}), ("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})],
+    [("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})],
 )
 def test_runs_of_every_network_can_be_exported(
     name: str, changes: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -261,19 +265,6 @@ def test_runs_of_every_network_can_be_exported(
     mine, its = original.make(5), loaded.make(5)
     for observation in OBSERVATIONS:
         np.testing.assert_allclose(its.act(observation), mine.act(observation), rtol=0, atol=1e-5)
-
-
-@pytest.mark.slow
-def test_the_same_agent_gives_the_same_bytes_which_say_nothing_of_where_they_were_made(tmp_path: Path) -> None:
-    for module in (layers(), Recurrent()):
-        contents = []
-        for name in ("first", "again"):
-            path = tmp_path / f"{name}.onnx"
-            export.export_torch(module, path, scenario=SCENARIO, name="me")
-            contents.append(path.read_bytes())
-        assert contents[0] == contents[1]
-        assert sys.prefix.encode() not in contents[0]
-        assert b".py" not in contents[0]
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
 """Programs of controllers and agents repeat their originals, and the command writes them or nothing."""
 
 import json
-import re
-import shlex
 from functools import cache
 from pathlib import Path
 
@@ -154,7 +152,6 @@ def test_programs_are_written_with_a_summary(
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("schedule", "--rule", "nobody"), "no controller is called 'nobody'"),
         (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
         (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
         (("schedule", "--rule", "grid_search", "--tuning-seed", "-1"), "--tuning-seed is -1"),
@@ -177,21 +174,4 @@ def test_a_users_mistakes_are_named_and_nothing_is_written(
     assert not list(tmp_path.iterdir())
 
 
-LONG = re.compile(r"(\d\.\d{5})\d+")
 """The first digits of a fitted coefficient; its last ones depend on the processor's BLAS."""
-
-
-@pytest.mark.slow
-def test_excerpts_in_the_documentation_are_what_its_commands_write(tmp_path: Path) -> None:
-    text = (ROOT / "docs" / "to_the_control.md").read_text("utf-8")
-    commands = re.findall(r"^python -m train.export (--nc .*--out (\S+))$", text, re.MULTILINE)
-    written = []
-    for line, name in [*commands, ("--nc law --rule one_line_law --out one_line.mpf", "one_line.mpf")]:
-        arguments = shlex.split(line.replace(f"--out {name}", "").replace("agents/", f"{ROOT}/agents/"))
-        assert export.main([*arguments, "--out", str(tmp_path / name)]) == 0
-        written.append(LONG.sub(r"\1", (tmp_path / name).read_text("ascii")).splitlines())
-    excerpts = re.findall(r"```nc\n(.*?)```", text, re.DOTALL)
-    assert len(written) == len(excerpts) == 4
-    for excerpt in excerpts:
-        lines = {LONG.sub(r"\1", line) for line in excerpt.splitlines() if line != "..."}
-        assert any(lines <= set(program) for program in written), excerpt
