@@ -71,8 +71,8 @@ def render(files: Sequence[AgentFile], boards: Sequence[Leaderboard], splits: Se
     across = table.across([*boards, *splits]) if splits else None
     elsewhere = []  # split, full cost there, whether feasible there
     if across and across.tuned_for == metadata.scenario.name and first.name in across.rows:
-        cells = ((split, across.cell(first.name, split)) for split in across.scenarios[1:])
-        elsewhere = [(split, cell, across.feasible(first.name, split)) for split, cell in cells if cell is not None]
+        played = across.rows[first.name]
+        elsewhere = [(split, *played[split]) for split in across.scenarios[1:] if split in played]
     bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
     ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
     templates = Environment(  # what it writes is Markdown, not HTML

@@ -13,7 +13,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -199,9 +198,11 @@ def draw_operating_points(played: Played, scenario: Scenario) -> Figure | None:
         done = np.flatnonzero(np.isfinite(speeds))
         ends = [f"{speeds[place]:.0f} m/min, {feeds[place]:.2f} mm/rev" for place in (done[0], done[-1])]
         axes.set_title(f"{label}\nfrom {ends[0]}\nto {ends[1]}", loc="left")
-        axes.set_xlabel("cutting speed [m/min], log scale")
-    panels[0].set_ylabel("feed [mm/rev], log scale")
-    _zoom(panels, played, scenario)
+        axes.set_xlabel("cutting speed [m/min]")
+    panels[0].set_ylabel("feed [mm/rev]")
+    for axis, name in (("x", "cutting_speed"), ("y", "feed")):
+        values = np.concatenate([_while_cutting(episodes, itemgetter(name)) for episodes in played.values()])
+        panels[0].set(**{f"{axis}lim": (0.95 * values.min(), 1.05 * values.max())})
     for axes in panels:
         _draw_limits(axes, scenario)
     figure.colorbar(ScalarMappable(Normalize(0.0, 1.0), _LIFE), ax=list(panels), label="used share of the edge's life", pad=0.01)
@@ -219,25 +220,10 @@ def draw_operating_points(played: Played, scenario: Scenario) -> Figure | None:
     )
 
 
-def _zoom(panels: Sequence[Axes], played: Played, scenario: Scenario) -> None:
-    """Make both axes logarithmic, around what was used."""
-    for axis, name in (("x", "cutting_speed"), ("y", "feed")):
-        values = np.concatenate([_while_cutting(episodes, itemgetter(name)) for episodes in played.values()])
-        low, high = (getattr(scenario.machine, f"{name}_{end}") for end in ("min", "max"))
-        bounds = max(values.min() / 1.1, low / 1.02), min(values.max() * 1.1, high * 1.02)
-        digits = (1, 1.5, 2, 3, 4, 6) if bounds[1] > 3.0 * bounds[0] else (1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 4, 5, 6, 8)
-        for axes in panels:
-            axes.set(**{f"{axis}scale": "log", f"{axis}lim": bounds})
-            subject = getattr(axes, f"{axis}axis")
-            subject.set_major_locator(LogLocator(subs=digits, numticks=20))
-            subject.set_major_formatter("{x:g}")
-            subject.set_minor_locator(NullLocator())
-
-
 def _draw_limits(axes: Axes, scenario: Scenario) -> None:
     """Draw where force and power reach their limits at nominal depth and hardness, for edges of several wears."""
     process = Process.of(scenario)
-    speeds = np.geomspace(*axes.get_xlim(), 100)
+    speeds = np.linspace(*axes.get_xlim(), 100)
     for used in _WORN:
         wear = process.wear_criterion * used**process.wear.time
         for limit, dashes in zip((process.thrust_force, process.power), _LIMIT_STYLES.values(), strict=True):

@@ -23,7 +23,6 @@ from leaderboard.result import (
 )
 from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
-from train.agents import onnx_policy
 from train.learning_curves import FILE, Training, Trainings
 from train.run import Run
 from turning_env import Scenario
@@ -165,16 +164,15 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     # One training seed stands for an agent: the first given.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
     missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))]
-    seeds: dict[str, list[int]] = {}
-    for name, seed in missing:
-        seeds.setdefault(name, []).append(seed)
-    pieces = [(name, (able[name], run.task.scenario, its)) for name, its in seeds.items()]
+    pieces = [(place, (able[place[0]], run.task.scenario, place[1])) for place in missing]
     try:
         with tqdm(total=len(missing), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
-            for name, recorded in spread(over, _trajectories, pieces):
-                trajectories |= {(name, each.seed): each for each in recorded if isinstance(each, Trajectory)}
-                complaints += [each for each in recorded if isinstance(each, ResultError)]
-                bar.update(len(seeds[name]))
+            for place, recorded in spread(over, _trajectory, pieces):
+                if isinstance(recorded, ResultError):
+                    complaints.append(recorded)
+                else:
+                    trajectories[place] = recorded
+                bar.update()
     finally:  # keep what is finished, and what another run has recorded meanwhile
         with exclusive_lock(run.folder.parent, wait=True):
             _, wanted, recorded_before = _recorded(run)
@@ -197,14 +195,10 @@ def _recorded(run: TaskRun) -> tuple[dict[str, str], list[tuple[str, int]], dict
     return names, wanted, {(names[episode.policy.label], episode.seed): episode for episode in episodes}
 
 
-def _trajectories(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> list[Trajectory | ResultError]:
-    """Record one episode per seed, or why the policy cannot play it: no further one is tried."""
-    spec, scenario, seeds = piece
-    recorded = list[Trajectory | ResultError]()
+def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:
+    """Record one episode, or return why the policy cannot play it."""
+    spec, scenario, seed = piece
     try:
-        with onnx_policy.in_one_process(spec.make, len(seeds)) as make:
-            for seed in seeds:
-                recorded.append(record(spec, scenario, seed, make))
+        return record(spec, scenario, seed)
     except ValueError as error:
-        recorded.append(ResultError(f"{spec.label} cannot play seed {seeds[len(recorded)]}: {error}"))
-    return recorded
+        return ResultError(f"{spec.label} cannot play seed {seed}: {error}")

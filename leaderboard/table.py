@@ -109,18 +109,8 @@ class Across:
     tuned_for: str
     """The scenario to which the rules are tuned and on which the agents are trained: the first column."""
     scenarios: list[str]
-    rows: dict[str, dict[str, Standing]]
-    """For each policy by name, its standing on each scenario on which it has played."""
-
-    def cell(self, policy: str, scenario: str) -> Cell | None:
-        """Return the policy's full cost on a scenario, None if it has not played there."""
-        standing = self.rows[policy].get(scenario)
-        return None if standing is None else FULL_COST.cell(standing)
-
-    def feasible(self, policy: str, scenario: str) -> bool:
-        """Return whether the policy is feasible on a scenario, or has not played there."""
-        standing = self.rows[policy].get(scenario)
-        return standing is None or standing.feasible
+    rows: dict[str, dict[str, tuple[Cell, bool]]]
+    """For each policy by name, its full cost and whether it is feasible, on each scenario on which it has played."""
 
 
 def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
@@ -135,22 +125,26 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
         if home not in tuned_for or home.name in splits:
             continue
         chosen = [each for name in SPLITS if (each := splits.get(name)) and each.task.env_id == base.task.env_id]
-        rows: dict[str, dict[str, Standing]] = {each.name: {home.name: each} for each in base.standings if each.full_cost}
+        rows = {each.name: {home.name: _full_cost(each)} for each in base.standings if each.full_cost}
         for split in chosen:
             names, policies = split.names, [result.policy for result in split.results]
             counted = {names[policy.label] for policy in policies if policy.tuned_for == home or policy.kind == "oracle"}
             for standing in split.standings:
                 if standing.name in rows and standing.name in counted:
-                    rows[standing.name][split.task.scenario.name] = standing
+                    rows[standing.name][split.task.scenario.name] = _full_cost(standing)
         return Across(home.name, [each.task.scenario.name for each in (base, *chosen)], rows)
     return None
+
+
+def _full_cost(standing: Standing) -> tuple[Cell, bool]:
+    return FULL_COST.cell(standing), standing.feasible
 
 
 def render_across(table: Across) -> str:
     """Return the table as text."""
     rows = [["policy", *table.scenarios]]
-    for policy in table.rows:
-        cells = [(table.cell(policy, scenario), table.feasible(policy, scenario)) for scenario in table.scenarios]
-        rows.append([policy, *("" if cell is None else cell.text + ("" if feasible else " NO") for cell, feasible in cells)])
+    for policy, cells in table.rows.items():
+        texts = {scenario: cell.text + ("" if feasible else " NO") for scenario, (cell, feasible) in cells.items()}
+        rows.append([policy, *(texts.get(scenario, "") for scenario in table.scenarios)])
     head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
     return f"{head}\n\n{aligned(rows)}"

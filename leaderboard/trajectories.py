@@ -63,8 +63,8 @@ class Trajectories(Part):
     episodes: list[Trajectory]
 
 
-def record(spec: PolicySpec, scenario: Scenario, seed: int, make: PolicyFactory | None = None) -> Trajectory:
-    """Play one episode and keep its trajectory, thinned. ``make`` makes the policy in place of ``spec.make``.
+def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
+    """Play one episode and keep its trajectory, thinned.
 
     Raises:
         ValueError: an action has the wrong shape or is not finite.
@@ -72,7 +72,7 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int, make: PolicyFactory 
     # After a whole part the tool may be in air, so the part's means are recorded.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
     names = [reported.get(name, name) for name in SERIES]
-    minutes, *columns = (np.array(values) for values in play_trajectory(make or spec.make, scenario, seed, names).values())
+    minutes, *columns = (np.array(values) for values in play_trajectory(spec.make, scenario, seed, names).values())
     whole = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
     steps = kept(whole, scenario)
     series = {name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]] for name, values in whole.items()}

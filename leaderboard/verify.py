@@ -7,8 +7,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,11 +16,9 @@ from tqdm import tqdm
 
 from baselines.oracles import clairvoyant
 from leaderboard.family import family_of
-from leaderboard.policies import CLAIRVOYANT, agent_files, fitted, one_named
-from leaderboard.result import MANIFEST_FILE, Entry, Manifest, Result, ResultError, Task, read_part, read_results, write_whole
+from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
+from leaderboard.result import MANIFEST_FILE, Entry, Manifest, Result, ResultError, read_part, read_results, write_whole
 from leaderboard.run import Attempt, attempt
-from train.agents import onnx_policy
-from train.agents.onnx_policy import LIMITS
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
@@ -51,7 +48,7 @@ class Selection:
 
 def verify(
     results: Path,
-    agents: Path,
+    agents_folder: Path,
     selection: Selection,
     memory: Path,
     seeds: int | None = None,
@@ -61,7 +58,7 @@ def verify(
 
     Args:
         results: folder of results.
-        agents: folder of agents' ONNX files.
+        agents_folder: folder of agents' ONNX files.
         selection: which of them.
         memory: file that remembers what has come back, so that an interrupted verification goes on; removed at the end.
         seeds: play only so many seeds of each result, those of its shortest episodes, and remember nothing; None: all.
@@ -74,37 +71,35 @@ def verify(
     Raises:
         ResultError: there is nothing to verify, or the memory cannot be read or written.
     """
-    found, complaints = _examine(results, agents, selection)
+    found, complaints = _examine(results, agents_folder, selection)
     if not found and not complaints:
         raise ResultError(f"{results} holds no such results")
     known = set() if seeds is not None else _remembered(memory)
-    wanted = {path: each for path, each in found.items() if each.player is not None and each.result.checksum not in known}
+    wanted = [(path, each) for path, each in found.items() if each.player is not None and each.result.checksum not in known]
+    # A bound has no steps, and takes as long as any.
+    longest_first = sorted(wanted, key=lambda each: -(max(each[1].result.episodes["steps"]) or math.inf))
     complaints += _beyond_the_bound({path: each.result for path, each in found.items()})
     with tqdm(total=len(found), initial=len(found) - len(wanted), unit="result", dynamic_ncols=True, disable=None) as bar:
-        for paths, played in spread(over, _attempts, _pieces(wanted, seeds)):
-            for path, attempt in zip(paths, played, strict=True):
-                result = wanted[path].result
-                bar.set_description(result.policy.label)
-                bar.update()
-                if isinstance(attempt, ResultError):
-                    wrong = [str(attempt)]
-                else:
-                    wrong = differences(result, attempt, _chosen(result, seeds))
-                complaints += [_complaint(path, each) for each in wrong]
-                if not wrong and seeds is None:
-                    known.add(result.checksum)
-                    write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
+        for path, played in spread(over, _play, [(path, (each, _chosen(each.result, seeds))) for path, each in longest_first]):
+            result = found[path].result
+            bar.set_description(result.policy.label)
+            bar.update()
+            wrong = [str(played)] if isinstance(played, ResultError) else differences(result, played, _chosen(result, seeds))
+            complaints += [_complaint(path, each) for each in wrong]
+            if not wrong and seeds is None:
+                known.add(result.checksum)
+                write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
     if seeds is None:
         memory.unlink(missing_ok=True)
     return sorted(complaints)
 
 
-def check(results: Path, agents: Path, selection: Selection) -> list[str]:
+def check(results: Path, agents_folder: Path, selection: Selection) -> list[str]:
     """Return complaints about results that are no longer valid, without playing: see ``verify``.
 
     A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
     """
-    found, complaints = _examine(results, agents, selection)
+    found, complaints = _examine(results, agents_folder, selection)
     return complaints + _beyond_the_bound({path: each.result for path, each in found.items()})
 
 
@@ -115,10 +110,10 @@ class _Found(NamedTuple):
     player: PolicySpec | Path | None
 
 
-def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
+def _examine(results: Path, agents_folder: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
     """Return all results that can be read, by folder and label, and the complaints about them and about agents without one."""
     found: dict[Path, _Found] = {}
-    complaints, files = list[str](), agent_files(agents)
+    complaints, files = list[str](), agent_files(agents_folder)
     for folder in sorted(results.glob("*/*")):
         if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (None, folder.name):
             continue
@@ -140,42 +135,11 @@ def _examine(results: Path, agents: Path, selection: Selection) -> tuple[dict[Pa
                 complaints.append(_complaint(place, error))
     played = {(place.parent.with_name(each.result.task.home), each.result.policy.sha256) for place, each in found.items()}
     for digest, path in files.items():
-        folder = results / path.parent.relative_to(agents)
-        selected = selection.holds(path.with_suffix("")) and len(path.relative_to(agents).parts) == 3
+        folder = results / path.parent.relative_to(agents_folder)
+        selected = selection.holds(path.with_suffix("")) and len(path.relative_to(agents_folder).parts) == 3
         if selected and (folder, digest) not in played:
             complaints.append(f"{path}: has no result in {folder}")
     return found, complaints
-
-
-class _Piece(NamedTuple):
-    """What one policy plays: tasks, each with its seeds."""
-
-    player: PolicySpec | Path
-    forgets: bool
-    tasks: list[tuple[Task, list[int]]]
-
-
-def _pieces(wanted: Mapping[Path, _Found], seeds: int | None) -> list[tuple[list[Path], _Piece]]:
-    """Return results by policy, and what comes back if they are right; long pieces first.
-
-    An agent's file plays all its tasks in one piece.
-    """
-    by_player: dict[tuple[Path, bool], list[Path]] = {}
-    for path, each in wanted.items():
-        key = each.player if isinstance(each.player, Path) else path
-        by_player.setdefault((key, each.result.policy.forgets), []).append(path)
-    pieces: list[tuple[float, list[Path], _Piece]] = []
-    for (_, forgets), paths in by_player.items():
-        steps, tasks = 0.0, []
-        for path in paths:
-            result = wanted[path].result
-            chosen = _chosen(result, seeds)
-            steps += max(np.array(result.episodes["steps"])[chosen]) or math.inf  # a bound has none, and takes as long as any
-            tasks.append((result.task, [result.task.seeds[place] for place in chosen]))
-        player = wanted[paths[0]].player
-        assert player is not None
-        pieces.append((steps, paths, _Piece(player, forgets, tasks)))
-    return [(paths, piece) for _, paths, piece in sorted(pieces, key=lambda each: -each[0])]
 
 
 def _chosen(result: Result, seeds: int | None) -> list[int]:
@@ -186,16 +150,17 @@ def _chosen(result: Result, seeds: int | None) -> list[int]:
     return sorted(np.argsort(steps, kind="stable")[:seeds].tolist())
 
 
-def _attempts(piece: _Piece) -> list[Attempt]:
-    """Play one task after another; an agent's file in one process, which may use as much as one for each task."""
-    player, forgets, tasks = piece
-    limits = replace(LIMITS, computing=LIMITS.computing * len(tasks))
+def _play(piece: tuple[_Found, list[int]]) -> Attempt:
+    """Play a result's seeds at some places again."""
+    (result, player), places = piece
+    task, seeds = result.task, [result.task.seeds[place] for place in places]
     try:
-        with onnx_policy.opened(player, limits) if isinstance(player, Path) else nullcontext(player) as spec:
-            fit = [fitted(spec, task, forgets) if isinstance(player, Path) else spec for task, _ in tasks]
-            return [attempt((each, task.scenario, own)) for each, (task, own) in zip(fit, tasks, strict=True)]
-    except (OSError, ValueError) as error:
-        return [ResultError(f"no agent can be loaded: {error}") for _ in tasks]
+        if isinstance(player, Path):
+            (player,) = agents([player], task, forgets=result.policy.forgets)
+    except ResultError as error:
+        return error
+    assert player is not None
+    return attempt((player, task.scenario, seeds))
 
 
 def _complaint(path: Path, what: object) -> str:

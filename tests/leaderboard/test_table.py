@@ -40,7 +40,6 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
         "ppo": ["rough_turning", second],
         "oracle": ["rough_turning", second],
     }
-    assert not table.feasible("greedy", first)
     lines = {line.split()[0]: line.split()[1:] for line in render_across(table).splitlines()[3:]}
     assert lines == {
         "greedy": ["5.00", "2.00", "NO"],

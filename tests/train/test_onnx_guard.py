@@ -45,20 +45,6 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
         actions[:] = 0.0  # they are the caller's own
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("opened", [True, False])
-def test_one_process_plays_several_things(opened: bool, tmp_path: Path) -> None:
-    path = onnx_agents.write(tmp_path, memory=True)
-    make, given = onnx_policy.load(path).make, observations(1, 2)[0]
-    expected = make(2).act(given)
-    with onnx_policy.opened(path, LIMITS) as agent, onnx_policy.in_one_process(make, 3) as shared:
-        policies = [(agent.make if opened else shared)(2) for _ in range(3)]
-        np.testing.assert_array_equal(policies[-1].act(given), expected)  # without a memory of the one before
-        assert len({each.sandbox for each in policies if isinstance(each, GuardedPolicy)}) == 1
-    with onnx_policy.in_one_process(OnnxPolicy, 3) as other:
-        assert other is OnnxPolicy
-
-
 def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*arguments: object) -> None:
         raise AssertionError("a stranger's file was looked into by this process")

@@ -16,13 +16,11 @@ import socket
 import subprocess
 import sys
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +30,7 @@ from train.agents import agent_file
 from train.agents import sandbox_child as child
 from train.agents.agent_file import AgentFile
 from train.agents.network import MAX_BYTES, MAX_METADATA, Outline, check_actions
-from turning_env.scoring.policy import Actions, Observations, PolicyFactory, PolicySpec
+from turning_env.scoring.policy import Actions, Observations, PolicySpec
 
 PROGRAM = """
 import os, sys, types
@@ -48,8 +46,6 @@ _MAX_OUTLINE = 6 * MAX_METADATA + 1_000_000  # bytes: JSON may need six for a ch
 _MAX_ERROR = 2_000  # bytes
 _KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
 _OUTLINE = TypeAdapter(Outline)
-
-Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -226,8 +222,15 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
         OSError: it cannot be read.
         ModuleNotFoundError: what runs such files is not installed.
     """
-    file = _look(path, _checked)
-    return file.policy(_Maker(file.content, limits))
+    for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+    content = agent_file.read_content(path)
+    try:
+        return _checked(content).policy(_Maker(content, limits))
+    except ValueError as error:
+        kind = TooSlow if isinstance(error, TooSlow) else ValueError
+        raise kind(f"{path}: {error}") from error
 
 
 @lru_cache(64)
@@ -235,44 +238,3 @@ def _checked(content: bytes) -> AgentFile:
     """Check a file once, as it plays many scenarios."""
     with closing(Sandbox(content)) as sandbox:
         return sandbox.file
-
-
-@contextmanager
-def opened(path: Path, limits: Limits) -> Iterator[PolicySpec]:
-    """Load an agent that plays one thing after another, all in the one process that checks its file; raises as ``load``.
-
-    Args:
-        path: the file.
-        limits: limits of all plays together.
-    """
-    with closing(_look(path, lambda content: Sandbox(content, limits))) as sandbox:
-        yield sandbox.file.policy(lambda num_envs: GuardedPolicy(sandbox, num_envs))
-
-
-@contextmanager
-def in_one_process(make: PolicyFactory, plays: int) -> Iterator[PolicyFactory]:
-    """Let an agent from a file play several things, one after another, in one process; another policy plays as ever.
-
-    Args:
-        make: function that makes the policy.
-        plays: number of plays; the process may use as much as one each.
-    """
-    if not isinstance(make, _Maker):
-        yield make
-        return
-    limits = replace(make.limits, computing=plays * make.limits.computing)
-    with closing(Sandbox(make.content, limits)) as sandbox:
-        yield lambda num_envs: GuardedPolicy(sandbox, num_envs)
-
-
-def _look(path: Path, look: Callable[[bytes], Found]) -> Found:
-    """Return the result of a function of a file's content; errors name the path."""
-    for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
-        if find_spec(name) is None:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-    content = agent_file.read_content(path)
-    try:
-        return look(content)
-    except ValueError as error:
-        kind = TooSlow if isinstance(error, TooSlow) else ValueError
-        raise kind(f"{path}: {error}") from error
