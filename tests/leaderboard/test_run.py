@@ -19,22 +19,22 @@ from tests.leaderboard.conftest import Steady, on, only, play_all, spec
 from tests.train import onnx_agents
 from train import training
 from turning_env import Scenario
-from turning_env.scoring import play as playing
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_spec
-from turning_env.scoring.policy import ScenarioId
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 
-@pytest.fixture
-def played(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The feed action of every policy that plays, in order."""
-    actions: list[float] = []
+class Watched:
+    """Makes policies of a feed action and notes, in order, the feed of each that plays all seeds."""
 
-    def watched(make, *arguments, **options):
-        actions.append(float(make(1)._actions[0, 1]))
-        return play(make, *arguments, **options)
+    def __init__(self) -> None:
+        self.played: list[float] = []
 
-    monkeypatch.setattr(playing, "play", watched)
-    return actions
+    def __call__(self, name: str, feed: float, seed: int | None = None, **fields: object) -> PolicySpec:
+        def make(num_envs: int) -> Steady:
+            self.played += [feed] if num_envs > 1 else []  # trajectories are recorded one by one
+            return Steady(num_envs, (0.0, feed))
+
+        return spec(name, (0.0, feed), seed, make=make, **fields)
 
 
 def recorded_in(folder: Path) -> Trajectories:
@@ -50,41 +50,41 @@ def test_results_are_what_the_policies_do(task: Task, folder: Path) -> None:
             np.testing.assert_array_equal(result.episodes[field], values)
 
 
-def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path, played: list[float]) -> None:
-    play_all(task, [spec("one", (0, 0.1)), spec("two", (0, 0.2))], folder)
-    assert played == pytest.approx([0.1, 0.2])
-    again = spec("one", (0, 0.1), description="other words", command="other command")
-    play_all(task, [again, spec("two", (0, 0.3)), spec("three", (0, 0.4))], folder)
-    assert played[2:] == pytest.approx([0.3, 0.4])
-    play_all(task, [spec("one", (0, 0.1), version=2)], folder)
-    play_all(task, [spec("one", (0, 0.1), version=2)], folder, fresh=True)
+def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> None:
+    watched = Watched()
+    play_all(task, [watched("one", 0.1), watched("two", 0.2)], folder)
+    again = watched("one", 0.1, description="other words", command="other command")
+    play_all(task, [again, watched("two", 0.3), watched("three", 0.4)], folder)
+    assert watched.played == [0.1, 0.2, 0.3, 0.4]
+    play_all(task, [watched("one", 0.1, version=2)], folder)
+    play_all(task, [watched("one", 0.1, version=2)], folder, fresh=True)
     before = recorded_in(folder)
     for change in ({"seeds": [1, 2]}, {"model_version": 0}):
-        play_all(task.model_copy(update=change), [spec("one", (0, 0.1))], folder)
+        play_all(task.model_copy(update=change), [watched("one", 0.1)], folder)
         assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
         assert recorded_in(folder).task != before.task
-    assert played[4:] == pytest.approx([0.1] * 4)
+    assert watched.played[4:] == [0.1] * 4
 
 
-def test_an_interrupted_run_goes_on(task: Task, folder: Path, played: list[float]) -> None:
+def test_an_interrupted_run_goes_on(task: Task, folder: Path) -> None:
     def interrupted(num_envs: int) -> Steady:
         raise KeyboardInterrupt
 
-    second = spec("two", (0, 0.2))
+    watched = Watched()
+    first, second = watched("one", 0.1), watched("two", 0.2)
     with pytest.raises(KeyboardInterrupt):
-        play_all(task, [spec("one", (0, 0.1)), second.model_copy(update={"make": interrupted})], folder)
+        play_all(task, [first, second.model_copy(update={"make": interrupted})], folder)
     assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
-    play_all(task, [spec("one", (0, 0.1)), second], folder)
-    assert played == pytest.approx([0.1, 0.2])
+    play_all(task, [first, second], folder)
+    assert watched.played == [0.1, 0.2]
 
 
 def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_other_trainings(
-    task: Task, folder: Path, played: list[float], capsys: pytest.CaptureFixture[str]
+    task: Task, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     play_all(task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder)
     play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder)
     assert "ppo-seed0" in capsys.readouterr().err
-    assert played == pytest.approx([0.1, 0.1, 0.2])
     names = {standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings}
     assert names == {"ppo": (0,), "ppo-seed1": (1,)}
     recorded = {each.policy.label: each.policy.sha256 for each in recorded_in(folder).episodes}
@@ -126,18 +126,11 @@ def test_rules_come_from_the_catalogue() -> None:
     assert policies.named(["fixed_tuned"], on(untuned), tuned_on=scenario)[0].tuned_for == ScenarioId.of(scenario)
 
 
-def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-    """Return more than any policy earns."""
-    on_step(len(seeds))
-    return {name: np.full(len(seeds), 1000.0 if name == "return" else 0.0) for name in EPISODE_FIELDS}
+def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path) -> None:
+    def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        return {name: np.full(len(seeds), 1000.0 if name == "return" else 0.0) for name in EPISODE_FIELDS}
 
-
-def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = spec("oracle", kind="oracle", compute=bound)
-    monkeypatch.setattr(policies, "oracles", lambda scenario: [known])
-    assert policies.named(["oracle"], on(task.scenario)) == [known]
-    assert "oracle" in [each.name for each in policies.named(None, on(Scenario()))]
-    play_all(task, [known, spec("one")], folder)
+    play_all(task, [spec("oracle", kind="oracle", compute=bound), spec("one")], folder)
     assert only(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
     assert [each.policy.name for each in recorded_in(folder).episodes] == ["one"] * 3
 

@@ -1,7 +1,7 @@
 """Results that come back pass; whatever does not is named."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,24 +9,18 @@ import pytest
 
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
+from leaderboard.policies import CAUSAL, CLAIRVOYANT
 from leaderboard.result import MANIFEST_FILE, Result, Task, result_folder, write_manifest, write_result
 from leaderboard.verify import Selection
-from tests.leaderboard.conftest import ENV_ID, on, only, spec
+from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play_spec
+from turning_env.scoring.play import play_spec
 from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
 SHORT = onnx_agents.SCENARIO
 EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
-
-
-def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-    return {name: np.array(seeds, np.float64) for name in EPISODE_FIELDS}
-
-
-ORACLE = spec("oracle", kind="oracle", compute=bound)
 
 
 def fill(folder: Path, on: Task, policies: Sequence[PolicySpec]) -> None:
@@ -42,15 +36,14 @@ def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
     """A folder of results: a rule, a rule on a split, and an oracle."""
     folder = tmp_path_factory.mktemp("shipped")
     split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), seeds=[5])
-    fill(folder, task.model_copy(update={"scenario": SHORT}), [ORACLE, policies.one_named(RULE, on(SHORT))])
+    fill(folder, task.model_copy(update={"scenario": SHORT}), [policies.one_named(name, on(SHORT)) for name in (CAUSAL, RULE)])
     fill(folder, split, [policies.one_named(RULE, on(split.scenario), Scenario.load("rough_turning"))])
     return folder
 
 
 @pytest.fixture
-def shipped(tmp_path: Path, played: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shipped(tmp_path: Path, played: Path) -> Path:
     """A copy of what was played."""
-    monkeypatch.setattr(policies, "oracles", lambda scenario: [ORACLE] if scenario == SHORT else [])
     shutil.copytree(played, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
@@ -109,20 +102,19 @@ def test_a_changed_bit_is_found(with_agent: Path) -> None:
     assert second == f"{place(path)}: stopped_time differs for 4 of 4 seeds, by up to 0"
 
 
-@pytest.mark.parametrize("changed", ["parameters", "version"])
-def test_other_rules_are_found(shipped: Path, changed: str) -> None:
-    path = file_of(shipped, RULE)
-    rewrite(path, **{changed: {"parameters": {"cutting_speed": 1.0}, "version": 9}[changed]})
-    assert (
-        checked(shipped) == complaints(shipped, ONE_RULE) == [f"{place(path)}: {RULE} is no longer what played: {changed} differ"]
-    )
-
-
-def test_policies_that_are_gone_are_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rewrite(file_of(shipped, RULE), name="forgotten")
-    assert "forgotten cannot play: no controller is called 'forgotten'" in checked(shipped)[0]
-    monkeypatch.setattr(policies, "oracles", lambda scenario: [])
-    assert "oracle cannot play: no controller is called 'oracle'" in checked(shipped)[1]
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
+        ({"parameters": {"cutting_speed": 1.0}}, f"{RULE} is no longer what played: parameters differ"),
+        ({"version": 9}, f"{RULE} is no longer what played: version differ"),
+        ({"name": "forgotten"}, "forgotten cannot play: no controller is called 'forgotten'"),
+    ],
+)
+def test_other_rules_are_found(shipped: Path, changed: dict[str, object], complaint: str) -> None:
+    rewrite(file_of(shipped, RULE), **changed)
+    (found,) = checked(shipped)
+    assert complaint in found
+    assert found in complaints(shipped, Selection(scenario="short", policies=[RULE, "forgotten"]))
 
 
 def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
@@ -147,8 +139,8 @@ def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
     gone = f"{place(result)}: ppo-seed0 is no longer what played: none of the agents' files has its SHA-256"
     assert checked(with_agent) == [gone, unplayed]
     assert complaints(with_agent, Selection(policies=["ppo-seed0"])) == [gone]
-    assert checked(with_agent, Selection(policies=["ppo-seed1", "oracle"])) == [unplayed]
-    assert checked(with_agent, Selection(policies=["oracle"])) == []
+    assert checked(with_agent, Selection(policies=["ppo-seed1", CAUSAL])) == [unplayed]
+    assert checked(with_agent, Selection(policies=[CAUSAL])) == []
 
 
 def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
@@ -190,10 +182,12 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
         main([*arguments, "--jobs", "0"])
 
 
-def test_earning_too_much_is_found(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verify, "CLAIRVOYANT", "oracle")
+def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeResult) -> None:
     path = file_of(shipped, RULE)
-    returns = only(path).episodes["return"]
-    rewrite(path, {"return": [*returns[:-1], 1e6]})
-    (found,) = [complaint for complaint in complaints(shipped, ONE_RULE) if "beyond" in complaint]
+    bound = make_result(
+        CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=task.model_copy(update={"scenario": SHORT}), **{"return": 9.0}
+    )
+    write_result(bound, path.parent)
+    rewrite(path, {"return": [*only(path).episodes["return"][:-1], 1e6]})
+    (found,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]
     assert found.startswith(f"{place(path)}: beyond the clairvoyant bound for 1 seeds, by up to 99")
