@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from leaderboard.policies import oracles
 from leaderboard.trajectories import play_trajectory
 from tests.leaderboard.conftest import Steady, spec
-from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, ScenarioId
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, held_out_seeds, tuning_seeds
@@ -78,11 +77,6 @@ def test_first_observations_do_not_tell_seeds_apart(preset: str) -> None:
     for seeds in (held_out_seeds(64), tuning_seeds(64)):
         observations, _ = RoughTurningVectorEnv(64, Scenario.load(preset)).reset(seed=seeds)
         assert (observations == observations[0]).all()
-
-
-def test_only_oracles_are_told_more() -> None:
-    for preset in IDS.values():
-        assert all(each.kind == "oracle" for each in oracles(Scenario.load(preset)))
 
 
 def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:

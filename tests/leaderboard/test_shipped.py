@@ -11,7 +11,7 @@ from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, oracles
 from leaderboard.ranking import read_leaderboard, read_leaderboards, read_trainings
 from leaderboard.result import MANIFEST_FILE, Manifest, read_part
 from leaderboard.verify import Selection
-from train.agents import agent_file, onnx_policy
+from train.agents import agent_file
 from train.learning_curves import FILE, Trainings
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scoring.policy import ScenarioId
@@ -19,7 +19,6 @@ from turning_env.scoring.policy import ScenarioId
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
-ONE_OF_EACH = [path for index, path in enumerate(FILES) if index % 5 == index // 5 % 5]  # of five training seeds, another in turn
 BEST = "analytic_gradient"
 AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0"]
 
@@ -77,12 +76,6 @@ def test_agents_that_are_said_to_beat_every_rule_do(task: str, name: str) -> Non
     assert (best.name, best.feasible, len(best.training_seeds)) == (name, True, 5)
     assert best.over_best_rule is not None
     assert best.over_best_rule.low > 0.0
-    if not task:
-        rules = {standing.name: standing for standing in leaderboard.standings}
-        assert len(leaderboard.task.seeds) == 256
-        assert best.gap_closed is not None
-        assert best.gap_closed.value >= 2.0 / 3.0
-        assert best.broken_share <= rules[str(best.best_rule)].broken_share
 
 
 def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
@@ -95,22 +88,10 @@ def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
 
 
 def test_every_agent_is_of_its_folder_and_has_a_card() -> None:
+    assert len(FILES) == 5 * len({path.with_name(path.stem.rpartition("-seed")[0]) for path in FILES})  # training seeds
     for path in FILES:
         metadata = agent_file.read(path).metadata
         family: Any = metadata.parameters.get("family")
         assert (Family.load(family).name if family else metadata.scenario.name, metadata.label) == (path.parent.name, path.stem)
         assert path.with_name(f"{metadata.name}.md").is_file()
         assert path.stat().st_size < 700_000
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", ONE_OF_EACH, ids=lambda path: f"{path.parent.parent.name}-{path.stem}")
-def test_agents_can_be_loaded(path: Path) -> None:
-    agent = onnx_policy.load(path)
-    assert agent.trained_on is not None
-    assert agent.tuned_for == ScenarioId.of(agent.trained_on)
-
-
-def test_there_are_five_seeds_of_every_agent() -> None:
-    names = {path.with_name(path.stem.rpartition("-seed")[0]) for path in FILES}
-    assert len(FILES) == 5 * len(names)

@@ -12,6 +12,17 @@ from leaderboard.standings import by_cost, rank
 from tests.leaderboard.conftest import MakeResult, spec
 from tests.leaderboard.test_shipped import RESULTS
 from turning_env import Scenario
+from turning_env.scoring.statistics import Estimate
+
+
+def value(estimate: Estimate | None) -> float:
+    assert estimate is not None
+    return estimate.value
+
+
+def ends(estimate: Estimate | None) -> tuple[float, float, float]:
+    assert estimate is not None
+    return estimate.low, estimate.value, estimate.high
 
 
 def test_physical_columns_by_hand(make_result: MakeResult) -> None:
@@ -31,24 +42,17 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     (standing,) = rank([result])
     minutes = 35.0 + 3 * 2.0 + 10.0
     assert standing.removal_rate == pytest.approx(3500 / minutes)
-    assert standing.cost is not None
-    assert standing.cost.value == pytest.approx((minutes + 3 * 3.0) / 3.5)
-    assert standing.overload_share == pytest.approx(0.1)
-    assert standing.severe_share == pytest.approx(0.02)
-    assert standing.excess == pytest.approx(0.004)
-    assert standing.broken_share == pytest.approx(1 / 3)
-    assert standing.used_life == pytest.approx(2.201 / 4)
+    assert value(standing.cost) == pytest.approx((minutes + 3 * 3.0) / 3.5)
+    shares = standing.overload_share, standing.severe_share, standing.excess, standing.broken_share, standing.used_life
+    assert shares == pytest.approx((0.1, 0.02, 0.004, 1 / 3, 2.201 / 4))
 
 
 def test_the_full_cost_is_all_cost_over_the_metal(make_result: MakeResult, task: Task) -> None:
     # 4 minutes of cutting, half an edge and its change, and overload that costs a minute.
-    result = make_result("rule", removed=1000, edges_used=[0.5, 0, 0, 0], reward_overload=[-60, 0, 0, 0])
-    (standing,) = rank([result])
-    assert standing.cost is not None
-    assert standing.full_cost is not None
-    assert standing.cost.value == pytest.approx((4 + 0.5 * (2 + 3)) / 4)
-    assert standing.full_cost.value == pytest.approx(standing.cost.value + 1 / 4)
-    assert standing.full_cost.low < standing.full_cost.value < standing.full_cost.high
+    (standing,) = rank([make_result("rule", removed=1000, edges_used=[0.5, 0, 0, 0], reward_overload=[-60, 0, 0, 0])])
+    low, full, high = ends(standing.full_cost)
+    assert (value(standing.cost), full) == pytest.approx(((4 + 0.5 * (2 + 3)) / 4, (4 + 0.5 * (2 + 3)) / 4 + 1 / 4))
+    assert low < full < high
     (standing,) = rank([make_result("rule", on=task.model_copy(update={"scenario": Scenario.load("surface")}))])
     assert standing.full_cost is None  # the roughness counts, not the metal
 
@@ -62,9 +66,8 @@ def test_the_full_cost_is_what_the_return_leaves_of_the_worth_of_the_metal(place
     assert len(played) > 10
     for result in played:
         (standing,) = rank([result])
-        assert standing.full_cost is not None
         worth, volume = np.sum(result.episodes["reward_metal"]), np.sum(result.episodes["removed"]) / 1000.0
-        assert standing.full_cost.value == pytest.approx((worth - np.sum(result.episodes["return"])) / 60.0 / volume)
+        assert value(standing.full_cost) == pytest.approx((worth - np.sum(result.episodes["return"])) / 60.0 / volume)
 
 
 def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> None:
@@ -101,18 +104,11 @@ def test_comparisons_by_hand(make_result: MakeResult) -> None:
     first, second, third = rank(results)
     assert [first.name, second.name, third.name] == ["ppo", "grid_search", "fixed_tuned"]
     assert first.training_seeds == (0, 1)
-    assert first.mean_return.value == pytest.approx(26.5)
-    assert first.interquartile_return.value == pytest.approx((21 + 23 + 31 + 33) / 4)
-    assert first.over_fixed is not None
-    assert first.over_fixed.value == pytest.approx(26.5)
-    assert first.over_published is not None
-    assert first.over_published.value == pytest.approx(1.5)
-    assert -1.0 <= first.over_published.low < 1.5 < first.over_published.high <= 3.0
-    assert first.improves_on_published is not None
-    assert first.improves_on_published.value == pytest.approx(7 / 8)
-    assert second.over_published is None
-    assert second.improves_on_published is None
-    assert third.over_fixed is None
+    found = first.mean_return, first.interquartile_return, first.over_fixed, first.over_published, first.improves_on_published
+    assert [value(each) for each in found] == pytest.approx([26.5, (21 + 23 + 31 + 33) / 4, 26.5, 1.5, 7 / 8])
+    low, middle, high = ends(first.over_published)
+    assert -1.0 <= low < middle < high <= 3.0
+    assert second.over_published is second.improves_on_published is third.over_fixed is None
 
 
 def test_the_best_rule_is_the_best_of_the_others(make_result: MakeResult) -> None:
@@ -132,25 +128,11 @@ def test_the_best_rule_is_the_best_of_the_others(make_result: MakeResult) -> Non
         "poor": "also_good",
         "sac": "also_good",
     }
-    over = standings["ppo"].over_best_rule
-    assert over is not None
     # On every seed each training is ahead by one and the same: what is left is the chance of training.
-    assert (over.low, over.value, over.high) == pytest.approx((61, 62, 63))
-    over = standings["poor"].over_best_rule
-    assert over is not None
-    assert over.value == pytest.approx(-25)
-    assert -40 <= over.low < -25 < over.high <= -10
-
-
-def test_feasible_policies_rank_first(make_result: MakeResult) -> None:
-    results = [
-        make_result("greedy", severe_overload_time=6.0, **{"return": 100}),
-        make_result("good", severe_overload_time=2.9, **{"return": 1}),
-        make_result("poor", **{"return": 0}),
-    ]
-    standings = rank(results)
-    assert [standing.name for standing in standings] == ["good", "poor", "greedy"]
-    assert [standing.feasible for standing in standings] == [True, True, False]
+    assert ends(standings["ppo"].over_best_rule) == pytest.approx((61, 62, 63))
+    low, over, high = ends(standings["poor"].over_best_rule)
+    assert over == pytest.approx(-25)
+    assert -40 <= low < over < high <= -10
 
 
 def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None:
@@ -168,15 +150,10 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
     assert [standing.class_rank for standing in standings] == [1, 1, 1, 2, None]
     assert [standing.constraint_rank for standing in standings] == [3, 1, 2, None, None]
     assert [standing.name for standing in by_cost(standings)] == ["learned", "plain", "taught", "greedy", "known"]
-    over = {standing.name: standing.over_least_cost for standing in standings}
-    costs = {standing.name: standing.cost for standing in standings}
+    known = {standing.name: standing for standing in standings}
     for name, cheapest in {"taught": "learned", "learned": "plain", "greedy": "learned"}.items():
-        mine, its, gap = costs[name], costs[cheapest], over[name]
-        assert mine is not None
-        assert its is not None
-        assert gap is not None
-        # All seeds are alike, so nothing is left to chance.
-        assert (gap.low, gap.value, gap.high) == pytest.approx((mine.value - its.value,) * 3)
+        gap = value(known[name].cost) - value(known[cheapest].cost)
+        assert ends(known[name].over_least_cost) == pytest.approx((gap,) * 3)  # all seeds are alike
 
 
 def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: MakeResult) -> None:
@@ -210,21 +187,15 @@ def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_sh
 
 def test_score_runs_from_fixed_parameters_to_the_clairvoyant_bound(make_result: MakeResult) -> None:
     returns = {"fixed_tuned": -100.0, "rescaled_grid_search": -40.0, "good": -10.0}
-    results = [make_result(name, **{"return": value}) for name, value in returns.items()]
-    results += [
-        make_result(
-            "clairvoyant", policy=spec("clairvoyant", kind="oracle"), **{"return": 100.0, "time": 0.0, "engaged_time": 0.0}
-        )
-    ]
-    results += [make_result("causal", policy=spec("causal", kind="oracle"), **{"return": 0.0})]
+    bound, oracle = (spec(name, kind="oracle") for name in ("clairvoyant", "causal"))
+    results = [make_result(name, **{"return": each}) for name, each in returns.items()]
+    results.append(make_result("clairvoyant", policy=bound, **{"return": 100.0, "time": 0.0, "engaged_time": 0.0}))
+    results.append(make_result("causal", policy=oracle, **{"return": 0.0}))
     standings = {standing.name: standing for standing in rank(results)}
     assert list(standings)[-2:] == ["clairvoyant", "causal"]  # oracles are listed, not ranked
-    good = standings["good"]
-    assert good.score is not None
-    assert good.gap_closed is not None
-    assert good.over_causal is not None
-    assert (good.score.value, good.gap_closed.value, good.over_causal.value) == pytest.approx((0.45, 0.75, -10.0))
-    assert standings["fixed_tuned"].score is standings["clairvoyant"].score is None
-    assert standings["good"].best_rule == "rescaled_grid_search"
-    assert standings["clairvoyant"].minutes == 0.0
-    assert all(column.cell(standings["clairvoyant"]).number is None for column in (*LIMITS, *WORKSHOP))
+    good, known = standings["good"], standings["clairvoyant"]
+    assert [value(each) for each in (good.score, good.gap_closed, good.over_causal)] == pytest.approx([0.45, 0.75, -10.0])
+    assert standings["fixed_tuned"].score is known.score is None
+    assert good.best_rule == "rescaled_grid_search"
+    assert known.minutes == 0.0
+    assert all(column.cell(known).number is None for column in (*LIMITS, *WORKSHOP))

@@ -38,13 +38,15 @@ def test_videos_gifs_and_stills(short: list[str], tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_path: Path) -> None:
-    beside, alone = tmp_path / "beside.png", tmp_path / "alone.png"
-    assert main([*short, "--agent", AGENT, "--beside", "fixed_handbook", "--out", str(beside)]) == 0
-    assert main([*short, "--policy", "fixed_handbook", "--out", str(alone)]) == 0
-    with Image.open(beside) as both, Image.open(alone) as one:
-        assert both.size == (2 * WIDTH + 8, HEIGHT)
-        assert np.array_equal(np.asarray(both)[:, WIDTH + 8 :], np.asarray(one))
-        assert not np.array_equal(np.asarray(both)[:, :WIDTH], np.asarray(one))
+    pictures = []
+    for words in (["--agent", AGENT, "--beside", "fixed_handbook"], ["--policy", "fixed_handbook"]):
+        assert main([*short, *words, "--out", str(tmp_path / "still.png")]) == 0
+        with Image.open(tmp_path / "still.png") as image:
+            pictures.append(np.asarray(image))
+    both, alone = pictures
+    assert both.shape == (HEIGHT, 2 * WIDTH + 8, 3)
+    assert np.array_equal(both[:, WIDTH + 8 :], alone)
+    assert not np.array_equal(both[:, :WIDTH], alone)
 
 
 @pytest.mark.slow
