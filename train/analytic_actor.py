@@ -6,7 +6,6 @@ targets to actions, and to the resulting commands, differentiably.
 """
 
 import math
-from typing import Any
 
 import torch
 
@@ -141,7 +140,7 @@ class DistanceTracker:
 
 
 class NoTracker:
-    """A tracker without state and readings, for an agent that does not observe its position."""
+    """A tracker without state and readings, for an agent that is not told its position."""
 
     STATES = READINGS = 0
 
@@ -151,20 +150,27 @@ class NoTracker:
 
 
 class GruActor(Actor):
-    """A GRU between two layers, beside a distance tracker. Its memory holds the tracker's state, then the GRU's cells."""
+    """A GRU between two layers, beside a distance tracker. Its memory holds the tracker's state, then the GRU's cells.
 
-    def __init__(self, scenario: Scenario, entries: int, cells: int, width: int | None = None, tracker: Any = None) -> None:
-        """``width``: size of the two layers, None: as many as cells; ``tracker``: None: a ``DistanceTracker``."""
+    Args:
+        scenario: scenario of the training.
+        entries: number of entries of an observation.
+        cells: size of the GRU and of the layers around it.
+        position: whether there is a tracker.
+        memory: whether the GRU remembers; otherwise it begins anew with every observation.
+    """
+
+    def __init__(self, scenario: Scenario, entries: int, cells: int, position: bool = True, memory: bool = True) -> None:
         super().__init__()
-        width = width or cells
         self.commands = TargetCommands(scenario)
-        self.tracker = tracker or DistanceTracker(scenario, self.commands)
+        self.tracker = DistanceTracker(scenario, self.commands) if position else NoTracker()
+        self.remembers = memory
         self.memory_size = self.tracker.STATES + cells
         entries += self.tracker.READINGS
-        self.encoder = torch.nn.Linear(entries, width)
-        self.memory_cell = torch.nn.GRUCell(width, cells)
-        self.hidden = torch.nn.Linear(cells + entries, width)
-        self.head = torch.nn.Linear(width, self.commands.targets + self.commands.changes_edges)
+        self.encoder = torch.nn.Linear(entries, cells)
+        self.memory_cell = torch.nn.GRUCell(cells, cells)
+        self.hidden = torch.nn.Linear(cells + entries, cells)
+        self.head = torch.nn.Linear(cells, self.commands.targets + self.commands.changes_edges)
         with torch.no_grad():
             self.head.weight.mul_(0.1)
             self.head.bias.zero_()
@@ -172,19 +178,13 @@ class GruActor(Actor):
                 self.head.bias[-1] = -1.0
 
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        return self.respond(*self.see(observation, memory))
-
-    def see(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return observations with the tracker's readings, and the memory with the tracker's next state."""
-        state, cells = self._parts(memory)
-        readings, state = self.tracker(observation, state)
-        return torch.cat([observation, readings], dim=-1), torch.cat([state, cells], dim=-1)
-
-    def respond(self, seen: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return actions and the next memory for the output of ``see``."""
-        state, cells = self._parts(memory)
+        states = self.tracker.STATES
+        readings, state = self.tracker(observation, memory[:, :states])
+        seen, cells = torch.cat([observation, readings], dim=-1), memory[:, states:]
+        if not self.remembers:
+            cells = torch.zeros_like(cells)
         cells = self.memory_cell(torch.relu(self.encoder(seen)), cells)
-        target = self.bounded(self._unbounded(cells, seen), seen)
+        target = self.bounded(self._unbounded(cells, seen))
         return self.commands.action(target, seen), torch.cat([state, cells], dim=-1)
 
     def unroll(self, observations: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
@@ -192,50 +192,22 @@ class GruActor(Actor):
 
         If an episode begins (``begins`` is 1, shape (steps, num_envs, 1)), the memory is cleared first.
         """
-        state, all_seen = memory, []
+        states, all_seen, all_cells = self.tracker.STATES, [], []
+        state, cells = memory[:, :states], memory[:, states:]
         for observation, begin in zip(observations, begins, strict=True):
-            seen, state = self.see(observation, state * (1.0 - begin))
-            all_seen.append(seen)
-        return self.unroll_seen(torch.stack(all_seen), memory, begins)
-
-    def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """Return unbounded targets as ``unroll``, for the output of ``see``."""
-        _, cells = self._parts(memory)
-        all_cells = []
+            readings, state = self.tracker(observation, state * (1.0 - begin))
+            all_seen.append(torch.cat([observation, readings], dim=-1))
+        seen = torch.stack(all_seen)
         for step, begin in zip(torch.relu(self.encoder(seen)), begins, strict=True):
-            cells = self.memory_cell(step, cells * (1.0 - begin))
+            cells = self.memory_cell(step, cells * (1.0 - begin) * self.remembers)
             all_cells.append(cells)
         return self._unbounded(torch.stack(all_cells), seen)
 
-    def _parts(self, memory: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the tracker's state and the cells."""
-        return memory[:, : self.tracker.STATES], memory[:, self.tracker.STATES :]
-
-    def bounded(self, target: Tensor, seen: Tensor) -> Tensor:
-        """Return targets with speed and feed squashed to -1..1; the edge-change score needs no bounds.
-
-        A target that is held gets the gradient of a free one (straight-through estimator).
-        """
-        free = target[..., : self.commands.targets]
-        held = free + (self.held(target, seen) - free).detach()
-        return torch.cat([held.tanh(), target[..., self.commands.targets :]], dim=-1)
-
-    def held(self, target: Tensor, seen: Tensor) -> Tensor:
-        """Return unbounded targets of speed and feed, kept within the allowed range."""
-        return target[..., : self.commands.targets]
+    def bounded(self, target: Tensor) -> Tensor:
+        """Return targets with speed and feed squashed to -1..1; the edge-change score needs no bounds."""
+        free = self.commands.targets
+        return torch.cat([target[..., :free].tanh(), target[..., free:]], dim=-1)
 
     def _unbounded(self, cells: Tensor, seen: Tensor) -> Tensor:
         target: Tensor = self.head(torch.relu(self.hidden(torch.cat([cells, seen], dim=-1))))
         return target
-
-
-class MemorylessActor(GruActor):
-    """A ``GruActor`` whose GRU begins anew with every observation; only the tracker's state goes on."""
-
-    def unroll_seen(self, seen: Tensor, memory: Tensor, begins: Tensor) -> Tensor:
-        """Return unbounded targets for the output of ``see``."""
-        return super().unroll_seen(seen, memory, torch.ones_like(begins))
-
-    def _parts(self, memory: Tensor) -> tuple[Tensor, Tensor]:
-        state, cells = super()._parts(memory)
-        return state, torch.zeros_like(cells)

@@ -29,12 +29,13 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Actor
-from train.analytic_actor import ACTUAL, GruActor, MemorylessActor, NoTracker, TargetCommands
-from train.model_gain import FIELDS, Hindsight, ModelGain, Truth, flat_prices
+from train.analytic_actor import ACTUAL, GruActor, TargetCommands
+from train.model_gain import FIELDS, FORCE, USED_LIFE, ModelGain, Truth, flat_prices
 from train.run import Run
 from train.training import Algorithm, command_line
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.vector_env import info_at_end_of_step
 
 Tensor = torch.Tensor
 
@@ -51,19 +52,35 @@ class Rollout(NamedTuple):
     """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
 
 
-class HindsightVecEnv(Hindsight, RoughTurningVecEnv):
-    """A ``RoughTurningVecEnv`` that keeps the hidden states of the last step for a teacher."""
+class HindsightVecEnv(RoughTurningVecEnv):
+    """Environments that keep the hidden states of the last step for a teacher; the agent never sees them."""
+
+    before: NDArray[np.float64]
+    """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
+    after: NDArray[np.float64]
+    """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
+    changed: NDArray[np.bool_]
+    """Whether the edge was changed in the step, shape (num_envs,)."""
+    failed: NDArray[np.bool_]
+    """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
 
     def reset(self) -> NDArray[np.float32]:
-        """Return first observations."""
+        """Return first observations: the tool stands in the air before the first bar, with a fresh edge."""
         observations = super().reset()
-        self.see_start(dict.fromkeys(FIELDS, np.zeros(self.num_envs)))
+        self._now = np.zeros((len(FIELDS), self.num_envs))
         return observations
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
-        """Keep the hidden state, and return the rewards unchanged."""
+        """Keep the hidden states, and return the rewards unchanged."""
         commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
-        self.see_step(infos, commands_changes & (self._actions[:, -1] > 0.0))
+        self.before = self._now
+        self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
+        stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
+        self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
+        self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
+        self.after[FORCE] = borne = np.maximum(self.after[FORCE], np.where(self.changed, 0.0, self.before[FORCE]))
+        self._now = np.stack([infos[name] for name in FIELDS])  # after an episode's end, of the next one; edges in use go on
+        self._now[FORCE] = np.where(self._now[USED_LIFE] > 0.0, borne, 0.0)
         return rewards
 
 
@@ -95,8 +112,8 @@ class AnalyticGradient(BaseAlgorithm):
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         entries = self.observation_space.shape[0]  # type: ignore[index]
-        tracker = None if self.settings.position else NoTracker()
-        self.policy = self.policy_class(self.scenario, entries, self.settings.cells, tracker=tracker)
+        settings = self.settings
+        self.policy = GruActor(self.scenario, entries, settings.cells, settings.position, settings.memory)
         self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
 
     def _excluded_save_params(self) -> list[str]:
@@ -178,7 +195,7 @@ class AnalyticGradient(BaseAlgorithm):
         observations = rollout.observations[:, envs]
         truth = Truth(self.scenario, *(each[..., envs.numpy()] for each in rollout.hidden))
         unbounded = self.policy.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
-        target = self.policy.bounded(unbounded, observations)
+        target = self.policy.bounded(unbounded)
         commands = self.policy.commands
         speed, feed = commands.speed_and_feed(observations, ACTUAL)
         log_speed, log_feed = commands.commanded(target, observations)
@@ -199,7 +216,7 @@ def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     if settings.life_price not in ("marginal", "flat"):
         raise ValueError(f"life_price is {settings.life_price!r}, but must be marginal or flat")
     return AnalyticGradient(
-        GruActor if settings.memory else MemorylessActor,
+        GruActor,
         vec_env,
         LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
         run.scenario,

@@ -6,16 +6,14 @@ The tool must travel all bars, and metal is paid by volume. So an agent can only
 
 where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
 in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
-wear to the teacher (``Hindsight``). Machinability models and the drives' lags then give the gradient of the step's cost
+wear to the teacher (``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the step's cost
 with respect to speed and feed. A force above all that the edge has borne is charged the expected cost of breaking an edge of
 unknown strength.
 (Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
 shaping, Ng et al. 1999. The combination is this project's.)
-
-All environments have one scenario, or each its own (``Columns``, arrays of shape (num_envs,)).
 """
 
-from collections.abc import Callable
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,9 +24,7 @@ from torch.nn.functional import softplus
 
 from baselines.models.edge_value import USED_LIVES, Worth, worth
 from turning_env import Scenario
-from turning_env.scenario.plan import Columns
-from turning_env.scenario.power_law import POWER_LAW_RECORD, log_response
-from turning_env.vector_env import info_at_end_of_step
+from turning_env.scenario.power_law import POWER_LAW_RECORD, PowerLaw, log_response
 
 Tensor = torch.Tensor
 Array = NDArray[np.float64]
@@ -36,7 +32,7 @@ Array = NDArray[np.float64]
 FIELDS = ("path", "depth_of_cut", "hardness", "used_life", "thrust_force")
 """Hidden quantities at the start and the end of every step, in the units of ``info``; depth, hardness and force are 0 in air. The
 force is the highest one at the end of a step of the same edge."""
-_USED_LIFE, _FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
+USED_LIFE, FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
 POINTS = 5
 """Number of points in time at which a step's costs are evaluated."""
 WINDOW_EDGE = 0.05
@@ -48,62 +44,27 @@ MIN_USED_LIFE = 1e-6
 """Used life of a fresh edge [-]: the laws are not defined at 0."""
 
 
-class Hindsight:
-    """The hidden states of the last step of a batch with SAME_STEP, for a teacher; the agent never sees them."""
-
-    before: Array
-    """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
-    after: Array
-    """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
-    changed: NDArray[np.bool_]
-    """Whether the edge was changed in the step, shape (num_envs,)."""
-    failed: NDArray[np.bool_]
-    """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
-    _borne: Any = 0.0
-
-    def see_start(self, infos: dict[str, Any]) -> None:
-        """Note the states after a reset: the tool stands in the air before the first bar; edges in use go on."""
-        self._now = np.stack([infos[name] for name in FIELDS])
-        self._now[_FORCE] = self._borne = np.where(self._now[_USED_LIFE] > 0.0, self._borne, 0.0)
-
-    def see_step(self, infos: dict[str, Any], commanded: NDArray[np.bool_]) -> None:
-        """Note the states after a step; ``commanded``, shape (num_envs,): whether it was to change the edge."""
-        self.before = self._now
-        self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
-        stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
-        self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
-        self.failed = self.changed & ~commanded
-        self.after[_FORCE] = self._borne = np.maximum(self.after[_FORCE], np.where(self.changed, 0.0, self.before[_FORCE]))
-        self.see_start(infos)
-
-
 class Truth:
     """Interpolated hidden states at ``POINTS`` points of each step; fields have shape (steps, num_envs, POINTS)."""
 
     def __init__(
-        self,
-        scenario: Scenario | Columns,
-        before: Array,
-        after: Array,
-        changed: NDArray[np.bool_],
-        failed: NDArray[np.bool_],
-        *,
-        device: str = "cpu",
+        self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
     ) -> None:
-        """``before``, ``after``: shape (steps, len(FIELDS), num_envs); the others (steps, num_envs). See ``Hindsight``."""
+        """Interpolate what a ``HindsightVecEnv`` has kept.
 
-        def tensor(values: Any) -> Tensor:
-            return torch.as_tensor(np.asarray(values), device=device)
-
-        def wide(value: Any) -> Tensor:
-            return tensor(_wide(value))
-
+        Args:
+            scenario: scenario of the environments.
+            before: ``FIELDS`` at the starts of the steps, shape (steps, len(FIELDS), num_envs).
+            after: ``FIELDS`` at their ends, likewise.
+            changed: whether the edge was changed, shape (steps, num_envs).
+            failed: whether it was changed because it was worn out or broken, likewise.
+        """
         work = scenario.workpiece
-        approach, pitch = wide(work.approach), wide(work.bar_length + work.approach)
-        share = (torch.arange(POINTS, dtype=torch.float64, device=device) + 0.5) / POINTS
-        states = tensor(before).unsqueeze(-1), tensor(after).unsqueeze(-1)
+        pitch = work.bar_length + work.approach
+        share = (torch.arange(POINTS, dtype=torch.float64) + 0.5) / POINTS
+        states = torch.as_tensor(before).unsqueeze(-1), torch.as_tensor(after).unsqueeze(-1)
         ends = {name: (states[0][:, i], states[1][:, i]) for i, name in enumerate(FIELDS)}
-        begun_anew = tensor(changed).unsqueeze(-1)
+        begun_anew = torch.as_tensor(changed).unsqueeze(-1)
         start, end = ends["path"]
         path = start + (end - start) * share
         bar = torch.floor(path / pitch)
@@ -113,31 +74,26 @@ class Truth:
             for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
         ]
         total = weights[0] + weights[1]
-        cutting = (path - pitch * bar >= approach) & (total > 0.0) & ~begun_anew
+        cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~begun_anew
 
-        def log_field(name: str, in_air: Tensor) -> Tensor:
+        def log_field(name: str, in_air: float) -> Tensor:
             first, last = ends[name]
             mean = (weights[0] * first + weights[1] * last) / torch.where(total > 0.0, total, 1.0)
             return torch.where(cutting, mean, in_air).log().float()
 
         first, last = ends["used_life"]
         last = torch.where(begun_anew, first, last)  # of the edge that was in use at the start
-        self.log_depth = log_field("depth_of_cut", wide(work.depth_of_cut))  # [log mm]
-        self.log_hardness = log_field("hardness", wide(1.0))  # [-]
+        self.log_depth = log_field("depth_of_cut", work.depth_of_cut)  # [log mm]
+        self.log_hardness = log_field("hardness", 1.0)  # [-]
         self.used_life = (first + (last - first) * share).clamp(MIN_USED_LIFE, 1.0).float()  # [-]
         self.borne_force = ends["thrust_force"][0].float()  # [N], shape (steps, num_envs, 1)
         self.cutting = cutting.float()  # 0 or 1
-        self.changed = tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
-        self.failed = tensor(failed).float()  # 0 or 1, likewise
+        self.changed = torch.as_tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
+        self.failed = torch.as_tensor(failed).float()  # 0 or 1, likewise
 
 
-def _wide(value: Any) -> Any:
-    """Return a number unchanged, and numbers of shape (num_envs,) with an axis for the points of a step."""
-    return np.asarray(value)[..., np.newaxis] if np.ndim(value) else value
-
-
-def edge_price(scenario: Scenario | Columns) -> Any:
-    """Return the price of a whole edge and its change [s], a number or an array of shape (num_envs,)."""
+def edge_price(scenario: Scenario) -> float:
+    """Return the price of a whole edge and its change [s]."""
     return 60.0 * (scenario.economics.edge_cost + scenario.economics.edge_change_time)
 
 
@@ -151,49 +107,38 @@ class ModelGain:
     """The gain of steps as a function of the commanded cutting speeds and feeds, if the aim is removal.
 
     Args:
-        scenario: the true scenario of all environments, or those of each of them.
+        scenario: the true scenario of all environments.
         prices: prices of time and life, with life at evenly spaced used shares up to 1; None: those of the scenario.
-        device: the device of all tensors.
     """
 
-    def __init__(self, scenario: Scenario | Columns, prices: Worth | None = None, device: str = "cpu") -> None:
-        def tensor(value: Any) -> Tensor:
-            return torch.as_tensor(np.asarray(value), dtype=torch.float32, device=device)
-
-        def wide(value: Any) -> Tensor:
-            return tensor(_wide(value))
-
+    def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:
         self._scenario = scenario
         material, limits, economics, tool = scenario.material, scenario.limits, scenario.economics, scenario.tool
         share = (np.arange(POINTS) + 0.5) / POINTS
         self._left = []
         for lag in (scenario.machine.spindle_time_constant, scenario.machine.feed_time_constant):
-            lags = np.maximum(lag, 1e-9) / scenario.control.interval
-            self._left.append((tensor(np.exp(-share / np.asarray(lags)[..., np.newaxis])), tensor(np.exp(-1.0 / lags))))
-        self._force = _Law(material.thrust_force, np.log(limits.thrust_force), wide)
-        self._power = _Law(material.power, np.log(limits.power), wide)
-        self._wear = _Law(material.wear, np.log(tool.wear_criterion), wide)
-        self._idle = wide(scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power))
-        self._base_speed = wide(np.maximum(scenario.base_cutting_speed, 1e-9))
-        self._log_criterion, self._life_exponent = wide(np.log(tool.wear_criterion)), wide(material.wear.time)
-        self._log_strength = wide(np.log(tool.edge_strength / limits.thrust_force))
-        self._force_limit = wide(limits.thrust_force)
-        self._strength_spread = wide(np.maximum(tool.edge_strength_spread, 1e-3))
-        self._reference = wide(economics.reference_removal_rate)
+            lags = max(lag, 1e-9) / scenario.control.interval
+            self._left.append((_tensor(np.exp(-share / lags)), _tensor(np.exp(-1.0 / lags))))
+        self._force = _Law(material.thrust_force, math.log(limits.thrust_force))
+        self._power = _Law(material.power, math.log(limits.power))
+        self._wear = _Law(material.wear, math.log(tool.wear_criterion))
+        self._idle = _tensor(scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power))
+        self._base_speed = _tensor(max(scenario.base_cutting_speed, 1e-9))
+        self._log_criterion, self._life_exponent = _tensor(np.log(tool.wear_criterion)), _tensor(material.wear.time)
+        self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
+        self._force_limit = _tensor(limits.thrust_force)
+        self._strength_spread = _tensor(max(tool.edge_strength_spread, 1e-3))
+        self._reference = _tensor(economics.reference_removal_rate)
         if prices is None:
-            assert isinstance(scenario, Scenario)
-            if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
-                prices = flat_prices(scenario)  # the job ends long before the edge
-            else:
-                prices = worth(scenario, economics.overload_price)
-        self._time_price = wide(prices.time)
-        self._prices = tensor(np.concatenate([prices.life[..., :1], prices.life], axis=-1))
-        self._stop = tensor(60.0 * economics.unplanned_stop * np.asarray(prices.time))
-        self._edge_price, self._downtime = wide(edge_price(scenario)), 60.0 * economics.breakage_downtime
-        swarf = scenario.swarf
-        self._chips_tangle = bool(np.any(np.asarray(swarf.tangle_rate) > 0.0))
-        self._tangle_cost = wide(np.asarray(swarf.tangle_rate * swarf.tangle_time) * np.asarray(prices.time))
-        self._log_feeds = [wide(np.log(np.maximum(end, 1e-9))) for end in scenario.feed_range]
+            job_ends_first = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
+            prices = flat_prices(scenario) if job_ends_first else worth(scenario, economics.overload_price)
+        self._time_price = _tensor(prices.time)
+        self._prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
+        self._stop = _tensor(60.0 * economics.unplanned_stop * prices.time)
+        self._edge_price, self._downtime = _tensor(edge_price(scenario)), 60.0 * economics.breakage_downtime
+        self._chips_tangle = scenario.swarf.tangle_rate > 0.0
+        self._tangle_cost = _tensor(scenario.swarf.tangle_rate * scenario.swarf.tangle_time * prices.time)
+        self._log_feeds = [_tensor(np.log(max(end, 1e-9))) for end in scenario.feed_range]
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
@@ -257,10 +202,7 @@ class ModelGain:
         position = used_life.clamp(0.0, 1.0) * last
         node = position.floor().clamp(max=last - 1)
         low = node.long()
-        if self._prices.ndim > 1:
-            low = low + (last + 1) * torch.arange(len(self._prices), device=low.device).unsqueeze(-1)
-        prices = self._prices.flatten()
-        return torch.lerp(prices[low], prices[low + 1], position - node)
+        return torch.lerp(self._prices[low], self._prices[low + 1], position - node)
 
     def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
         """Return the actual values at the points of every step, shape (steps, num_envs, POINTS), for one drive's commands.
@@ -279,13 +221,17 @@ class ModelGain:
         return torch.stack(values)
 
 
+def _tensor(value: Any) -> Tensor:
+    return torch.as_tensor(value, dtype=torch.float32)
+
+
 class _Law:
     """Logarithm of a response over its limit, for tensors of logarithms."""
 
-    def __init__(self, law: Any, log_limit: Any, tensor: Callable[[Any], Tensor]) -> None:
+    def __init__(self, law: PowerLaw, log_limit: float) -> None:
         numbers = {name: getattr(law, name) for name in POWER_LAW_RECORD.names or ()}
-        numbers["log_coefficient"] = numbers["log_coefficient"] - log_limit
-        self._law = SimpleNamespace(**{name: tensor(value) for name, value in numbers.items()})
+        numbers["log_coefficient"] -= log_limit
+        self._law = SimpleNamespace(**{name: _tensor(value) for name, value in numbers.items()})
 
     def __call__(self, log_speed: Tensor, log_feed: Tensor, log_depth: Tensor, log_wear: Any, log_hardness: Tensor) -> Tensor:
         factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)

@@ -10,7 +10,6 @@ from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
 from train import analytic_gradient, ppo
 from train.actor import Actor, ActorPolicy
-from train.analytic_actor import MemorylessActor
 from train.model_gain import edge_price
 from train.terms import ShapedVecEnv, Terms
 from train.training import Algorithm, train
@@ -97,7 +96,6 @@ def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, fram
 def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:
     run = small_run(analytic_gradient.ALGORITHM, tmp_path, position=False, life_price="flat", memory=False)
     actor = analytic_gradient.ALGORITHM.actor(train(run, analytic_gradient.ALGORITHM))
-    assert isinstance(actor, MemorylessActor)
     observation, other = torch.rand(3, 11), torch.rand(3, actor.memory_size)
     with torch.no_grad():
         first, _ = actor(observation, torch.zeros(3, actor.memory_size))

@@ -164,9 +164,7 @@ def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
         ValueError: the scenario has other actions, or observations of other meaning; names the field.
     """
     if "context" in agent.parameters:
-        raise ValueError(
-            f"{agent.name} plays {FAMILY_ID}: python -m train.export --agent FILE --scenario {scenario.name} makes an agent of it"
-        )
+        raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}")
     trained_on = agent.trained_on or scenario
     for field in ("control.action", "control.aim", "control.edge_changes", "sensors.force", "sensors.probe"):
         section, name = field.split(".")
