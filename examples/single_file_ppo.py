@@ -86,7 +86,7 @@ def layers(entries: int, results: int, gain: float) -> torch.nn.Sequential:
 
 
 class Rollouts:
-    """Environments that continue from the last rollout."""
+    """A source of rollouts, whose environments continue from the last one."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings

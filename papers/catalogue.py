@@ -68,7 +68,7 @@ class Paper:
 
     @property
     def items(self) -> list[Item]:
-        """Its equations, tables, figures and claims in the order of the page."""
+        """Equations, tables, figures and claims of the paper in the order of the page."""
         own = (row for row in rows("items.csv") if row["page"] == self.page)
         return [Item(**{name: value for name, value in row.items() if name != "page"}) for row in own]
 

@@ -102,7 +102,7 @@ PROGRAMS: dict[str, Program] = {
 
 @dataclass
 class Toll:
-    """Counts over the kills of a program, and the duration of its undisturbed run [s]."""
+    """Outcome of the kills of a program, and the duration of its undisturbed run [s]."""
 
     kills: int = 0
     torn: int = 0  # files that cannot be read

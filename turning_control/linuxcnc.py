@@ -293,7 +293,7 @@ def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 
 class Figures(NamedTuple):
-    """Figures of bars."""
+    """Times, loads and edges of a policy on bars."""
 
     time: float
     """Time at feed per bar [s]."""

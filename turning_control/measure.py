@@ -54,7 +54,7 @@ REPORTED = 10.0
 
 
 class UniformRandom(Policy):
-    """Actions drawn evenly from -1..1."""
+    """A policy of uniform random actions in -1..1."""
 
     def __init__(self, size: int) -> None:
         self._size, self._random = size, np.random.default_rng(0)

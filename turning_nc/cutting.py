@@ -94,7 +94,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Play:
-    """Arrays over the slices; loads are 0 in air."""
+    """A simulated run of a program: arrays over the slices; loads are 0 in air."""
 
     time: Values  # [s]
     cutting_speed: Values  # at the tool's tip [m/min]

@@ -38,7 +38,7 @@ _ACTION = re.compile(r"ID=(\d{1,3}) +(?:WHENEVER +(.+) +)?DO +(?:SYNFCT\((\d{1,3
 
 
 Function = Callable[[Mapping[str, float]], float]
-"""Returns a value from the control's variables."""
+"""A function of the control's variables."""
 
 
 @dataclass
@@ -123,7 +123,7 @@ def _parse(text: str) -> Expression:
 
 
 class LawWriter:
-    """Collects the blocks of a law, and numbers them."""
+    """A writer that collects the blocks of a law and numbers them."""
 
     def __init__(self) -> None:
         self._polynomials: list[str] = []

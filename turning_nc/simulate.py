@@ -19,7 +19,7 @@ from turning_nc.words import NcError
 MIN_INTERVAL = 0.001  # shortest control interval that a scenario allows [s]
 
 Act = Callable[[Observations, dict[str, Any]], Actions]
-"""Returns the action, shape (1, actions), for the observation, shape (1, entries), and the ``info`` of the last step."""
+"""A function from the observation, shape (1, entries), and the last ``info`` to the action, shape (1, actions)."""
 
 
 @dataclass(frozen=True)

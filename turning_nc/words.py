@@ -17,7 +17,7 @@ from turning_nc.expression import parse
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
-"""Only letters of words: others may become two, which would shift places."""
+"""Translation of ASCII letters to capitals. Other letters may become two, which would shift places."""
 
 Span = tuple[int, int]
 """A place in the program's text: its begin and its end."""

@@ -65,7 +65,7 @@ def fields_in_view(scenario: Scenario, history: History, across: ui.Ruler, count
 
 
 class BarView:
-    """Draws the bar that is being turned."""
+    """A view of the bar that is being turned."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -205,7 +205,7 @@ class BarView:
 
 
 class LoadStrip:
-    """Draws force and power over their limits, or the roughness and its reference, along the bar, over time or by part."""
+    """A chart of force and power over their limits, or the roughness and its reference, along the bar, over time or by part."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario

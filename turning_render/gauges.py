@@ -119,7 +119,7 @@ def _draw_pointer(draw: ImageDraw.ImageDraw, share: float) -> None:
 
 
 class Gauges:
-    """Draws two dials side by side, the edge below them, and the readings in numbers."""
+    """Two dials side by side, the edge below them, and the readings in numbers."""
 
     def __init__(self, scenario: Scenario, box: ui.Box) -> None:
         self._scenario = scenario

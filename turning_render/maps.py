@@ -110,7 +110,7 @@ def _draw_point(draw: ImageDraw.ImageDraw, point: ui.Point) -> None:
 
 
 class OperatingMap:
-    """Draws the map of a scenario whose policy sets cutting speed and feed."""
+    """The map of a scenario whose policy sets cutting speed and feed."""
 
     def __init__(self, scenario: Scenario, box: ui.Box) -> None:
         self._scenario = scenario
@@ -225,7 +225,7 @@ class OperatingMap:
 
 
 class FeedMap:
-    """Draws the map of a scenario whose policy sets a feed override, at a fixed cutting speed."""
+    """The map of a scenario whose policy sets a feed override, at a fixed cutting speed."""
 
     def __init__(self, scenario: Scenario, box: ui.Box) -> None:
         self._scenario = scenario

@@ -94,7 +94,7 @@ class Advice(NamedTuple):
 
     @property
     def change_after(self) -> int:
-        """Parts after which to change the edge: nearly all edges last as long."""
+        """Number of parts after which to change the edge; nearly all edges last as long."""
         return int(self.parts[1])
 
 

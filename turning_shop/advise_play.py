@@ -101,7 +101,7 @@ class Played:
 
 
 class Clock:
-    """Sets speed and feed by the cutting time of the edge."""
+    """A policy that sets speed and feed by the cutting time of the edge."""
 
     def __init__(self, scenario: Scenario, steps: Sequence[Step], factor: float, num_envs: int) -> None:
         machine = scenario.machine

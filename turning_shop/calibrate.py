@@ -32,7 +32,7 @@ WIDE = 0.5
 
 
 class Implausible(WorkshopError):
-    """Measurements or laws that cannot be true, with the rows and the likely cause."""
+    """Implausible measurements or laws; the message names the rows and the likely cause."""
 
     def __init__(self, problems: Sequence[str]):
         super().__init__("; ".join(problems))

@@ -80,7 +80,7 @@ class Derived(NamedTuple):
     low: float
     high: float
     of: Callable[[Columns], Values]
-    """Returns the quantity of each row; none if a column is missing."""
+    """A function that returns the quantity of each row; none if a column is missing."""
 
     def plausible(self, columns: Columns) -> NDArray[np.bool_]:
         """Return whether each row's quantity lies in its range or is unknown."""

@@ -43,7 +43,7 @@ UNDISTURBED = SPREADS | {"depth_ripple": 0.0}
 
 
 class Record(NamedTuple):
-    """Forces and currents at a fixed speed and feed; arrays of shape (steps, seeds)."""
+    """A record of forces and currents at a fixed speed and feed; arrays of shape (steps, seeds)."""
 
     force: NDArray[np.float64]
     """True thrust force [N]."""
