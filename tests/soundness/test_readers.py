@@ -9,13 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from leaderboard.result import ResultError, read_file
 from tests.soundness.acting import tried
-from tests.soundness.readers import READERS, ROOT, attempt, damages, small_result, smallest
+from tests.soundness.readers import READERS, attempt, damages, small_result
 from train.agents import agent_file, onnx_policy
 from turning_env import Scenario, ScenarioError
-
-RESULT = smallest(ROOT / "leaderboard" / "results", "*/*/results.json.xz")[0]
 
 
 def tampered() -> bytes:
@@ -59,16 +56,6 @@ def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path, data: st.D
 @given(damages(lambda: (tampered(),)), st.booleans())
 def test_results_that_were_tampered_with_are_refused(tmp_path: Path, content: bytes, compressed: bool) -> None:
     assert READERS["result"].check(tmp_path, lzma.compress(content, preset=0) if compressed else content) is None
-
-
-@tried(short=40, soak=3_000)
-@given(damages(lambda: (RESULT.read_bytes(),)))
-def test_a_compressed_result_is_read_or_refused(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path.joinpath(*RESULT.parts[-3:])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    result = attempt(read_file, path, ResultError)
-    assert result is None or result == read_file(RESULT)
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import torch
 from train.analytic_actor import DistanceTracker, TargetCommands
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.action import towards
-from turning_env.physics.quantities import OBS
 
 
 def positions(scenario: Scenario, speed: np.ndarray, feed: np.ndarray) -> torch.Tensor:
@@ -79,13 +78,3 @@ def test_the_tracker_knows_where_the_tool_is(preset: str) -> None:
         if (terminated | truncated).any():
             assert step > 100
             return
-
-
-def test_the_tracker_believes_the_control_about_metal_and_air() -> None:
-    scenario = Scenario.load("rough_turning")
-    tracker = DistanceTracker(scenario, TargetCommands(scenario))
-    observations, _ = RoughTurningVectorEnv(2, scenario).reset(seed=0)
-    seen = torch.from_numpy(observations)
-    seen[:, OBS.cutting] = torch.tensor([1.0, 0.0])
-    _, state = tracker(seen, torch.tensor([[2.0, 0.0, 0.0], [250.0, 0.0, 0.0]]))
-    assert state[:, 0].tolist() == [scenario.workpiece.approach, 0.5 * scenario.workpiece.approach]

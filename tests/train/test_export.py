@@ -205,11 +205,6 @@ def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Pa
         assert f"mine.onnx cannot be exported: uses operator sets [('', {opset})]" in refusal(capsys, out, path)
 
 
-def test_a_network_with_a_memory_keeps_it(tmp_path: Path) -> None:
-    nodes = [*SLICE, helper.make_node("Add", ["x", "m"], ["n"])]
-    assert exported(tmp_path / "out", network(tmp_path / "mine.onnx", *nodes, memory=True)).memory_size == 11
-
-
 def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "mine.onnx", tmp_path / "out"
     network(path, *SLICE)

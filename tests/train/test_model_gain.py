@@ -36,18 +36,6 @@ def points(field: torch.Tensor) -> list[float]:
     return [float(each) for each in field[0, 0]]
 
 
-def test_hidden_states_are_interpolated_within_a_bar() -> None:
-    truth = truth_of(state(100.0, 3.0, 1.0, 0.5), state(110.0, 4.0, 1.2, 0.6))
-    expected = (3.0 * (1 - SHARE + 1e-3) + 4.0 * (SHARE + 1e-3)) / 1.002
-    assert np.exp(points(truth.log_depth)) == pytest.approx(expected, rel=1e-6)
-    assert np.exp(points(truth.log_hardness)) == pytest.approx(1.0 + 0.2 * (expected - 3.0), rel=1e-6)
-    assert points(truth.used_life) == pytest.approx(0.5 + 0.1 * SHARE)
-    assert points(truth.cutting) == [1.0] * POINTS
-    assert np.exp(points(truth_of(state(100.0, 0.8), state(110.0, 0.8)).log_depth)) == pytest.approx([0.8] * POINTS)
-    assert points(truth_of(state(1.0, used_life=0.0), state(1.1, used_life=0.0)).used_life) == pytest.approx([1e-6] * POINTS)
-    assert points(truth_of(state(1.0, used_life=1.1), state(1.1, used_life=1.2)).used_life) == [1.0] * POINTS
-
-
 @pytest.mark.parametrize("bar", [0, 1])
 def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> None:
     face = bar * PITCH + APPROACH
@@ -145,20 +133,6 @@ def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
     assert breakage < -0.1
     assert found == pytest.approx(0.4 * in_air + 0.6 * cost + breakage, rel=1e-3)
     assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
-
-
-def test_going_on_with_changed_edges() -> None:
-    gain = gain_of(SHIFT)
-    commands = torch.full((1, 1), math.log(160.0)), torch.full((1, 1), math.log(0.12))
-    now = torch.full((1, 1), 160.0), torch.full((1, 1), 0.12)
-    worn, fresh, air = state(100.0, used_life=0.97), state(110.0, used_life=0.0), state(1.0, 0.0, 0.0, 0.97)
-    _, had_it_stayed = gain(*commands, *now, truth_of(worn, fresh, changed=True))
-    nominal = state(100.0, BASE.workpiece.depth_of_cut, 1.0, 0.97)
-    _, stays = gain(*commands, *now, truth_of(nominal, nominal))
-    assert float(had_it_stayed) == pytest.approx(float(stays)) != 0.0
-    _, found_worn = gain(*commands, *now, truth_of(worn, fresh, changed=True, failed=True))
-    assert float(found_worn) == pytest.approx(-60.0 * SHIFT.economics.unplanned_stop * PRICES[SHIFT.digest()].time)
-    assert float(gain(*commands, *now, truth_of(air, air))[1]) == 0.0
 
 
 def test_an_edge_that_has_borne_a_force_does_not_break_at_it() -> None:

@@ -135,14 +135,6 @@ def test_an_agent_is_small_and_its_file_loaded_with_a_warning(tmp_path: Path, ca
     assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("means", [[], [-0.8, 0.5]])
-def test_first_actions_of_ppo_vary_about_initial_actions(means: list[float], tmp_path: Path) -> None:
-    run = small_run(PPO, tmp_path)
-    model = new_model(replace(run, parameters=run.parameters | {"initial_actions": means}), PPO)
-    actions, _ = model.predict(model.env.reset(), deterministic=True)
-    np.testing.assert_allclose(actions, np.broadcast_to(means or [0.0, 0.0], actions.shape), atol=0.05)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

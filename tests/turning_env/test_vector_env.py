@@ -7,7 +7,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from tests.turning_env.playing import FAILING, HOT_SPINDLE, SHORT_LIVED, changed, fixed_actions
-from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
 from turning_env.batch.driver import BLOCKS_CLAIMED, MIN_BLOCKS
 from turning_env.physics.quantities import WIDTH
 
@@ -60,14 +60,6 @@ def test_it_is_single_environments_side_by_side(scenario, mode, num_envs):
             assert_same_answers(ours.reset(options=masks[0]), theirs.reset(options=masks[1]))
     assert ended_count.min() >= 2 or scenario is not SHORT_LIVED
     assert_same_answers(ours.reset(), theirs.reset())
-
-
-@pytest.mark.parametrize("env_id", IDS)
-def test_ids_make_the_compiled_vector_environment(env_id):
-    env = gymnasium.make_vec(f"turning_env:{env_id}", num_envs=4, vectorization_mode="vector_entry_point")
-    assert type(env.unwrapped) is RoughTurningVectorEnv
-    assert env.unwrapped.scenario == Scenario.load(IDS[env_id])
-    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
 
 
 def test_seeds_may_be_given_one_by_one():

@@ -1,14 +1,10 @@
 """What model mismatch does to the process, and that the nominal predictions know nothing of it."""
 
-import math
-
 import numpy as np
 import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, read
-from turning_env.physics.records import block_records
-from turning_env.physics.workpiece import look_up_fields
 
 STEADY = changed(UNDISTURBED, control={"interval": 1})
 SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5}
@@ -59,20 +55,6 @@ def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
     wear = hardness**STEADY.material.wear.hardness * (1 + share * (SKIN["skin_wear"] - 1))
     assert skinned["wear"][1:] / nominal["wear"][1:] == pytest.approx(wear, rel=1e-9)
     assert steps(with_mismatch(**SKIN | {"skin_thickness": 3.0}), 1)["hardness"] == pytest.approx(SKIN["skin_hardness"])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("floor", "ceiling", "share"),
-    [(0.0, math.inf, 0.2), (0.0, 1.25, 0.0), (0.0, 2.25, 1 / 9), (2.2, 2.4, 1.0)],
-)
-def test_of_several_passes_those_that_reach_the_skin_cut_it(floor, ceiling, share):
-    """A blank of 2.5 mm, the outer 0.5 mm of which are skin."""
-    state, p, scratch = (records[0] for records in block_records(with_mismatch(**SKIN)))
-    state.bar[0], state.pass_floor[0], state.pass_ceiling[0], scratch.work.engaged[0] = -1, floor, ceiling, 1.0
-    look_up_fields(state, scratch.work, 0, 1, p)
-    assert math.exp(state.log_hardness[0]) == pytest.approx(1 + 0.4 * share, rel=1e-12)
-    assert math.exp(state.log_skin_wear[0]) == pytest.approx(1 + 0.5 * share, rel=1e-12)
 
 
 def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():

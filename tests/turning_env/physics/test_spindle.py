@@ -105,13 +105,3 @@ def test_the_motor_cools_while_an_edge_is_changed():
     warmer = record["spindle_load"].max() ** 2 * (1 - np.exp(-seconds / 18))
     assert (after[stopped] <= (before * np.exp(-record["stopped_time"][1:] / 18) + warmer)[stopped]).all()
     assert (after[stopped] < 0.5 * before[stopped]).all()
-
-
-def test_at_one_speed_above_the_base_speed_both_readings_are_the_same():
-    """So ``RoughTurning-Override-v0``, whose spindle turns at 710 rev/min, has the paper's load without idle torque."""
-    override = Scenario.load("override")
-    actions = fixed_actions(300, 1, override)[:, 0]
-    by_power = play(RoughTurningEnv(override), 5, actions)
-    by_torque = play(RoughTurningEnv(changed(override, spindle={"base_speed": 709.0, "reading": "torque"})), 5, actions)
-    for name, values in by_power.items():
-        assert values.tobytes() == by_torque[name].tobytes(), name

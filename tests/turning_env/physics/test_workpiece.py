@@ -1,29 +1,19 @@
 """Hardness and depth of cut as fields over the bar."""
 
-import math
-
 import numpy as np
 import pytest
 
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.physics.records import block_records
-from turning_env.physics.workpiece import MIN_DEPTH_SHARE, look_up_fields
+from turning_env.physics.workpiece import MIN_DEPTH_SHARE
+from turning_render.fields import Fields
 
 WORKPIECE = Scenario().workpiece
 
 
 def fields(scenario: Scenario, cuts, seed: int = 0):
-    """(Relative hardness [-], depth of cut [mm]) at cut coordinates [mm], in the order given."""
-    state, parameters, scratch = (records[0] for records in block_records(scenario))
-    work = scratch.work
-    state.seed[0], state.bar[0], state.pass_ceiling[0], work.engaged[0] = seed, -1, math.inf, 1.0
-    values = np.empty((2, len(cuts)))
-    for i, cut in enumerate(cuts):
-        work.middle[0] = cut
-        look_up_fields(state, work, 0, 1, parameters)
-        values[:, i] = math.exp(state.log_hardness[0]), state.depth_of_cut[0]
-    return values
+    """Return relative hardness [-] and depth of cut [mm] at cut coordinates [mm], shape (2, cuts)."""
+    return np.array(Fields(scenario).along((seed, 0), 0, np.asarray(cuts)))
 
 
 def test_fields_depend_on_position_alone_not_on_how_the_tool_came_there():
@@ -33,7 +23,6 @@ def test_fields_depend_on_position_alone_not_on_how_the_tool_came_there():
     assert not np.array_equal(fields(Scenario(), cuts), fields(Scenario(), cuts, seed=1))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("along", [0.0, 137.3])
 def test_spreads_are_those_of_the_scenario(along):
     """Over 4000 bars the standard error of a standard deviation is 1.1 %."""
