@@ -86,7 +86,7 @@ def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
 
 
 def _scenario(folder: Path) -> str:
-    path = folder.parent / "short.toml"  # beside the folders, as what is written names it
+    path = folder.parent / "short.toml"  # beside the folders, because written files contain its path
     SCENARIO.save(path)
     return str(path)
 
@@ -217,7 +217,7 @@ def contents(folder: Path) -> dict[str, str]:
     for path in files(folder):
         if path.suffix != ".log" and path.name != "run.json":
             content = path.read_bytes()
-            with suppress(Exception):  # what cannot be read differs
+            with suppress(Exception):  # unreadable files differ
                 content = _read(path)
             found[str(path.relative_to(folder))] = sha256(content).hexdigest()
     return found

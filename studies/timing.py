@@ -86,7 +86,7 @@ def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Ti
 
 def calls_within(case: Case, seconds: float) -> int:
     """Return the number of calls of a case that take about ``seconds``."""
-    case.step()  # compiles, or loads what was compiled
+    case.step()  # compiles, or loads compiled code
     count = 1
     # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
     while (taken := count * case.steps / max(timed(case, count).rate for _ in range(3))) < 0.2 * seconds:

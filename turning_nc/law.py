@@ -79,7 +79,7 @@ class Law:
         if (output := output.strip()) not in WRITABLE:
             raise Problem(f"{output!r} cannot be written, only {', '.join(WRITABLE)}")
         if int(identity) <= max(self.actions, default=0):
-            raise Problem(f"ID={identity} must stand before ID={max(self.actions)}: actions run in this order")
+            raise Problem(f"ID={identity} must precede ID={max(self.actions)}: actions run in this order")
         if number is not None and int(number) not in self.polynomials:
             raise Problem(f"polynomial {number} is not defined")
         expression, when = _parse(text), None if condition is None else _parse(condition)

@@ -239,7 +239,7 @@ class Control(Modal):
             self._go_home("machine coordinates")
             return
         if self.motion is None:
-            raise Problem("coordinates stand before the first G0 or G1")
+            raise Problem("coordinates precede the first G0 or G1")
         end = self.target(line)
         if self.motion in (32, 33):
             lead = line.number_of(*self.dialect.thread_lead)

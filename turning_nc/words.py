@@ -150,7 +150,7 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
             found = str(int(found)) if dialect.name == "fanuc" else found
             if not (header.lastindex == 2 and found == name):  # PROC may repeat the name of its part
                 if found in parts:
-                    raise NcError(f"line {number}: {stripped!r} stands a second time, first in line {defined_at[found]}")
+                    raise NcError(f"line {number}: {stripped!r} is defined twice, first in line {defined_at[found]}")
                 name, parts[found], defined_at[found] = found, [], number
             code = code.replace(header[0], " " * len(header[0]), 1) if dialect.name == "fanuc" else ""
         if code.strip() not in ("", "%"):

@@ -95,7 +95,7 @@ def test_a_program_is_written_as_it_should_look() -> None:
         ("G95 ", "G94 ", 11, "no feed"),
         ("FCTDEF(1,1.0,120.0", "FCTDEF(1,121.0,120.0", 5, "the lower limit of polynomial 1 is 121.0"),
         ("SYNFCT(1", "SYNFCT(2", 6, "polynomial 2 is not defined"),
-        ("ID=2", "ID=1", 7, "ID=1 must stand before ID=1"),
+        ("ID=2", "ID=1", 7, "ID=1 must precede ID=1"),
         ("$AC_PARAM[1]+1.0", "$AN_SECRET+1.0", 7, "$AN_SECRET cannot be read"),
         ("DO $AC_PARAM[0]", "DO M8 $AC_PARAM[0]", 7, "cannot be written"),
     ],
