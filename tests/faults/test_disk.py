@@ -111,27 +111,6 @@ def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_search_of_rules_that_finds_the_disk_full_keeps_its_trials(
-    tmp_path: Path, scenario_file: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    main, arguments = commands(tmp_path / "undisturbed", scenario_file)["baselines.tune"]
-    arguments[arguments.index("--trials") + 1] = "8"
-    assert main(arguments) == 0
-    (expected,) = files(tmp_path / "undisturbed")
-    folder = tmp_path / "full"
-    arguments[-1] = str(folder / "short.json")
-    with full_disk(4000):  # the journal does not fit, and ends within a line
-        assert main(arguments) == 2
-    assert "error: " in capsys.readouterr().err
-    (journal,) = folder.iterdir()
-    assert journal.stat().st_size == 4000
-    assert main(arguments) == 0
-    assert "is cut off" in capsys.readouterr().err
-    (found,) = files(folder)
-    assert found.read_text() == expected.read_text()
-
-
-@pytest.mark.slow
 def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main, arguments = commands(tmp_path, tmp_path)["leaderboard run"]
     with full_disk(3000):  # of which the trajectories are more

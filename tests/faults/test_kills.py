@@ -5,23 +5,29 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from random import Random
 
 import pytest
 
 from studies import soak
-from studies.soak import PROGRAMS, contents
 from tests.walking import MAX, ROOT
+
+SMALLER = partial(soak.leaderboard, more=("--seeds", "4"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param("training", marks=pytest.mark.soak), "tuning of rules", "leaderboard"])
-def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(name: str, tmp_path: Path) -> None:
-    toll = soak.kill(PROGRAMS[name], 1, tmp_path, Random(4))
+@pytest.mark.parametrize(
+    "program",
+    [pytest.param(soak.training, marks=pytest.mark.soak), soak.tuning_of_rules, SMALLER],
+    ids=["training", "tuning of rules", "leaderboard"],
+)
+def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(program: soak.Program, tmp_path: Path) -> None:
+    toll = soak.kill(program, 1, tmp_path, Random(4))
     assert toll.kills == 1
     assert toll.survived, toll
-    assert contents(tmp_path / "undisturbed")
+    assert soak.contents(tmp_path / "undisturbed")
 
 
 PARENT = """

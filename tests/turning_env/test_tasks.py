@@ -126,15 +126,6 @@ def test_a_worn_edge_is_changed_unannounced_which_takes_longer():
     assert first["used_life"] == 0
 
 
-def test_a_broken_edge_costs_its_rest_and_the_downtime():
-    brittle = changed(SHIFT, tool={"edge_strength": 900.0})
-    infos = steps(brittle, [[1, 1, -1]] * 100)
-    first = next(info for info in infos if info["broken"])
-    assert first["stopped_time"] == pytest.approx(60 * (brittle.economics.edge_change_time + brittle.economics.breakage_downtime))
-    assert first["reward_breakage"] + first["reward_edge"] == pytest.approx(-60 * 3 * first["edges_used"])
-    assert (first["power"], first["measured_power"]) == (0.0, 0.0)
-
-
 # --- batch ------------------------------------------------------------------------------------------------------------
 
 

@@ -88,12 +88,8 @@ def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, text, 
 
 @pytest.mark.parametrize("name", ["", "..", ".hidden", "a/b", "a\n", "Stück", "x" * 65])
 def test_names_that_cannot_name_a_folder_are_refused(name):
-    for allowed in ("a", "En-19", "v1.2_b", "-", "_", "x" * 64):
-        assert Scenario(name=allowed).name == allowed
-    with pytest.raises(ValidationError) as refusal:
+    with pytest.raises(ValidationError, match=r"is not allowed.*1 to 64 of the characters A-Z, a-z, 0-9"):
         Scenario(name=name)
-    assert f"{name!r} is not allowed" in str(refusal.value)
-    assert "1 to 64 of the characters A-Z, a-z, 0-9" in str(refusal.value)
 
 
 def test_a_file_may_be_based_on_files(toml, tmp_path):
