@@ -158,10 +158,6 @@ def one_named(
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
 
-class AgentTooSlow(ResultError):
-    """An agent's file gives no actions in time."""
-
-
 def agents(
     paths: Sequence[Path],
     task: Task,
@@ -183,7 +179,6 @@ def agents(
         forgets: see ``PolicySpec``; of families only.
 
     Raises:
-        AgentTooSlow: a file gives no actions in time.
         ResultError: a path holds no agent, or one that cannot play the task; two have the same name and training seed; the name
             is that of another policy.
     """
@@ -191,12 +186,10 @@ def agents(
     for path in (each for each in paths if each not in (too_slow or {})):
         try:
             spec = fitted(agent(path, seconds), task, forgets)
-        except TooSlow as error:
-            if too_slow is None:
-                raise AgentTooSlow(f"skipped: {error}") from error
-            too_slow[path] = AgentTooSlow(f"skipped: {error}")
-            continue
         except (OSError, ValueError) as error:
+            if isinstance(error, TooSlow) and too_slow is not None:
+                too_slow[path] = ResultError(f"skipped: {error}")
+                continue
             raise ResultError(f"no agent can be loaded from {path}: {error}") from error
         if is_own(spec) and not keep:
             spec = PolicySpec.model_validate(dict(spec) | {"name": _own_name(path, spec.name, name)})

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from leaderboard import watch
-from leaderboard.watch import Show, main
-from tests.leaderboard.conftest import Steady
+from leaderboard.watch import main
 from turning_env import Scenario
-from turning_env.scoring.policy import PolicySpec
 
 AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
 HEIGHT, WIDTH = 670, 960
@@ -47,20 +44,6 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
     assert both.shape == (HEIGHT, 2 * WIDTH + 8, 3)
     assert np.array_equal(both[:, WIDTH + 8 :], alone)
     assert not np.array_equal(both[:, :WIDTH], alone)
-
-
-@pytest.mark.slow
-def test_steps_are_left_out_and_an_ended_episode_stands_still(scenario: Scenario) -> None:
-    spec = PolicySpec(name="one", make=lambda num_envs: Steady(num_envs, (0.0, 0.0)))
-    shows = [Show(spec, "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
-    assert list(watch.steps(shows, None, 5)) == [0, 5, 10, 12]
-    assert all(show.ended for show in shows)
-    shows = [Show(spec, "RoughTurning-v0", scenario, 3, "rgb_array") for _ in range(2)]
-    shows[0].ended = True
-    still = shows[0].frame()
-    pictures = list(watch.frames(shows, 7, 4))
-    assert len(pictures) == 3
-    assert np.array_equal(pictures[-1][:, :WIDTH], still)
 
 
 def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -82,9 +82,7 @@ def severe_share(severe: Floats, engaged: Floats) -> float:
 
 def severe_limit(severe: Floats, engaged: Floats) -> float:
     """Return the one-sided upper confidence limit of ``severe_share`` [-] by bootstrap over seeds, for the same arguments."""
-    count = len(engaged)
-    resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
-    return float(np.quantile(ratio(severe[resamples].sum(axis=1), engaged[resamples].sum(axis=1)), CONFIDENCE))
+    return Bootstrap(len(engaged)).severe_limit(severe[None], engaged[None], "")
 
 
 def ratio(parts: Floats, wholes: Floats) -> Floats:

@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib import metadata
 from signal import SIG_IGN, SIGINT, signal
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
@@ -265,8 +265,8 @@ def _versions() -> dict[str, str]:
     """Return the versions of the model and of all packages on which results depend."""
     versions = {"model": str(MODEL_VERSION)} | dict.fromkeys(_PACKAGES, "none")
     for name in _PACKAGES:
-        with suppress(PackageNotFoundError):
-            versions[name] = version(name)
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
     return versions
 
 

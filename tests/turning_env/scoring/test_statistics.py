@@ -1,7 +1,5 @@
 """Estimates against hand-computed values, against SciPy, and against the truth."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -19,36 +17,12 @@ from turning_env.scoring.statistics import (
 )
 
 
-@pytest.fixture
-def chosen(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Resamples chosen by hand: of three seeds {0, 0, 2} and {1, 1, 1}, of two training seeds {0, 1} and {1, 1}."""
-    keys: list[object] = []
-
-    def generator(key: object) -> SimpleNamespace:
-        keys.append(key)
-        return SimpleNamespace(
-            integers=lambda count, size: np.array({3: [[0, 0, 2], [1, 1, 1]], 2: [[0, 1], [1, 1]]}[count]).reshape(size)
-        )
-
-    monkeypatch.setattr(np.random, "default_rng", generator)
-    return keys
-
-
-VALUES = np.array([[1.0, 2.0, 6.0], [3.0, 5.0, 100.0]])
-
-
-def test_means_by_hand(chosen: list[object]) -> None:
-    bootstrap = Bootstrap(3, resamples=2)
-    assert bootstrap.resamples == 2
-    expected = [((1 + 1 + 6) + (3 + 3 + 100)) / 6, 5.0]
-    np.testing.assert_allclose(bootstrap.means(VALUES, "ppo"), expected, rtol=1e-15)
-    assert chosen == [KEY, [KEY, 1501738109]]  # the CRC-32 of "ppo"
-
-
-def test_interquartile_means_by_hand(chosen: list[object]) -> None:
-    # Of {1, 1, 6, 3, 3, 100}, one value goes at either end.
-    means = Bootstrap(3, resamples=2).interquartile_means(VALUES, "ppo")
-    np.testing.assert_allclose(means, [(1 + 3 + 3 + 6) / 4, 5.0], rtol=1e-15)
+def test_resamples_vary_as_means_do() -> None:
+    values, bootstrap = np.random.default_rng(4).normal(size=(1, 100)), Bootstrap(100)
+    means, middle = bootstrap.means(values, "rule"), bootstrap.interquartile_means(values, "rule")
+    assert (means.mean(), means.std()) == pytest.approx((values.mean(), values.std() / 10.0), abs=0.01)
+    assert middle.mean() == pytest.approx(interquartile_mean(values[0]), abs=0.02)
+    assert np.corrcoef(means, middle)[0, 1] > 0.8
 
 
 def test_an_estimate_leaves_the_same_share_out_at_either_end() -> None:
@@ -100,11 +74,9 @@ ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])
 SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
 
 
-def test_the_limit_is_the_leaderboards() -> None:
-    bootstrap = Bootstrap(len(ENGAGED))
-    shares = bootstrap.means(SEVERE[np.newaxis], "rule") / bootstrap.means(ENGAGED[np.newaxis], "rule")
-    assert severe_limit(SEVERE, ENGAGED) == pytest.approx(float(np.quantile(shares, CONFIDENCE)), rel=1e-12)
-    assert severe_limit(SEVERE, ENGAGED) > severe_share(SEVERE, ENGAGED)
+def test_the_limit_is_above_the_share() -> None:
+    assert severe_share(SEVERE, ENGAGED) == pytest.approx(44 / 900)
+    assert severe_share(SEVERE, ENGAGED) < severe_limit(SEVERE, ENGAGED) < max(SEVERE / ENGAGED)
 
 
 def test_who_never_cuts_overloads_nothing() -> None:
