@@ -111,12 +111,6 @@ def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(folder: Pat
     assert home == any(tmp_path.glob("home/**/*.nbc"))
 
 
-def test_without_a_folder_to_write_in_nothing_is_kept(folder: Path) -> None:
-    (folder / "__pycache__").touch()  # no folder, so not even root can write in it
-    error = finished(start(folder, XDG_CACHE_HOME=str(folder / "entry.py")))
-    assert error.count("compiled code cannot be kept in") == 1
-
-
 def test_without_room_nothing_is_kept(folder: Path, tmp_path: Path) -> None:
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # as a full disk: EFBIG for ENOSPC
     (tmp_path / "sitecustomize.py").write_text(limit + "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n")

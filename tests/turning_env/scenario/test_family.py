@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from turning_env import Family, Scenario, ScenarioError
-from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.family import CHUNK, families, makes_sense
 
 SHOP = Family.load("shop")
@@ -87,22 +86,6 @@ def test_the_context_is_standardised_by_training_jobs():
     assert abs(context.mean(axis=0)).max() < 0.1
     assert context.std(axis=0).max() < 1.1
     assert len(context) == CHUNK
-
-
-def test_power_is_told_over_what_the_spindle_can_give_at_the_speed():
-    family = Family.load("shop")
-    mean, spread = family.context_scale
-    slow = 0
-    for number in range(40):
-        job = family.job(number, "unseen_machines")
-        nominal, told = job.scenario.nominal(), dict(zip(family.context_names, job.context * spread + mean, strict=True))
-        wear = nominal.tool.wear_criterion * 0.5**nominal.material.wear.time
-        cut = nominal.material.power(job.cutting_speed, job.feed, nominal.workpiece.depth_of_cut, wear=wear)
-        limit = nominal.limits.power * capacity_at(nominal, job.cutting_speed)
-        assert np.exp(told["log_power_load"]) == pytest.approx(cut / limit)
-        assert np.exp(told["log_idle_power"]) == pytest.approx(idle_power_at(nominal, job.cutting_speed) / limit)
-        slow += limit < nominal.limits.power
-    assert slow > 5
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
