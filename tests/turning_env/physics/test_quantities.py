@@ -1,11 +1,9 @@
 """The table of quantities, and what follows from it: records, resets, info, observations and the tables of the specification."""
 
-import pytest
-
 from tests.turning_env.playing import changed, slightly_different, variants
-from turning_env import IDS, RoughTurningEnv, Scenario
+from turning_env import RoughTurningEnv, Scenario
 from turning_env.info import INFO_KEYS
-from turning_env.physics.quantities import OBS, OBSERVATION, layout, observation_table
+from turning_env.physics.quantities import layout, observation_table
 from turning_env.physics.records import parameter_records
 
 FURTHER = ("radial_force", "torque", "roughness")
@@ -24,20 +22,6 @@ def test_no_configured_value_is_dead():
     nominal = parameter_records(limited).tobytes()
     dead = {name for name, scenario in variants(limited, slightly_different) if parameter_records(scenario).tobytes() == nominal}
     assert dead == ELSEWHERE
-
-
-@pytest.mark.parametrize("preset", IDS.values())
-def test_layout_bounds_and_observations_agree(preset):
-    env = RoughTurningEnv(preset)
-    names = layout(env.scenario)
-    entries = [OBSERVATION[getattr(OBS, name)] for name in names]
-    assert env.observation_space.shape == (len(names),)
-    assert env.observation_space.low.tolist() == [entry.low for entry in entries]
-    assert env.observation_space.high.tolist() == [entry.high for entry in entries]
-    assert list(names[: OBS.cutting + 1]) == [entry.name for entry in OBSERVATION[: OBS.cutting + 1]]
-    observation, info = env.reset(seed=0)
-    assert env.observation_space.contains(observation)
-    assert tuple(info) == INFO_KEYS
 
 
 def test_the_specification_has_the_table_of_the_observation():
