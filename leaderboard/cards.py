@@ -4,17 +4,16 @@ import importlib
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from leaderboard import columns, table
 from leaderboard.information import CLASSES, GIVEN, SEEN
-from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
+from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
-from turning_env import FAMILY_ID, SPLITS, Family
+from turning_env import SPLITS
 
 _SHARED = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
 """What all files of one card must have in common."""
@@ -33,45 +32,36 @@ def write_all(results: Path, agents: Path) -> list[Path]:
     written = []
     for folder in folders:
         env_id, home = folder.parts[-2:]
-        if env_id == FAMILY_ID:
-            boards = read_leaderboards(results, env_id=env_id, scenario=f"{home}-*")
-            splits = []
-        else:
-            boards = [read_leaderboard(result_folder(results, env_id, home))]
-            splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
+        board = read_leaderboard(result_folder(results, env_id, home))
+        splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
         others = [read_leaderboard(each) for each in splits]
         for name, files in _agents(folder).items():
             for file in files:
-                if not all((file.label, file.digest) in {(each.policy.label, each.policy.sha256) for each in board.results}
-                           for board in boards):  # fmt: skip
+                if (file.label, file.digest) not in {(each.policy.label, each.policy.sha256) for each in board.results}:
                     raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {results}: play it first")
             path = folder / f"{name}.md"
-            write_whole(path, render(files, boards, others, folder / f"{files[0].label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files, board, others, folder / f"{files[0].label}{ONNX_SUFFIX}"))
             written.append(path)
     return written
 
 
-def render(files: Sequence[AgentFile], boards: Sequence[Leaderboard], splits: Sequence[Leaderboard], example: Path) -> str:
+def render(files: Sequence[AgentFile], board: Leaderboard, splits: Sequence[Leaderboard], example: Path) -> str:
     """Return the card of an agent as Markdown.
 
     Args:
         files: one per training seed.
-        boards: the leaderboard of its task, or those of the splits of its family.
+        board: the leaderboard of its task.
         splits: leaderboards of scenarios on which it was not trained.
         example: the file that the example loads.
     """
     metadata = files[0].metadata
-    standings = []
-    for board in boards:
-        name = board.names[files[0].label]
-        standings.append((board, next(each for each in board.standings if each.name == name)))
-    _, first = standings[0]
-    family = boards[0].task.of_family
-    shown = (*columns.RETURNS, *columns.JOBS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-    across = table.across([*boards, *splits]) if splits else None
+    name = board.names[files[0].label]
+    standing = next(each for each in board.standings if each.name == name)
+    shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
+    across = table.across([board, *splits]) if splits else None
     elsewhere = []  # split, full cost there, whether feasible there
-    if across and across.tuned_for == metadata.scenario.name and first.name in across.rows:
-        played = across.rows[first.name]
+    if across and across.tuned_for == metadata.scenario.name and name in across.rows:
+        played = across.rows[name]
         elsewhere = [(split, *played[split]) for split in across.scenarios[1:] if split in played]
     bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
     ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
@@ -80,12 +70,9 @@ def render(files: Sequence[AgentFile], boards: Sequence[Leaderboard], splits: Se
     )
     return (
         templates.get_template("model_card.md.j2").render(
-            name=first.name,
-            policy_class=first.policy_class,
-            information=first.information,
-            family=family.family if family else None,
-            standings=standings,
-            columns=columns.applying(shown, [standing for _, standing in standings]),
+            standing=standing,
+            seeds=len(board.task.seeds),
+            columns=columns.applying(shown, [standing]),
             elsewhere=elsewhere,
             files=files,
             metadata=metadata,
@@ -119,9 +106,7 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
         except (OSError, ValueError) as error:
             raise ResultError(str(error)) from error
         metadata = file.metadata
-        family: Any = metadata.parameters.get("family")
-        home = Family.load(family).name if metadata.env_id == FAMILY_ID else metadata.scenario.name
-        place = Path(metadata.env_id) / home / f"{file.label}{ONNX_SUFFIX}"
+        place = Path(metadata.env_id) / metadata.scenario.name / f"{file.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
             raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
         agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)

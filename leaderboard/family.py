@@ -16,7 +16,7 @@ from turning_env import FAMILY_ID, Scenario
 from turning_env.action import towards
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import CONTEXT_LIMIT, Family, Job
+from turning_env.scenario.family import Family, Job
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.family import play_family, play_jobs, truthful
 from turning_env.scoring.play import Episodes
@@ -96,7 +96,7 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
 
 def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     """Return an agent, or a policy of one's own code, as it plays a family's task."""
-    plays = _Plays(family_of(task), _split(task), found.make, "nominal", forgets, found.parameters.get("context"))
+    plays = _Plays(family_of(task), _split(task), found.make, "nominal", forgets)
     return found.model_copy(update={"forgets": forgets, "compute": plays})
 
 
@@ -115,8 +115,6 @@ class _Plays:
     """A controller's name, or what makes a policy that plays all jobs."""
     knows: str
     forgets: bool
-    context: Any = None
-    """``mean`` and ``spread`` of the context in an agent's training; None: as in ``family``."""
 
     def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
         right = "" if self.policy == CAUSAL else _RIGHT[self.knows]
@@ -129,10 +127,10 @@ class _Plays:
         def remembering(make: PolicyFactory) -> PolicyFactory:
             return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
 
+        make: PolicyFactory
         if not isinstance(name, str):
-            agent_of: PolicyFactory = name
             filled, places = _filled(seeds)
-            make = remembering(lambda num_envs: Retold(agent_of(num_envs), family, self.context))
+            make = remembering(name)
             found = play_family(family, self.split, filled, make, "told", lambda ended: on_step(min(ended, len(seeds))))
             return {field: values[places] for field, values in found.items()}
         if not (name in (NOMINAL_OPTIMUM, CAUSAL) or RULES[name].together):
@@ -196,30 +194,3 @@ class Forgetful(Policy):
             self._policy.reset(wear < self._wear)
         self._wear = wear.copy()
         return self._policy.act(observations)
-
-
-class Retold(Policy):
-    """An agent that may have been trained on another family: the context is standardised as that family's is.
-
-    Args:
-        policy: the agent.
-        family: family whose jobs it plays.
-        told: ``mean`` and ``spread`` of the context in its training; None: as in ``family``.
-    """
-
-    def __init__(self, policy: Policy, family: Family, told: Any = None) -> None:
-        mean, spread = family.context_scale
-        trained = (np.array(told["mean"]), np.array(told["spread"])) if told else (mean, spread)
-        self._policy, self._entries = policy, len(mean)
-        self._factor, self._offset = spread / trained[1], (mean - trained[0]) / trained[1]
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget what was seen of the environments in the mask, shape (num_envs,)."""
-        self._policy.reset(mask)
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the agent's actions, shape (num_envs, 3)."""
-        retold = observations.copy()
-        context = retold[:, -self._entries :] * self._factor + self._offset
-        retold[:, -self._entries :] = np.clip(context, -CONTEXT_LIMIT, CONTEXT_LIMIT)
-        return self._policy.act(retold)
