@@ -5,12 +5,16 @@ import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from stable_baselines3 import PPO
 
 from leaderboard import run
 from leaderboard.result import Result, Task, read_file, result_folder
+from tests.train import onnx_agents
+from train.run import Run
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
@@ -73,6 +77,14 @@ def only(path: Path) -> Result:
 def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:
     """Have them all play one task."""
     run.play_all([run.TaskRun(task, policies, folder)], fresh)
+
+
+def finished_run(folder: Path, seed: int = 0) -> Run:
+    """Return a training run whose agent has learned nothing."""
+    run = onnx_agents.run(folder, seed)
+    run.begin()
+    PPO("MlpPolicy", gymnasium.make(ENV_ID), n_steps=8, batch_size=8, seed=seed, device="cpu").save(run.policy)
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -15,9 +15,8 @@ from leaderboard import result
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
-from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, play_all
+from tests.leaderboard.conftest import ENV_ID, MakeResult, finished_run, on, only, play_all
 from tests.train import onnx_agents
-from train import training
 from train.export import export_torch
 from train.learning_curves import FILE, Training, Trainings
 from turning_env import Scenario
@@ -73,14 +72,12 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
 
 
 def test_learning_curves_of_own_runs_stand_beside_those_of_shipped_agents(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(training, "load_actor", lambda run: onnx_agents.memoryless(run.seed))
-    theirs, mine = result_folder(leaderboard_policies.AGENTS, ENV_ID, SHORT.name), onnx_agents.run(tmp_path / "run", seed=1)
+    theirs, mine = result_folder(leaderboard_policies.AGENTS, ENV_ID, SHORT.name), finished_run(tmp_path / "run", seed=1)
     trained = Training(first=1.0, last=5.0, mean_return=[-9.0, -1.0])
     curves = {"ppo-seed0": trained, "ppo-seed7": trained}
     Trainings(env_id=ENV_ID, scenario=ScenarioId.of(SHORT), trainings=curves).write(theirs / FILE)
-    mine.begin()
     mine.learning_curve.write_text("steps,wall_time,mean_return\n10,1,-30\n20,2,-10\n", "utf-8")
     folder = result_folder(tmp_path / "results", ENV_ID, SHORT.name)
 
