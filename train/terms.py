@@ -1,4 +1,4 @@
-"""The terms of a training: what an agent sees beside the present observation, and how it is charged for edges.
+"""The terms of a training: an agent's inputs beside the present observation, and its charges for edges.
 
 The same three hyperparameters mean the same for every algorithm that has them:
 
@@ -71,7 +71,7 @@ class ShapedVecEnv(RoughTurningVecEnv):
 
 
 class View:
-    """A function from observations to what the agent sees: also its position, and earlier observations, latest last.
+    """A function from observations to the agent's inputs: also its position, and earlier observations, latest last.
 
     The memory, shape (num_envs, memory_size), holds the tracker's state, then earlier observations. It is 0 before an episode's
     first observation.
@@ -86,7 +86,7 @@ class View:
         self.memory_size = self._tracker.STATES + (frames - 1) * self._entries
 
     def __call__(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return what the agent sees, shape (num_envs, entries), and the next memory."""
+        """Return the agent's inputs, shape (num_envs, entries), and the next memory."""
         states = self._tracker.STATES
         readings, state = self._tracker(observation, memory[:, :states])
         seen = torch.cat([memory[:, states:], observation, readings], dim=1)
@@ -94,7 +94,7 @@ class View:
 
 
 class ViewVecEnv(VecEnvWrapper):
-    """Environments that return what the agent sees."""
+    """Environments that return the agent's inputs."""
 
     def __init__(self, venv: VecEnv, view: View) -> None:
         super().__init__(venv, Box(-np.inf, np.inf, (view.entries,), np.float32))
@@ -188,9 +188,9 @@ class Terms:
         return View(self.scenario, math.prod(observation_space(self.scenario).shape or ()), self.position, self.frames)
 
     def shown(self, vec_env: VecEnv) -> VecEnv:
-        """Return environments that show what the agent sees."""
+        """Return environments that return the agent's inputs."""
         return ViewVecEnv(vec_env, self._view) if self._view else vec_env
 
     def actor(self, actor: Actor) -> Actor:
-        """Return the actor on plain observations for one that sees what ``shown`` shows."""
+        """Return the actor on plain observations for one on the inputs of ``shown``."""
         return ViewActor(actor, self._view) if self._view else actor

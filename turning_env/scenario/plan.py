@@ -128,7 +128,7 @@ class Loads:
         return first, second
 
     def excess(self, used_life: float, deviations: float = 0.0) -> Array:
-        """Return the larger of force and power over their limits, less 1, for bars so many standard deviations worse."""
+        """Return the larger of force and power over their limits, less 1, for bars worse by a number of standard deviations."""
         s = self._s
         force = self._force * _wide(exp(log_response_at(s, "thrust_force", used_life, deviations)))
         power = self._power * _wide(exp(log_response_at(s, "power", used_life, deviations))) + self._idle
