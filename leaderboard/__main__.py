@@ -287,16 +287,15 @@ def _seeds_or_file(text: str) -> list[int] | Path:
     return Path(text)
 
 
-def _name(text: str) -> str:
-    if not re.fullmatch(NAME, text):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a name of at most 128 letters, digits, _, . and -")
-    return text
+def _like(pattern: str, meaning: str) -> Callable[[str], str]:
+    """Return an argparse type: a text of a pattern."""
 
+    def checked(text: str) -> str:
+        if not re.fullmatch(pattern, text):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {meaning}")
+        return text
 
-def _module_and_object(text: str) -> str:
-    if not re.fullmatch(r"[\w.]+:[\w.]+", text):
-        raise argparse.ArgumentTypeError(f"{text!r} is not MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")
-    return text
+    return checked
 
 
 def positive(text: str) -> int:
@@ -341,9 +340,11 @@ def _parser() -> argparse.ArgumentParser:
     which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
     add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
+    own_code = _like(r"[\w.]+:[\w.]+", "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")
+    name = _like(NAME, "a name of at most 128 letters, digits, _, . and -")
     which = "a policy of your own code, such as my_module:MyPolicy; played again each time"
-    add("--policy", type=_module_and_object, metavar="MODULE:OBJECT", help=which)
-    add("--name", type=_name, help="name of your own agents or policy (default: their own, after my_ if a shipped agent has it)")
+    add("--policy", type=own_code, metavar="MODULE:OBJECT", help=which)
+    add("--name", type=name, help="name of your own agents or policy (default: their own, after my_ if a shipped agent has it)")
     add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
     which = "processor time [s] that an agent's file may use for all seeds; a slower one is skipped (default: 600)"
     add("--agent-time", type=positive, metavar="SECONDS", help=which)

@@ -54,18 +54,20 @@ def make_episode() -> MakeEpisode:
     return make
 
 
-def test_an_edge_is_counted_by_what_is_used_of_it(make_episode: MakeEpisode) -> None:
-    episode = make_episode()
-    assert measure([episode])["minutes_per_edge"] == pytest.approx(63 / 60)
-    assert measure([episode])["removed_per_edge"] == pytest.approx(2.0 * 60)
-    half = make_episode(edges_used=0.5 / 63)
+def test_metrics_count_used_edges_and_cutting_time(make_episode: MakeEpisode) -> None:
+    episode, half = make_episode(), make_episode(edges_used=0.5 / 63)
+    over = np.where((np.arange(63) >= 10) & (np.arange(63) < 16), 1.0, 0.0)
+    metrics = measure([episode])
+    assert (metrics["minutes_per_edge"], metrics["removed_per_edge"]) == pytest.approx((63 / 60, 2.0 * 60))
     assert measure([episode, half])["minutes_per_edge"] == pytest.approx(2 * 63 / 60 / 1.5)
     assert math.isnan(measure([make_episode(edges_used=0.0)])["minutes_per_edge"])
+    metrics = measure([make_episode(overload_time=over, severe_overload_time=0.5 * over), episode])
+    assert (metrics["overload_share"], metrics["severe_overload_share"]) == pytest.approx((100 * 6 / 120, 100 * 3 / 120))
 
 
 def test_stages_are_of_life_and_weighted_by_cutting_time(make_episode: MakeEpisode) -> None:
     used = np.where(np.arange(63) < 42, 0.1, 0.9)
-    episode = make_episode(used_life=used, cutting_speed=np.where(used < 0.5, 150.0, 190.0), feed=np.arange(63.0))
+    episode = make_episode(used_life=used, cutting_speed=np.where(used < 0.5, 150.0, 190.0))
     np.testing.assert_allclose(by_life_stage([episode], "cutting_speed"), [150.0, np.nan, np.nan, np.nan, 190.0])
     metrics = measure([episode])
     assert (metrics["first_cutting_speed"], metrics["last_cutting_speed"]) == (150.0, 190.0)
@@ -73,14 +75,6 @@ def test_stages_are_of_life_and_weighted_by_cutting_time(make_episode: MakeEpiso
     weighted = make_episode(used_life=used, feed=np.arange(63.0), engaged_time=engaged)
     in_metal = np.flatnonzero(episode.cutting & (used < 0.5))
     assert measure([weighted])["first_feed"] == pytest.approx((in_metal.sum() + 2 * 1) / (len(in_metal) + 2))
-
-
-def test_overload_is_a_share_of_cutting_time(make_episode: MakeEpisode) -> None:
-    over, severe = np.zeros(63), np.zeros(63)
-    over[10:16], severe[10:13] = 1.0, 1.0
-    metrics = measure([make_episode(overload_time=over, severe_overload_time=severe), make_episode()])
-    assert metrics["overload_share"] == pytest.approx(100 * 6 / 120)
-    assert metrics["severe_overload_share"] == pytest.approx(100 * 3 / 120)
 
 
 @pytest.mark.slow
