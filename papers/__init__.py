@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.extras import tell_plainly
 from turning_env.physics.quantities import INFO
+from turning_env.scenario import Source
 from turning_env.scoring.policy import Policy
 
 tell_plainly()
@@ -28,7 +29,7 @@ def rows(name: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def changed(preset: str, **sections: dict[str, Any]) -> Scenario:
+def changed(preset: Source, **sections: dict[str, Any]) -> Scenario:
     """Return a preset with some values of its sections replaced, validated anew."""
     values = Scenario.load(preset).model_dump()
     for section, replaced in sections.items():

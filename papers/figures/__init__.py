@@ -11,15 +11,13 @@ with needed():
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-from turning_render import plot_style as style
-
 
 def lettered(size: tuple[float, float], rows: int, columns: int, **options: Any) -> tuple[Figure, list[Axes]]:
     """Return a figure of a size [inch] with panels a, b, ..., row by row; for options see ``Figure.subplots``."""
     figure = Figure(figsize=size, layout="constrained")
     panels = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
     for axes, letter in zip(panels, "abcd", strict=False):
-        style.letter(axes, letter)
+        axes.set_title(letter, loc="left", fontweight="bold")
     return figure, panels
 
 

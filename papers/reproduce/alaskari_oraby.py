@@ -171,7 +171,7 @@ def equal_wear() -> dict[str, EqualWear]:
     }
     for test in MEASURED:
         fixed = FixedParameters(by_tenth, test.cutting_speed, test.feed)
-        players[test.name] = by_tenth, lambda num_envs, policy=fixed: policy
+        players[test.name] = by_tenth, lambda num_envs, policy=fixed: policy  # type: ignore[misc]
     results = {}
     for name, (scenario, make) in players.items():
         episodes = play(make, scenario, tuning_seeds(NUM_EDGES))

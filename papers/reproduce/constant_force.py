@@ -217,7 +217,8 @@ def measured_models() -> NDArray[np.float64]:
         predicted = (log_a + b * measured[half:], network(inputs[half:]))
         errors = [np.abs(np.exp(each - log_roughness[half:]) - 1.0).mean() for each in predicted]
         found.append((np.exp(log_a), b, *errors))
-    return np.mean(found, axis=0)
+    means: NDArray[np.float64] = np.mean(found, axis=0)
+    return means
 
 
 def output_checks() -> Iterator[Check]:

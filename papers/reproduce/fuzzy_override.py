@@ -142,7 +142,7 @@ def tables() -> Iterator[str]:
     lengths = ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2))
     rows = []
     for idle in (0.0, 0.02, 0.035, 0.05):
-        overrides = resting(idle)
-        cells = [f"{saved_at_rest(overrides, parts):.1f}" for parts in lengths]
-        rows.append([f"{idle:.1%}", ", ".join(f"{100 * override:.0f}" for override in overrides), *cells])
+        at_rest = resting(idle)
+        cells = [f"{saved_at_rest(at_rest, parts):.1f}" for parts in lengths]
+        rows.append([f"{idle:.1%}", ", ".join(f"{100 * override:.0f}" for override in at_rest), *cells])
     yield from table(["idle", "override [%]", *("lengths " + ":".join(map(str, parts)) for parts in lengths)], rows)

@@ -188,6 +188,6 @@ def tables() -> Iterator[str]:
     yield "Largest psi by the slack of the limits that a rule does not name [%]: handbook, experience."
     lines = []
     for slack in SLACKS:
-        gains = ((most_gain(rule, source, slack) for source in ("handbook", "experience")) for rule in TWO_LIMITS)
-        lines.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in gains)])
+        most = ((most_gain(rule, source, slack) for source in ("handbook", "experience")) for rule in TWO_LIMITS)
+        lines.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in most)])
     yield from table(["slack", *(f"[{rule}]" for rule in TWO_LIMITS)], lines)

@@ -17,6 +17,7 @@ Every kind has the margin to the limits, of ``MARGINS``, with which it costs lea
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from tqdm import tqdm
@@ -167,7 +168,7 @@ def controlled(name: str) -> tuple[float, float]:
         costs = []
         for spreads in ({}, {"depth_bar_spread": 0.0, "depth_along_spread": 0.0})[:passes]:
             task = changed(name, control=control, sensors={"probe": False}, workpiece=bars | spreads)
-            costs.append(charged(lambda num, task=task: AdaptiveRule(task, num, ECONOMIC_OPTIMUM, margin, SMOOTHING), task))
+            costs.append(charged(partial(AdaptiveRule, task, rule=ECONOMIC_OPTIMUM, margin=margin, smoothing=SMOOTHING), task))
         return costs[0] + (passes - 1) * costs[-1] + passes * scenario.machine.return_time
 
     return min((cost(margin, passes), margin) for margin in MARGINS for passes in (1, 2, 3))

@@ -203,8 +203,8 @@ def brake(lowered: bool) -> Line:
     screw, resistance = screw_and_resistance(drive)
     amplitude = (np.array(torque[1:]) + screw * resistance) / (1.5 * drive.pole_pairs * drive.flux_linkage)
     samples = round(HOLD / 0.012)
-    time = 0.012 * np.arange(samples * len(excitation))
-    current = np.repeat(amplitude, samples) * np.cos(2.0 * math.pi * 4.0 * time)  # the paper's 4 Hz
+    time: NDArray[np.float64] = 0.012 * np.arange(samples * len(excitation))
+    current: NDArray[np.float64] = np.repeat(amplitude, samples) * np.cos(2.0 * math.pi * 4.0 * time)  # the paper's 4 Hz
     return analyse(time, current, np.repeat(excitation, samples)).lines["rms"]
 
 
