@@ -203,7 +203,7 @@ def brake(lowered: bool) -> Line:
     screw, resistance = screw_and_resistance(drive)
     amplitude = (np.array(torque[1:]) + screw * resistance) / (1.5 * drive.pole_pairs * drive.flux_linkage)
     samples = round(HOLD / 0.012)
-    time: NDArray[np.float64] = 0.012 * np.arange(samples * len(excitation))
+    time = (0.012 * np.arange(samples * len(excitation))).astype(np.float64)
     current: NDArray[np.float64] = np.repeat(amplitude, samples) * np.cos(2.0 * math.pi * 4.0 * time)  # the paper's 4 Hz
     return analyse(time, current, np.repeat(excitation, samples)).lines["rms"]
 
