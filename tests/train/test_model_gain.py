@@ -11,15 +11,14 @@ from scipy.stats import norm
 from baselines.models.edge_value import USED_LIVES, worth
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.analytic_gradient import HindsightVecEnv
-from train.model_gain import FIELDS, POINTS, WINDOW_EDGE, ModelGain, Truth, flat_prices
+from train.model_gain import FIELDS, WINDOW_EDGE, ModelGain, Truth, flat_prices
 from turning_env import Scenario
 from turning_env.vector_env import info_at_end_of_step
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
 PATH, DEPTH, HARDNESS, USED_LIFE, FORCE = range(len(FIELDS))
-PITCH, APPROACH = BASE.workpiece.bar_length + BASE.workpiece.approach, BASE.workpiece.approach
-SHARE = (np.arange(POINTS) + 0.5) / POINTS
+APPROACH = BASE.workpiece.approach
 
 
 def state(path: float, depth: float = 3.0, hardness: float = 1.0, used_life: float = 0.5, force: float = 0.0) -> list[float]:
@@ -30,23 +29,6 @@ def truth_of(first: list[float], last: list[float], changed: bool = False, faile
     """The truth of one step of one environment."""
     before, after = (np.array(each).reshape(1, len(FIELDS), 1) for each in (first, last))
     return Truth(BASE, before, after, np.array([[changed]]), np.array([[failed]]))
-
-
-def points(field: torch.Tensor) -> list[float]:
-    return [float(each) for each in field[0, 0]]
-
-
-@pytest.mark.parametrize("bar", [0, 1])
-def test_metal_begins_behind_the_approach_and_ends_with_the_bar(bar: int) -> None:
-    face = bar * PITCH + APPROACH
-    entering = truth_of(state(face - 0.4, 0.0, 0.0), state(face + 0.6, 3.5, 1.1))
-    assert points(entering.cutting) == [0, 0, 1, 1, 1]
-    assert np.exp(points(entering.log_depth)[2:]) == pytest.approx([3.5] * 3)  # not a mean with the air
-    assert np.exp(points(entering.log_depth)[:2]) == pytest.approx([BASE.workpiece.depth_of_cut] * 2)
-    assert points(entering.log_hardness)[:2] == [0.0, 0.0]
-    assert points(truth_of(state(face - 0.5, 0.0, 0.0), state(face + 0.5)).cutting) == [0, 0, 1, 1, 1]  # the middle is the face
-    second = truth_of(state(PITCH - 0.45, 3.5), state(PITCH + 0.55, 0.0, 0.0))
-    assert points(second.cutting) == [1, 1, 0, 0, 0]
 
 
 PRICES = {each.digest(): worth(each, each.economics.overload_price) for each in (BASE, SHIFT, OVERRIDE)}

@@ -9,12 +9,10 @@ import torch
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
 from train import analytic_gradient, ppo
-from train.actor import Actor, ActorPolicy
 from train.model_gain import edge_price
-from train.terms import ShapedVecEnv, Terms
+from train.terms import ShapedVecEnv
 from train.training import Algorithm, train
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 # Of its edges some wear out, some break, and some last till the end.
 MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
@@ -49,48 +47,6 @@ def test_life_of_a_fresh_edge_costs_more_at_the_marginal_price_and_nothing_until
     fresh, _, worn = np.diff(ShapedVecEnv("marginal", Scenario(), 1).potential(used))
     assert fresh < 0.0 < worn  # the difference from the flat price
     assert np.diff(ShapedVecEnv("end", Scenario(), 1).potential(used)) == pytest.approx(edge_price(Scenario()) * np.diff(used))
-
-
-class Shown(Actor):
-    """An actor that keeps what it is shown."""
-
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        self.last = observation
-        return observation[:, :2].clamp(-1.0, 1.0), memory
-
-
-@pytest.mark.parametrize(("position", "frames"), [(False, 4), (True, 1), (True, 3)])
-def test_an_actor_is_shown_in_play_what_its_training_showed(position: bool, frames: int) -> None:
-    terms = Terms(MIXED, position, frames)
-    plain = RoughTurningVecEnv(MIXED, NUM_ENVS)
-    envs = terms.shown(RoughTurningVecEnv(MIXED, NUM_ENVS))
-    shown = Shown()
-    entries = 11 + 2 * position
-    assert envs.observation_space.shape == (frames * entries,)
-    policy = ActorPolicy(terms.actor(shown), NUM_ENVS)
-    for each in (envs, plain):
-        each.seed(3)
-    observations, single = np.array(envs.reset()), plain.reset()
-    generator, ends = np.random.default_rng(1), 0
-    for _ in range(200):
-        policy.act(single)
-        np.testing.assert_array_equal(shown.last.numpy(), observations)
-        actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
-        before = observations
-        found, _, dones, infos = envs.step(actions)
-        observations = np.array(found)
-        single, _, _, plain_infos = plain.step(actions)
-        for index in np.flatnonzero(dones):
-            ends += 1
-            last = infos[index]["terminal_observation"]
-            np.testing.assert_array_equal(last[: -entries or None], before[index, entries:])
-            np.testing.assert_array_equal(last[-entries:][:11], plain_infos[index]["terminal_observation"])
-            if position:  # as the tracker of an episode that goes on would read it
-                assert -1.0 <= last[-2] <= 1.0
-                assert last[-2] >= before[index, -2] or last[-2] < before[index, -2] - 0.5  # along this bar, or the next
-            assert not observations[index, :-entries].any()
-        policy.reset(dones)
-    assert ends > 3
 
 
 def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:

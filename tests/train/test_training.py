@@ -86,7 +86,9 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
     for each in (plain, shown):
         each.seed(7)
     observations, seen, state, starts = plain.reset(), shown.reset(), None, np.ones(NUM_ENVS, np.bool_)
-    for _ in range(30):
+    ends = 0
+    for _ in range(120):
+        ends += starts.any()
         policy.reset(starts)
         actions = policy.act(observations)
         assert not isinstance(seen, dict | tuple)
@@ -95,6 +97,7 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
         assert actions.dtype == np.float32
         observations, *_ = plain.step(actions)
         seen, _, starts, _ = shown.step(actions)
+    assert ends > 1
 
 
 @pytest.mark.slow

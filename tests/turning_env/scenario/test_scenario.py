@@ -1,12 +1,11 @@
 """Scenario files: what is read, refused, written and identified."""
 
-import json
 import tomllib
 
 import pytest
 from pydantic import ValidationError
 
-from tests.turning_env.playing import changed, slightly_different, variants
+from tests.turning_env.playing import slightly_different, variants
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
 
 
@@ -115,17 +114,6 @@ def test_a_dict_states_only_what_differs_from_its_base():
     assert Scenario.load({"name": "mine", "workpiece": {"depth_profile": [1.0, 2.0]}}).workpiece.depth_profile == (1.0, 2.0)
     with pytest.raises(ScenarioError, match=r"unknown key limit; did you mean limits\?"):
         Scenario.load({"limit": {"power": 9}})
-
-
-@pytest.mark.parametrize("preset", ["rough_turning", "override_current"])
-def test_what_is_portable_is_the_same_scenario(preset):
-    scenario = Scenario.load(preset)
-    assert scenario.portable() == preset
-    for other in (
-        scenario.model_copy(update={"name": "other"}),
-        changed(scenario, limits={"power": 11.5}, control={"sub_steps": 3}),
-    ):
-        assert Scenario.load(json.loads(json.dumps(other.portable()))) == other
 
 
 @pytest.mark.parametrize(
