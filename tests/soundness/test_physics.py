@@ -35,7 +35,7 @@ def intervals(data: st.DataObject, scenario: Scenario, seed: int) -> list[tuple[
 @pytest.mark.slow
 @tried(short=150, soak=15_000)
 @given(st.data(), scenarios(), SEEDS)
-def test_what_is_told_of_an_interval_adds_up_and_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
+def test_the_info_of_a_step_adds_up_and_wear_never_falls(data: st.DataObject, scenario: Scenario, seed: int) -> None:
     """The reward is the sum of its terms; power, torque and speed agree; no share is more than its whole."""
     told = intervals(data, scenario, seed)
     for number, (reward, info) in enumerate(told):
