@@ -28,7 +28,6 @@ CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
 _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_laws": ""}
 """How the names of the fields begin of which the truth is known, by ``PolicySpec.knows``."""
-_FILLED = 16  # see ``_filled``
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
@@ -129,10 +128,7 @@ class _Plays:
 
         make: PolicyFactory
         if not isinstance(name, str):
-            filled, places = _filled(seeds)
-            make = remembering(name)
-            found = play_family(family, self.split, filled, make, "told", lambda ended: on_step(min(ended, len(seeds))))
-            return {field: values[places] for field, values in found.items()}
+            return play_family(family, self.split, seeds, remembering(name), "told", on_step)
         if not (name in (NOMINAL_OPTIMUM, CAUSAL) or RULES[name].together):
             return play_jobs(family, self.split, seeds, lambda job: remembering(spec(name, job.scenario, base).make), on_step)
         if name == NOMINAL_OPTIMUM:
@@ -142,20 +138,6 @@ class _Plays:
         else:
             make = remembering(spec(name, scenarios, base).make)
         return play_family(family, self.split, seeds, make, "hidden", on_step, tell=name == CAUSAL)
-
-
-def _filled(seeds: Sequence[int]) -> tuple[list[int], list[int]]:
-    """Return a batch in which every job stands at the place of its number, modulo ``_FILLED``, and the jobs' places in it.
-
-    The last bits of an agent's actions depend on where a job stands in a batch.
-    """
-    filled: list[int] = []
-    places = []
-    for seed in seeds:
-        filled += [seed] * ((seed - len(filled)) % _FILLED)
-        places.append(len(filled))
-        filled.append(seed)
-    return filled + filled[-1:] * (-len(filled) % _FILLED), places
 
 
 class FixedNominalOptimum(Policy):
