@@ -70,7 +70,7 @@ def names(scenario: Scenario) -> list[str]:
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """Return the rule of a name in the form in which it plays a scenario: with timely edge changes where it must give them.
+    """Return the rule of a name in the form for a scenario: with timely edge changes if the rule must command them.
 
     Raises:
         KeyError: there is no controller of this name; the message lists all names.

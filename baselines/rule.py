@@ -31,7 +31,7 @@ class Rule:
     """Version, raised when its actions change. Results and tuned parameters of other versions are then invalid."""
     changes_edges: bool = False  # whether it decides when to change the edge, if edges are changed on command
     worth_tuning: bool = False
-    """Whether a quick tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
+    """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     together: bool = False  # whether ``build`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None
     """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""

@@ -133,7 +133,7 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
 
 
 def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
-    """Return a rule for one scenario or many; ``commanded``: it plays only where edges are changed on command."""
+    """Return a rule for one scenario or many; ``commanded``: it plays only scenarios with edge changes on command."""
 
     def build(scenario: Scenario | Sequence[Scenario], num_envs: int, parameters: Parameters) -> Policy:
         return policy([scenario] if isinstance(scenario, Scenario) else scenario, num_envs)

@@ -49,7 +49,7 @@ _CUTTING_SPEED, _FEED = PowerLaw(coefficient=1.0, cutting_speed=1.0), PowerLaw(c
 MIN_DEPTH = 1e-6
 """Depth of cut in place of 0 [mm]."""
 FURTHER = {"P": "radial_force", "S": "roughness"}
-"""Further limits that, where they are tighter, take the place of a rule's first limit."""
+"""Further limits that replace a rule's first limit if they are tighter."""
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:

@@ -145,7 +145,7 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
-    """Return the information of all agents by name; a name that stands for several trainings gets its id."""
+    """Return the information of all agents by name; a name of several trainings gets its id."""
     rows = dict[str, information.Information]()
     for each in leaderboards:
         for standing in each.standings:

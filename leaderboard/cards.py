@@ -1,4 +1,4 @@
-"""Model cards of the agents that come with the project: what each is, how it was trained, its results and its limits."""
+"""Model cards of the shipped agents: description, training, results and limits."""
 
 import importlib
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from turning_env import SPLITS
 
 _SHARED = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
-"""What all files of one card must have in common."""
+"""Metadata that all files of one card must share."""
 
 
 def write_all(results: Path, agents: Path) -> list[Path]:

@@ -32,11 +32,11 @@ class Column:
     field: str
     """Field of ``Standing``."""
     decimals: int = 0
-    """At least so many; the width of an interval may ask for more."""
+    """Lowest number of decimals; a narrow interval needs more."""
     factor: float = 1.0
-    """From the unit of ``Standing`` to ``unit``."""
+    """Factor from the unit of ``Standing`` to ``unit``."""
     of_play: bool = False
-    """Whether a policy that has not played, such as the clairvoyant bound, lacks it."""
+    """Whether a policy without episodes, such as the clairvoyant bound, lacks the number."""
     lower_is_better: bool = False
 
     def value(self, standing: Standing) -> Estimate | float | None:
@@ -76,7 +76,7 @@ class Training(Column):
         return count
 
     def cell(self, standing: Standing) -> Cell:
-        """Return a number with commas, or "yes" or "no"; nothing where that is unknown."""
+        """Return a number with commas, or "yes" or "no"; nothing if that is unknown."""
         value = self.value(standing)
         if value is None or self.field not in (*GIVEN, *SEEN):
             return Cell("" if value is None else f"{value:,}", "", value)
@@ -235,7 +235,7 @@ _AIMS = ("part_cost", "roughness_deviation")  # of tasks that have them; of othe
 
 
 def groups(standings: Sequence[Standing]) -> dict[str, list[Column]]:
-    """Return the columns that apply to a ranking, by heading; what the task is about comes first."""
+    """Return the columns that apply to a ranking, by heading; the task's main numbers come first."""
     found = {heading: applying(group, standings) for heading, group in GROUPS.items()}
     aims = [column for column in found["In the workshop"] if column.field in _AIMS]
     found["Result"] = aims + found["Result"]

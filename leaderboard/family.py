@@ -27,7 +27,7 @@ POLICIES = (NOMINAL_OPTIMUM, "rescaled_grid_search", "predictive", "self_tuning"
 CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
 _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_laws": ""}
-"""How the names of the fields begin of which the truth is known, by ``PolicySpec.knows``."""
+"""Prefix of the fields whose true values are known, by ``PolicySpec.knows``."""
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
@@ -111,7 +111,7 @@ class _Plays:
     family: Family
     split: str
     policy: str | PolicyFactory
-    """A controller's name, or what makes a policy that plays all jobs."""
+    """A controller's name, or a function that makes a policy for all jobs."""
     knows: str
     forgets: bool
 
@@ -159,14 +159,14 @@ class FixedNominalOptimum(Policy):
 
 
 class Forgetful(Policy):
-    """A policy that forgets everything at each change of the edge: lathe, material and where the tool is."""
+    """A policy that forgets everything at each change of the edge: lathe, material and position."""
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
         self._wear: Observations = np.zeros(0, np.float32)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget what was seen of the environments in the mask, shape (num_envs,)."""
+        """Clear the memory of the environments in the mask, shape (num_envs,)."""
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:

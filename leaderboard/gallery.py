@@ -1,4 +1,4 @@
-"""How policies behave on the same held-out seeds: pictures for print, each of one subject, and numbers."""
+"""Compare the behaviour of policies on the same held-out seeds, in pictures and numbers."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 LIFE_STAGES = 5
 """Equal parts into which an edge's life is divided."""
 MAX_POLICIES = 6
-"""More cannot be told apart."""
+"""Largest number of policies in a picture; more could not be distinguished."""
 METRICS = {
     "minutes_per_edge": ("machine time per edge [min]", 2),
     "removed_per_edge": ("metal per edge [cm3]", 0),
@@ -95,7 +95,7 @@ class Episode:
         return self["power"] / self.scenario.limits.power
 
     def bar_start(self, bar: int) -> float:
-        """Return where on the path a bar's metal begins [mm]."""
+        """Return the position on the path at which a bar's metal begins [mm]."""
         workpiece = self.scenario.workpiece
         return bar * (workpiece.bar_length + workpiece.approach) + workpiece.approach
 
@@ -122,7 +122,7 @@ def play(specs: Sequence[PolicySpec], scenario: Scenario, seeds: Sequence[int]) 
     if not specs:
         raise ResultError("there is nothing to draw: name a policy or give an agent")
     if len(specs) > MAX_POLICIES:
-        raise ResultError(f"{len(specs)} policies cannot be told apart in a picture: at most {MAX_POLICIES}")
+        raise ResultError(f"{len(specs)} policies cannot be distinguished in a picture: at most {MAX_POLICIES}")
     played: dict[str, list[Episode]] = {spec.label: [] for spec in specs}
     with tqdm(total=len(specs) * len(seeds), unit="episode", disable=None) as bar:
         for spec in specs:
@@ -133,7 +133,7 @@ def play(specs: Sequence[PolicySpec], scenario: Scenario, seeds: Sequence[int]) 
 
 
 def measure(episodes: Sequence[Episode]) -> dict[str, float]:
-    """Return each of ``METRICS`` over all episodes of one policy; NaN where there is nothing to tell."""
+    """Return each of ``METRICS`` over all episodes of one policy; NaN if a metric does not apply."""
     edges, removed, engaged, overload, severe = (
         sum(float(episode[name].sum()) for episode in episodes)
         for name in ("edges_used", "removed", "engaged_time", "overload_time", "severe_overload_time")
@@ -180,7 +180,7 @@ def write(played: Played, folder: Path) -> list[Path]:
 
 
 def draw_operating_points(played: Played, scenario: Scenario) -> Figure | None:
-    """Draw cutting speed and feed as an edge wears, a panel for each policy; None where the speed is fixed or nothing is seen."""
+    """Draw cutting speed and feed as an edge wears, a panel for each policy; None if the speed is fixed or nothing is seen."""
     if scenario.control.action in ("override", "part") or not _all_cut(played):
         return None
     figure = Figure(figsize=(max(style.DOUBLE, _PANEL * len(played)), 4.0), layout="constrained")
@@ -221,7 +221,7 @@ def draw_operating_points(played: Played, scenario: Scenario) -> Figure | None:
 
 
 def _draw_limits(axes: Axes, scenario: Scenario) -> None:
-    """Draw where force and power reach their limits at nominal depth and hardness, for edges of several wears."""
+    """Draw the limits of force and power at nominal depth and hardness, for edges of several wears."""
     process = Process.of(scenario)
     speeds = np.linspace(*axes.get_xlim(), 100)
     for used in _WORN:
@@ -232,7 +232,7 @@ def _draw_limits(axes: Axes, scenario: Scenario) -> None:
 
 
 def draw_loads(played: Played, scenario: Scenario) -> Figure | None:
-    """Draw how force and power are distributed over cutting time; None where they are not seen."""
+    """Draw the distributions of force and power over cutting time; None if they are not seen."""
     if not _all_cut(played):
         return None
     figure = Figure(figsize=(style.DOUBLE, 3.6), layout="constrained")
@@ -261,7 +261,7 @@ def draw_loads(played: Played, scenario: Scenario) -> Figure | None:
 
 
 def draw_bars(played: Played, scenario: Scenario) -> Figure | None:
-    """Draw a few bars of the first seed, half-way through the shortest episode; None where no whole bar is seen."""
+    """Draw a few bars of the first seed, half-way through the shortest episode; None if no whole bar is seen."""
     first = {label: episodes[0] for label, episodes in played.items()}
     whole = min(episode.whole_bars for episode in first.values())
     if whole < 1 or not _all_cut(played):
@@ -341,7 +341,7 @@ def _seeds_of(played: Played) -> str:
 
 
 def _headline(figure: Figure, what: str, how: str) -> Figure:
-    """Write above a picture what it shows, and below it, or as its legend's title, how to read it; return the picture."""
+    """Write a picture's title above it, and instructions below it or in its legend; return the picture."""
     figure.suptitle(what, x=0.01, ha="left", fontweight="bold")
     if not figure.legends:
         figure.supxlabel(how, x=0.01, ha="left", size=style.MIN_FONT, color=style.GREY)

@@ -233,7 +233,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
 
-    It stands among the agents, without a digest, as nothing tells one version of the code from the next.
+    It ranks among the agents, without a digest, as versions of the code cannot be distinguished.
 
     Args:
         source: the module and the object.

@@ -50,7 +50,7 @@ _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
 
 
 class ResultError(ValueError):
-    """Results that cannot be used. The message names the file, and where there is one the field and its value."""
+    """Results that cannot be used. The message names the file, and the field and its value, if any."""
 
 
 class Part(BaseModel):
@@ -93,9 +93,9 @@ class Task(Part):
     env_id: str
     model_version: int = MODEL_VERSION
     scenario: PortableScenario
-    """Of a family: the values that no job draws, under the name of family and split."""
+    """Scenario; for a family, the values that all jobs share, under the name of family and split."""
     seeds: Seeds
-    """One episode is played per seed; of a family, one per job. Private seeds are given by their places in their file."""
+    """Seeds, one per episode; for a family, job numbers. Private seeds are places in their file."""
     private: str | None = None
     """SHA-256 of private seeds: see ``private_seeds.py``."""
     of_family: FamilySplit | None = None
@@ -113,12 +113,12 @@ class Task(Part):
 
     @property
     def home(self) -> str:
-        """Return the name of what policies are tuned and trained for: the family or the scenario."""
+        """Return the name of the family or scenario for which policies are tuned and trained."""
         return self.of_family.family.name if self.of_family else self.scenario.name
 
     @property
     def digest(self) -> str:
-        """Return the SHA-256 of what identifies the task. Results on different tasks are never ranked together."""
+        """Return the SHA-256 of the task's identity. Results on different tasks are never ranked together."""
         digest = digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
         return digest_of([digest, self.of_family.family.digest, self.of_family.split]) if self.of_family else digest
 
@@ -129,7 +129,7 @@ class Result(Part):
     task: Task
     policy: PolicySpec
     episodes: dict[str, list[float]]
-    """For each of ``task.fields``, one value per seed."""
+    """Values by name in ``task.fields``, one per seed."""
     versions: dict[str, str]
     """Versions of packages that played it; they do not identify the result."""
     checksum: str
@@ -218,7 +218,7 @@ class Manifest(Part):
 
     task: Task
     results: dict[str, Entry]
-    """By the policy's label."""
+    """Entries by the policy's label."""
 
     def text(self) -> str:
         """Return the manifest as JSON, a line per policy."""
@@ -239,7 +239,7 @@ def result_path(folder: Path, policy: PolicySpec) -> Path:
 
 
 def read_file(path: Path) -> list[Result]:
-    """Read a file of results; its folders, and a policy's own file, are named by what it holds.
+    """Read a file of results; its folders, and a policy's own file, must have the names of its content.
 
     Raises:
         ResultError: the file holds no results, or not those of this environment, scenario and policy.
@@ -265,7 +265,7 @@ def read_results(folder: Path, complain: Callable[[str], None] | None = None) ->
 
     Args:
         folder: the folder.
-        complain: is told what is wrong with such files; None: standard error is.
+        complain: receives the faults of such files; None: they go to standard error.
     """
     results: dict[str, Result] = {}
     for path in result_files(folder):
@@ -340,7 +340,7 @@ def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> PartType:
 
 
 def write_part(part: Part, path: Path) -> None:
-    """Write a file, all of it or nothing, compressed where its name ends in .xz; its folder is made."""
+    """Write a file whole or not at all, compressed if its name ends in .xz; make its folder."""
     content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
     write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
 
@@ -352,7 +352,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def _complaint(error: ValidationError) -> str:
-    """Return the field, the value and what is allowed, of the first error."""
+    """Return the field, the value and the allowed values of the first error."""
     detail: Any = error.errors()[0]
     field, message = ".".join(str(part) for part in detail["loc"]), detail["msg"].removeprefix("Value error, ")
     if field and detail["type"] != "missing":

@@ -161,7 +161,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
     complaints = []
     names, wanted, trajectories = _recorded(run)
-    # One training seed stands for an agent: the first given.
+    # The first training seed represents an agent.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
     missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))]
     pieces = [(place, (able[place[0]], run.task.scenario, place[1])) for place in missing]

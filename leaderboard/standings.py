@@ -264,7 +264,7 @@ class _Board:
         )
 
     def _of_episodes(self, name: str) -> dict[str, Any]:
-        """Return what applies to tasks on one scenario."""
+        """Return the numbers for tasks on one scenario."""
         episodes, scenario, compared = self.played[name], self.scenario, comparators(self.scenario)
         engaged, removed, edges = episodes["engaged_time"], episodes["removed"], episodes["edges_used"]
         minutes, cost_minutes = total_minutes(episodes, scenario), _cost_minutes(episodes, scenario)
@@ -296,7 +296,7 @@ class _Board:
         return found
 
     def _of_jobs(self, name: str, best_rule: str | None) -> dict[str, Any]:
-        """Return what applies to families."""
+        """Return the numbers for families."""
         episodes, returns = self.played[name], {each: played["return"] for each, played in self.played.items()}
         worth = episodes["reward_metal"]
         cost = worth - returns[name]

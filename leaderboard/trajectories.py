@@ -1,4 +1,4 @@
-"""Recorded trajectories of policies on the same few seeds, thinned to what a screen shows."""
+"""Recorded trajectories of policies on the same few seeds, thinned to a screen's resolution."""
 
 from collections.abc import Sequence
 from typing import Literal, Self

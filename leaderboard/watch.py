@@ -123,7 +123,7 @@ def policy(name: str, task: Task) -> PolicySpec:
 
 
 def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
-    """Play until all have ended, at most so many steps; yields at the start, after every so many, and at the end."""
+    """Play until all have ended, with a limit of steps; yield at the start, at even distances, and at the end."""
     yield 0
     done = 0
     with tqdm(total=most, unit="step", dynamic_ncols=True, disable=None) as bar:
@@ -138,7 +138,7 @@ def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
 
 
 def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Frame]:
-    """Yield frames side by side; an episode that has ended stands still."""
+    """Yield frames side by side; an episode that has ended stays at its last frame."""
     for _ in steps(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
@@ -202,7 +202,7 @@ _WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
     ".gif": _write_gif,
     ".png": _write_still,
 }
-"""What writes a video, an animated GIF or a still of the end, by the file's suffix."""
+"""Functions that write a video, an animated GIF or a still of the end, by the file's suffix."""
 
 
 def _parser() -> argparse.ArgumentParser:

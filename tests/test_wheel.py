@@ -1,4 +1,4 @@
-"""What is published: the packages of a user, with their data."""
+"""The wheel: the packages of a user, with their data."""
 
 import zipfile
 from pathlib import Path

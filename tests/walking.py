@@ -14,10 +14,10 @@ ROOT = Path(__file__).parents[1]
 MAX = 110.0
 """A process that takes longer [s] hangs, or is too long for a test: pytest-timeout ends that after 120 s."""
 LONG = "# minutes to hours"
-"""How a block begins whose commands take too long for a test: ``tests/test_command_lines.py`` parses them."""
+"""First line of a block whose commands take too long for a test: ``tests/test_command_lines.py`` parses them."""
 
 Smaller = Mapping[str, tuple[str, Mapping[str, str]]]
-"""What makes a command small, by how it starts: options added to it, words replaced in it."""
+"""Changes that make a command small, by its first words: added options, replaced words."""
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ class DistanceTracker:
 
 
 class NoTracker:
-    """A tracker without state and readings, for an agent that is not told its position."""
+    """A tracker without state and readings, for an agent that does not observe its position."""
 
     STATES = READINGS = 0
 

@@ -46,7 +46,7 @@ class Rollout(NamedTuple):
     memory: Tensor
     """Memory before the first step, shape (num_envs, memory_size)."""
     begins: Tensor
-    """1 where an episode begins."""
+    """1 at the first step of an episode."""
     observations: Tensor
     hidden: list[NDArray[Any]]
     """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
@@ -65,7 +65,7 @@ class HindsightVecEnv(RoughTurningVecEnv):
     """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
 
     def reset(self) -> NDArray[np.float32]:
-        """Return first observations: the tool stands in the air before the first bar, with a fresh edge."""
+        """Return first observations: the tool is in the air before the first bar, with a fresh edge."""
         observations = super().reset()
         self._now = np.zeros((len(FIELDS), self.num_envs))
         return observations

@@ -150,7 +150,7 @@ def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
 
 
 def curve(name: str, group: Sequence[Training]) -> Curve:
-    """Return the mean curve of one algorithm's trainings where they overlap, with its bootstrap interval over training seeds.
+    """Return the mean curve over the common steps of one algorithm's trainings, with its bootstrap interval over training seeds.
 
     Raises:
         ValueError: they do not overlap.

@@ -50,7 +50,7 @@ class Truth:
     def __init__(
         self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
     ) -> None:
-        """Interpolate what a ``HindsightVecEnv`` has kept.
+        """Interpolate the records of a ``HindsightVecEnv``.
 
         Args:
             scenario: scenario of the environments.
@@ -188,7 +188,7 @@ class ModelGain:
         return probability
 
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
-        """Return an objective whose maximum makes ``score`` positive where the edge should be changed; all (steps, num_envs).
+        """Return an objective whose maximum makes ``score`` positive if the edge should be changed; all (steps, num_envs).
 
         It is best to change an edge as soon as one more step with it has negative expected earnings (optimal stopping in the
         monotone case, Chow and Robbins 1961). The earnings ``going_on`` [s] of that step are uncertain in advance. A logistic

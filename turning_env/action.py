@@ -1,4 +1,4 @@
-"""Actions for controllers that compute set points: they move the commands towards the set points; and what actions command."""
+"""Actions that move the commands towards set points, and the commands of actions."""
 
 from functools import cache
 

@@ -8,19 +8,27 @@ from gymnasium.vector import AutoresetMode
 
 from turning_env.batch.jobs import Jobs
 from turning_env.env import RoughTurningEnv
-from turning_env.scenario.family import Family, Job
+from turning_env.scenario import Scenario
+from turning_env.scenario.family import Family, Job, families
 from turning_env.vector_env import RoughTurningVectorEnv
 
 FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
 
 
-def _jobs(family: FamilySource, split: str, context: Context, render_mode: str | None) -> Jobs:
-    if render_mode is not None:
-        raise ValueError(f"render_mode is {render_mode!r}, but a family is not drawn: render a job's scenario, job().scenario")
+def _jobs(family: FamilySource, split: str, context: Context) -> Jobs:
     if context not in get_args(Context):
         raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
     return Jobs(Family.load(family), split, context == "told")
+
+
+def vector_env(
+    source: str | os.PathLike[str] | Scenario | Family, num_envs: int, autoreset_mode: AutoresetMode, threads: int = 1
+) -> RoughTurningVectorEnv:
+    """Return a batch of a scenario's environments, or of training jobs of a ``Family`` or of one that ships, by its name."""
+    if isinstance(source, Family) or source in families():
+        return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode, threads=threads)
+    return RoughTurningVectorEnv(num_envs, source, autoreset_mode, threads=threads)
 
 
 class FamilyEnv(RoughTurningEnv):
@@ -58,7 +66,8 @@ class FamilyEnv(RoughTurningEnv):
     ## Arguments
 
     `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train", or "unseen_jobs",
-    "unseen_materials", "unseen_machines", whose jobs no training seed plays. `context`: "told" or "hidden". `render_mode`: None.
+    "unseen_materials", "unseen_machines", whose jobs no training seed plays. `context`: "told" or "hidden". `render_mode`: None,
+    "rgb_array" or "human": frames show the present job.
 
     ## Version history
 
@@ -68,9 +77,9 @@ class FamilyEnv(RoughTurningEnv):
     def __init__(
         self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
     ) -> None:
-        jobs = _jobs(family, split, context, render_mode)
+        jobs = _jobs(family, split, context)
         self.family, self.split = jobs.family, split
-        super().__init__(jobs)
+        super().__init__(jobs, render_mode)
 
     def job(self) -> Job:
         """Return the present job: its true scenario, nominal model and context."""
@@ -89,11 +98,12 @@ class FamilyVectorEnv(RoughTurningVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
+        rendered_envs: int | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        jobs = _jobs(family, split, context, render_mode)
+        jobs = _jobs(family, split, context)
         self.family, self.split = jobs.family, split
-        super().__init__(num_envs, jobs, autoreset_mode, None, threads, None, max_episode_steps)
+        super().__init__(num_envs, jobs, autoreset_mode, render_mode, threads, rendered_envs, max_episode_steps)
 
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""

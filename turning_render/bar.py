@@ -78,7 +78,7 @@ class BarView:
     def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
         """Draw the scales of allowance and hardness, which never change."""
         draw = ImageDraw.Draw(image)
-        title = f"bar of {self._scenario.workpiece.bar_length:g} mm"
+        title = f"bar of {self._scenario.workpiece.bar_length:.4g} mm"
         ui.write(image, (box[0] + 12, box[1] + 8), title, 15)
         note = "true allowance and hardness, hidden from the policy"
         ui.write(image, (box[0] + 26 + ui.length(title, 15), box[1] + 11), note, 11, ui.QUIET)

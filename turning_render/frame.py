@@ -63,7 +63,7 @@ class Frame:
         elif scenario.control.action == "part":
             clock = f"{history.time / 60.0:.1f} min"
         else:
-            clock = f"{history.time / 60.0:.1f} of {limit:g} min"
+            clock = f"{history.time / 60.0:.1f} of {limit:.4g} min"
         name = "profit" if scenario.control.edge_changes == "commanded" else "return"
         texts = [clock]
         if history.whole:  # otherwise they are not known

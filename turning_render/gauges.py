@@ -86,7 +86,7 @@ def _write_marks(image: Image.Image, y: int, dial: _Dial, now: dict[str, float])
     if dial.reference:
         entries = [("reference", f"reference {now[dial.reference]:.{dial.decimals}f} {dial.unit}")]
     else:
-        entries = [("limit", f"limit {dial.limit:g} {dial.unit}")]
+        entries = [("limit", f"limit {dial.limit:.4g} {dial.unit}")]
     if dial.measured:
         entries.append(("measured", f"measured {now[dial.measured]:.{dial.decimals}f}"))
     elif now["measured_servo_current"] > 0.0 and dial.unit == "N":

@@ -101,7 +101,7 @@ def border(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[ui.Point, ui.
 def _limit_keys(scenario: Scenario) -> list[tuple[str, ui.Colour, int]]:
     """Return the legend's entries for the limits of power and force."""
     limits = scenario.limits
-    return [(f"power limit {limits.power:g} kW", ui.POWER, 3), (f"force limit {limits.thrust_force:g} N", ui.FORCE, 3)]
+    return [(f"power limit {limits.power:.4g} kW", ui.POWER, 3), (f"force limit {limits.thrust_force:.4g} N", ui.FORCE, 3)]
 
 
 def _draw_point(draw: ImageDraw.ImageDraw, point: ui.Point) -> None:

@@ -45,6 +45,7 @@ class Viewer:
         self._histories: list[History] = []
         self._watched: list[History] = []
         self._frames: list[Frame] = []
+        self._jobs: list[int] = []
         self._window: Window | None = None
 
     @property
@@ -69,18 +70,31 @@ class Viewer:
         """
         if not self._batch.seeded:
             raise ResetNeeded("call reset() before render(): no episode is under way")
-        if not self._histories:
-            fields = Fields(self._env.scenario)
-            self._histories = [History(self._env.scenario, self._batch, index, fields) for index in range(self._num_envs)]
-        if not self._frames:
-            with _named_if_missing():
-                from turning_render.frame import Frame
-            self._frames = [Frame(self._env.scenario, self.title) for _ in self._histories]
+        self._follow_jobs()
         if len(self._watched) < len(self._histories):
             for history in self._histories:
                 history.begin()
             self._watched = list(self._histories)
         return tuple(frame.draw(history) for frame, history in zip(self._frames, self._histories, strict=True))
+
+    def _follow_jobs(self) -> None:
+        """Record and draw each environment's present scenario: of a family, its job."""
+        jobs = self._batch.job_numbers[: self._num_envs].tolist()
+        if self._frames and self._jobs == jobs:
+            return
+        with _named_if_missing():
+            from turning_render.frame import Frame
+        scenarios = [self._batch.scenario_of(index) for index in range(self._num_envs)]
+        fields = {id(scenario): Fields(scenario) for scenario in scenarios}
+        self._histories = [
+            self._histories[index]
+            if self._jobs and self._jobs[index] == jobs[index]
+            else History(scenario, self._batch, index, fields[id(scenario)])
+            for index, scenario in enumerate(scenarios)
+        ]
+        self._watched = [history for history in self._watched if history in self._histories]
+        self._frames = [Frame(scenario, self.title) for scenario in scenarios]
+        self._jobs = jobs
 
     def render(self) -> "Pixels | None":
         """Return the first environment's frame; with a window show it there, and return None.

@@ -50,7 +50,7 @@ READING_DEVIATION = 1e-3
 
 
 MISFIT = 0.02
-"""Log standard deviation of loads from what errors of the laws explain [-] (found on training jobs)."""
+"""Log standard deviation of loads about the corrected laws [-] (found on training jobs)."""
 
 
 class LawErrors(NamedTuple):
@@ -136,7 +136,7 @@ class LoadFilter:
 
     @property
     def slack(self) -> Array:
-        """How much farther the tool may be than expected [mm], shape (num_envs,)."""
+        """Largest distance of the tool beyond the expected position [mm], shape (num_envs,)."""
         slack: Array = self._memory["slack"]
         return slack
 
@@ -194,7 +194,7 @@ class LoadFilter:
         learn_states(self._memory, self.mean, self.covariance, chosen, states, deviation * deviation)
 
     def outlook(self, distance: Array, entering: NDArray[np.bool_]) -> Outlook:
-        """Return the outlook on the present bar at distances ahead [mm], or where ``entering`` on an unmeasured bar.
+        """Return the outlook on the present bar at distances ahead [mm], or, if ``entering``, on an unmeasured bar.
 
         Both have shape (num_envs, points).
         """

@@ -1,4 +1,4 @@
-"""What every rule of the catalogue has in common."""
+"""Properties of every rule of the catalogue."""
 
 import numpy as np
 import pytest

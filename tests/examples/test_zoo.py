@@ -44,7 +44,7 @@ NETWORK = {
 
 
 def settings(algorithm: str) -> dict[str, Any]:
-    """What the zoo's file says."""
+    """Return the settings in the zoo's file."""
     values: dict[str, Any] = yaml.safe_load((ROOT / "examples" / "zoo" / f"{algorithm}.yml").read_text("utf-8"))[ENV_ID]
     return values
 

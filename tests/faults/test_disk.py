@@ -22,7 +22,7 @@ NOBODY = 65534
 
 @contextmanager
 def full_disk(most: int) -> Iterator[None]:
-    """No file can grow beyond so many bytes."""
+    """Limit the size of files."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
     try:

@@ -104,7 +104,7 @@ def box_of(found: Locator) -> FloatRect:
 
 
 def width_beyond(shown: Page) -> int:
-    """By how many pixels the page is wider than the screen."""
+    """Return the page's width beyond the screen [pixels]."""
     return int(shown.evaluate("document.documentElement.scrollWidth - innerWidth"))
 
 

@@ -42,7 +42,7 @@ def runs(tmp_path: Path) -> Callable[[str], list[run.TaskRun]]:
 
 @pytest.fixture
 def expected(tmp_path: Path, runs: Callable[[str], list[run.TaskRun]]) -> dict[str, bytes]:
-    """What one process writes."""
+    """Return the files that one process writes."""
     (tmp_path / "killed").touch()
     run.play_all(runs("serial"), fresh=False)
     (tmp_path / "killed").unlink()

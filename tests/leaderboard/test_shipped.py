@@ -1,4 +1,4 @@
-"""What comes with the project: agents, their cards, and results that are valid, say what is claimed and keep to the bound."""
+"""Shipped agents, cards and results: valid, true to the documentation, and within the bound."""
 
 from pathlib import Path
 from typing import Any

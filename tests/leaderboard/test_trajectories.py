@@ -1,4 +1,4 @@
-"""What is kept of a long episode, and what a file of trajectories may hold."""
+"""Thinning of long episodes, and the content of a file of trajectories."""
 
 import numpy as np
 import pytest

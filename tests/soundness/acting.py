@@ -1,4 +1,4 @@
-"""How many inputs a property is tried on, seeds and actions to try, and what must hold of every step."""
+"""Numbers of inputs per property, seeds and actions to try, and the checks of every step."""
 
 from typing import Any
 

@@ -6,7 +6,8 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from tests.turning_env.playing import changed
-from turning_env import RoughTurningEnv, Scenario
+from tests.turning_env.test_family_env import BRIEF
+from turning_env import Family, FamilyEnv, RoughTurningEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 # Episodes of at most 12 steps, ending in breakage as well as out of time.
@@ -26,12 +27,15 @@ def few(preset: str, **sections: dict[str, float]) -> Scenario:
         pytest.param(few("surface", control={"time_limit": 0.003}), {True}, id="surface"),
         pytest.param(few("shift", control={"time_limit": 5.0}, tool={"edge_strength": 900.0}), {True}, id="shift"),
         pytest.param(few("batch_casting", workpiece={"bars": 3}), {False}, id="batch"),
+        pytest.param(Family.load(BRIEF), {True}, id="family"),
     ],
 )
-def test_it_says_what_stable_baselines_own_vec_env_says(scenario: Scenario, kinds: set[bool]) -> None:
+def test_it_says_what_stable_baselines_own_vec_env_says(scenario: Scenario | Family, kinds: set[bool]) -> None:
     num_envs, scale = 5, 0.5
     ours = RoughTurningVecEnv(scenario, num_envs, scale)
-    theirs = DummyVecEnv([lambda: Monitor(RoughTurningEnv(scenario))] * num_envs)
+    theirs = DummyVecEnv(
+        [lambda: Monitor(FamilyEnv(scenario) if isinstance(scenario, Family) else RoughTurningEnv(scenario))] * num_envs
+    )
     size = (ours.action_space.shape or (0,))[0]
     ours.seed(40)
     theirs.seed(40)

@@ -9,8 +9,9 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
+from turning_env.family_env import vector_env
 from turning_env.scenario import Scenario
-from turning_env.vector_env import RoughTurningVectorEnv
+from turning_env.scenario.family import Family
 
 with needed():
     from stable_baselines3.common.vec_env import VecEnv
@@ -23,14 +24,15 @@ class RoughTurningVecEnv(VecEnv):
 
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
-    ``scenario`` is the name of a preset, the path of a TOML file, or a ``Scenario``. Rewards are multiplied by ``reward_scale``.
+    ``scenario`` is the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, such as
+    "shop", whose training jobs are played. Rewards are multiplied by ``reward_scale``.
     Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an environment's info holds
     ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled). All other
     infos are empty.
     """
 
-    def __init__(self, scenario: str | os.PathLike[str] | Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
-        self.vector_env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+    def __init__(self, scenario: str | os.PathLike[str] | Scenario | Family, num_envs: int, reward_scale: float = 1.0) -> None:
+        self.vector_env = vector_env(scenario, num_envs, AutoresetMode.SAME_STEP)
         self.reward_scale = reward_scale
         self._actions: NDArray[np.float32] = np.zeros(self.vector_env.action_space.shape or (), np.float32)
         self._returns = np.zeros(num_envs)

@@ -8,9 +8,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from turning_env.extras import needed
+from turning_env.family_env import vector_env
 from turning_env.info import INFO_KEYS
 from turning_env.scenario import Scenario
-from turning_env.vector_env import RoughTurningVectorEnv
+from turning_env.scenario.family import Family
 
 with needed():
     import torch
@@ -27,7 +28,8 @@ class RoughTurningTorchEnv(EnvBase):  # type: ignore[misc]
 
     Args:
         num_envs: number of environments, at least 1.
-        scenario: the name of a preset, the path of a TOML file, or a ``Scenario``.
+        scenario: the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, whose training jobs
+            are played.
         info: entries of the info to record beside the observation: float32, shape (num_envs, 1), in the info's units.
         threads: see ``RoughTurningVectorEnv``.
 
@@ -40,14 +42,14 @@ class RoughTurningTorchEnv(EnvBase):  # type: ignore[misc]
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: str | os.PathLike[str] | Scenario = "rough_turning",
+        scenario: str | os.PathLike[str] | Scenario | Family = "rough_turning",
         info: Iterable[str] = (),
         threads: int = 1,
     ) -> None:
         self.info = tuple(info)
         if unknown := [name for name in self.info if name not in INFO_KEYS]:
             raise ValueError(f"info is {unknown[0]!r}, but must be among {', '.join(INFO_KEYS)}")
-        self.vector_env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.DISABLED, threads=threads)
+        self.vector_env = vector_env(scenario, num_envs, AutoresetMode.DISABLED, threads)
         super().__init__(device=torch.device("cpu"), batch_size=torch.Size([num_envs]))
         self._next_seed: int | None = None
         column = torch.Size([num_envs, 1])

@@ -200,6 +200,10 @@ class Batch:
         assert self.jobs is not None
         return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
 
+    def scenario_of(self, env_index: int) -> Scenario:
+        """Return the scenario that an environment plays."""
+        return self.scenario if self.jobs is None else self.job(env_index).scenario
+
     def reward(self, env_index: int) -> float:
         """Return an environment's last reward [s]."""
         return float(self.table[REWARD, env_index])
@@ -242,7 +246,7 @@ class Batch:
         self.start(chosen)
 
     def step(self, actions: Any) -> None:
-        """Run one step in every environment, or start the next episode where one has ended.
+        """Run one step in every environment, or start the next episode if one has ended.
 
         Raises:
             ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.

@@ -12,7 +12,7 @@ from turning_env.scenario.family import CHUNK, Family
 
 
 class Jobs:
-    """The jobs of a split, by number, with what the policy is told of them.
+    """The jobs of a split, by number, with the context that the policy observes.
 
     Args:
         family: family of the jobs.

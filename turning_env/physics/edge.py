@@ -75,7 +75,7 @@ def change_edge(state, report, i, p, minutes):
 
 @compiled
 def stop_machine(state, report, i, p, minutes):
-    """Let machine time pass while the machine stands, but not beyond the end of an episode that ends by the clock."""
+    """Let machine time pass without cutting, but not beyond the end of an episode that ends by the clock."""
     minutes = max(min(minutes, p.clock_limit[i] - state.clock[i]), 0.0)
     state.clock[i] += minutes
     report.time[i] += 60.0 * minutes

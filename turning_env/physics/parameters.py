@@ -223,7 +223,7 @@ PARAMETERS = (
     P("further_limits", "-", "how many further limits there are", lambda s: len(further_limits(s)), np.int64),
     P("further_laws", "-", "log response over limit of each at f = d = H = 1; exponents of f, d, H", _further_laws, shape=(3, 4)),
 )
-"""What the transition reads of a scenario."""
+"""Parameters of the transition."""
 
 NOMINAL = (
     *("wear_law", "force_law", "power_law", "log_wear_criterion", "life_exponent"),

@@ -19,7 +19,7 @@ MIN_DEPTH = 0.01
 
 @compiled
 def start_part(state, work, i, p, action):
-    """Store where the next part begins, and the number and depth [mm] of its passes, from an action in -1..1."""
+    """Store the start of the next part, and the number and depth [mm] of its passes, from an action in -1..1."""
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path[i]) * p.bar_pitch[i]
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
     work.pass_depth[i] = p.depth_of_cut[i] * (1.0 + clipped(action[1])) / work.passes[i]
@@ -56,7 +56,7 @@ def start_pass(state, work, report, i, p, action, number):
 
 @compiled
 def end_passes(state, work, report, first, last, p, number):
-    """End a pass in every environment whose part has it, and the part where it was the last."""
+    """End a pass in every environment whose part has it, and the part after its last pass."""
     for i in env_range(first, last):
         if number < work.passes[i]:
             end_pass(state, work, report, i, p)

@@ -120,7 +120,7 @@ STATE = (
     Q("tangle_margin", "-", "likewise until chips tangle"),
     Q("tangles", "-", "times that chips have tangled", np.int64),
 )
-"""What an environment keeps from step to step."""
+"""State: the quantities that an environment keeps from step to step."""
 
 WORK = (
     Q("action", "-", "speed and feed of the action, clipped", np.float64, (2, WIDTH)),
@@ -175,7 +175,7 @@ WORK = (
     Q("life_before", "-", "used life before the sub-step"),
     Q("tangles", "-", "times that chips have tangled in the step", np.int64),
 )
-"""Scratch of a step: what is noted while a block is worked on. Nothing here lasts longer than a step."""
+"""Scratch: values used within a step only."""
 
 AT_END = (
     Q("cutting_speed", "m/min", "actual cutting speed"),
@@ -206,7 +206,7 @@ AT_END = (
     Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
     Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
 )
-"""What ``info`` tells of the end of a step: true values."""
+"""True values in ``info`` at the end of a step."""
 
 OVER_STEP = (
     Q("mean_thrust_force", "N", "mean while cutting; with parts, in the last pass"),
@@ -233,14 +233,14 @@ OVER_STEP = (
     Q("broken", "bool", "an edge broke", np.bool_),
     Q("finished", "bool", "the last bar is done", np.bool_),
 )
-"""What ``info`` tells of a step as a whole. Every step starts with 0 for all of these, and for ``OUTCOME``."""
+"""Sums in ``info`` over a step. Every step starts with 0 for all of these, and for ``OUTCOME``."""
 
 OUTCOME = (
     Q("reward", "s", "sum of the reward's terms"),
     Q("terminated", "bool", "the episode has ended", np.bool_),
     Q("truncated", "bool", "the episode has run out of time", np.bool_),
 )
-"""What ``step`` returns beside the observation and ``info``."""
+"""Outputs of ``step`` beside the observation and ``info``."""
 
 INFO = AT_END + OVER_STEP
 REPORT = INFO + OUTCOME
@@ -262,11 +262,11 @@ OBSERVATION = (
     Entry("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH, _probes),
     Entry("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO, _inspects),
 )
-"""What a policy sees, in order. Entries that only some scenarios have come last."""
+"""Observation entries in order. Entries of some scenarios only come last."""
 
 _NAMES = [entry.name for entry in OBSERVATION]
 OBS: Any = namedtuple("OBS", _NAMES)(*range(len(_NAMES)))
-"""Places of entries, in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
+"""Indices of entries in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
 observations have those entries that only some scenarios have."""
 
 
@@ -276,7 +276,7 @@ def layout(scenario: Scenario) -> tuple[str, ...]:
 
 
 def action_size(scenario: Scenario) -> int:
-    """Return how many numbers an action has."""
+    """Return the number of entries of an action."""
     control = scenario.control
     size = {"incremental": 2, "set_point": 2, "override": 1, "part": 2 + 2 * control.passes_max}[control.action]
     return size + (control.edge_changes == "commanded")

@@ -31,7 +31,7 @@ def use_up_margin(state, work, i, p):
 
 @compiled
 def tangle(state, work, i):
-    """Count a tangle where no margin is left: at most one per sub-step."""
+    """Count a tangle if no margin is left: at most one per sub-step."""
     if state.tangle_margin[i] <= 0.0:
         work.tangles[i] += 1
         state.tangles[i] += 1

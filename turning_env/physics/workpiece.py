@@ -60,7 +60,7 @@ def enter_bar(state, i, bar):
 
 @compiled
 def between_nodes(left, right, share):
-    """Return unit-variance noise between two independent normal nodes, at a share 0..1 of the way.
+    """Return unit-variance noise between two independent normal nodes, at a share 0..1 of their distance.
 
     The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
     """
@@ -207,7 +207,7 @@ def cut_skin(state, work, i, p):
 
 @compiled
 def probe_next_bar(state, i, p):
-    """Measure the mean allowance [mm] of the bar before which the tool stands."""
+    """Measure the mean allowance [mm] of the next bar."""
     bar = np.rint(state.path[i] * p.bars_per_path[i])
     depth = p.depth_of_cut[i] + p.depth_bar_spread[i] * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
     state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut[i])

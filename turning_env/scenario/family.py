@@ -46,7 +46,7 @@ _MAX_ATTEMPTS = 200
 
 
 class Distribution(Section):
-    """One of four distributions, given by two numbers."""
+    """A distribution of one of four kinds, given by two numbers."""
 
     uniform: tuple[float, float] | None = None
     """Lowest and highest value."""
@@ -86,13 +86,13 @@ class Distribution(Section):
         return values
 
     def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Array:
-        """Return true values: a ``normal`` or ``uniform`` deviation is added to what is told, a logarithmic one is a factor."""
+        """Return true values: a ``normal`` or ``uniform`` deviation is added to nominal ones, a logarithmic one is a factor."""
         deviation = self.values(uniforms)
         return told * deviation if self.log_normal or self.log_uniform else told + deviation
 
 
 class Variable(Distribution):
-    """A variable, and the deviation of its true value from the one that is told."""
+    """A variable, and the deviation of its true value from the nominal one."""
 
     unit: str
     source: str
@@ -108,7 +108,7 @@ class Table(Section):
     """Rows that only some splits draw, and no others."""
     source: str
     truth: dict[str, Distribution] = {}  # noqa: RUF012 - frozen, and copied by Pydantic
-    """Deviation of a column's true value from the one that is told."""
+    """Deviation of a column's true value from the nominal one."""
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -175,7 +175,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 
 def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
-    """Return the value of a formula, or what is no formula unchanged."""
+    """Return the value of a formula; return other values unchanged."""
     if not isinstance(formula, str):
         return formula
     try:
@@ -200,7 +200,7 @@ class Job(NamedTuple):
     feed: float
     """Likewise the feed [mm/rev]."""
     context: Array
-    """What a policy may be told of the nominal model, standardised; shape (``len(Family.context_names)``,)."""
+    """Context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ class Draw:
     rows: dict[str, NDArray[np.int64]]
     """Places of the drawn rows of each table."""
     features: dict[str, Array]
-    """What a policy may be told, not standardised."""
+    """Context before standardisation."""
 
 
 def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
@@ -249,7 +249,7 @@ class Family(Section):
     variables: dict[str, Variable]
     tables: dict[str, Table] = {}  # noqa: RUF012
     derived: dict[str, float | str] = {}  # noqa: RUF012
-    """Further variables: formulas of what is told, in order."""
+    """Further variables: formulas of nominal values, in order."""
     fields: dict[str, float | bool | str]
     planned: dict[str, float | bool | str] = {}  # noqa: RUF012
     splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012
@@ -344,7 +344,7 @@ class Family(Section):
         return tuple(self.draw("train", 0).features)
 
     def context(self, draw: Draw) -> Array:
-        """Return what a policy may be told of each job, standardised by training jobs: shape (jobs, numbers)."""
+        """Return the context of each job, standardised by training jobs: shape (jobs, numbers)."""
         mean, spread = self.context_scale
         return np.clip((np.stack(list(draw.features.values()), axis=1) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 

@@ -369,7 +369,7 @@ class Scenario(Section):
 
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
-"""What ``Scenario.load`` takes."""
+"""Types that ``Scenario.load`` takes."""
 
 _DEFAULTS = Scenario()
 
@@ -387,7 +387,7 @@ PortableScenario = Annotated[
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be used. The message names the field, the value and what is allowed."""
+    """A scenario that cannot be used. The message names the field, its value and the allowed values."""
 
 
 def presets() -> tuple[str, ...]:
@@ -419,7 +419,7 @@ def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
 
 
 def complaints_of(error: ValidationError) -> Iterator[str]:
-    """Yield what is wrong with each field."""
+    """Yield the fault of each field."""
     for detail in error.errors():
         field = ".".join(str(part) for part in detail["loc"]) or "scenario"
         message = detail["msg"].removeprefix("Value error, ")

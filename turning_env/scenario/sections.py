@@ -184,7 +184,7 @@ class Workpiece(Section):
     depth_ripple: float = quantity(0, 0, 0.5, "-", "amplitude of the depth's ripple over the depth (run-out)")
     depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "period of the depth's ripple")
     support: Literal["rigid", "chuck", "tailstock"] = "rigid"
-    """What holds the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck and tailstock."""
+    """Support of the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck and tailstock."""
     elastic_modulus: float = quantity(210_000, 1e3, 1e6, "N/mm2", "modulus of elasticity of the bar (steel, handbooks)")
     radial_share: float = quantity(0.7, 0, 1, "-", "radial force, which bends the bar, over thrust force (assumption)")
     hardness_bar_spread: float = quantity(0.08, 0, 1, "-", "log standard deviation of hardness from bar to bar")
@@ -364,7 +364,7 @@ class Limits(Section):
     thrust_force: float = quantity(1500, 0.001, 1e6, "N", "largest allowed thrust force")
     power: float = quantity(7, 0.001, 1e4, "kW", "largest allowed spindle power")
     radial_force: FeedLimit = FeedLimit()
-    """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force where it is the largest."""
+    """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force if it is the largest."""
     torque: FeedLimit = FeedLimit()
     """Spindle torque M [N m]."""
     roughness: FeedLimit = FeedLimit()

@@ -1,4 +1,4 @@
-"""Policies and their identity, for controllers, agents and oracles alike."""
+"""Policies and their identity, for controllers, agents and oracles."""
 
 import re
 from collections.abc import Callable
@@ -79,7 +79,7 @@ class PolicySpec(BaseModel):
     parameters: dict[str, JsonValue] = Field(default_factory=dict)
     """A rule's settings, or the hyperparameters of an agent's training."""
     knows: Literal["nominal", "true_wear", "true_laws"] = "nominal"
-    """What a family's policy is built from: each job's nominal model, or that with the true wear law or with all true laws."""
+    """Model from which a family's policy is built: each job's nominal one, also with the true wear law or all true laws."""
     forgets: bool = False
     """Whether it forgets everything at each change of the edge."""
     training_seed: int | None = None
@@ -112,7 +112,7 @@ class PolicySpec(BaseModel):
 
     @property
     def title(self) -> str:
-        """Return the name, and in words what it knows and whether it forgets."""
+        """Return the name with, in words, its knowledge and its memory."""
         knows = {"nominal": "", "true_wear": " with the true wear law", "true_laws": " with true laws"}[self.knows]
         return self.name + knows + (" without memory between edges" if self.forgets else "")
 

@@ -86,7 +86,7 @@ def severe_limit(severe: Floats, engaged: Floats) -> float:
 
 
 def ratio(parts: Floats, wholes: Floats) -> Floats:
-    """Return ``parts / wholes``, or 0 where a whole is 0: a policy that never cuts causes no overload."""
+    """Return ``parts / wholes``, or 0 if a whole is 0: a policy that never cuts causes no overload."""
     return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What model mismatch does to the process, and that the nominal predictions know nothing of it."""
+"""Effects of model mismatch on the process, which nominal predictions ignore."""
 
 import numpy as np
 import pytest
