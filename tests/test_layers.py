@@ -104,15 +104,16 @@ def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries
 
 
 LINES = {
-    **{"turning_env": 6000, "turning_render": 1200, "turning_shop": 2600, "turning_nc": 3900, "turning_control": 1500},
-    **{"baselines": 3900, "train": 3800, "leaderboard": 3300, "papers": 2500, "studies": 2000, "tests": 12000},
+    **{"turning_env": 7700, "turning_render": 1700, "turning_shop": 3100, "turning_nc": 3600, "turning_control": 1800},
+    **{"baselines": 4550, "train": 4150, "leaderboard": 4050, "papers": 2900, "studies": 2400, "tests": 15600},
 }
-"""Most lines of Python of each package. Who needs more deletes something."""
-WITHIN = ("turning_nc",)
-"""Packages whose lines are checked."""
+"""Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
+
+The goals are 6000, 1200, 2600, 3900, 1500; 3900, 3800, 3300, 2500, 2000, 12000.
+"""
 
 
-@pytest.mark.parametrize("package", WITHIN)
+@pytest.mark.parametrize("package", LINES)
 def test_a_package_keeps_its_budget_of_lines(package: str) -> None:
     lines = sum(len(path.read_text("utf-8").splitlines()) for path in (ROOT / package).rglob("*.py"))
     assert lines <= LINES[package]
