@@ -23,8 +23,8 @@ from leaderboard.result import (
     write_part,
     write_whole,
 )
-from turning_env import IDS
-from turning_env.scoring.score import FOLDER, unpacked
+from turning_env import FAMILY_ID, IDS
+from turning_env.scoring.score import FAMILY, FOLDER, unpacked
 
 DIGITS = 2
 """Decimals of the times [s] in the wheel."""
@@ -54,11 +54,11 @@ def pack(folder: Path, without: Collection[str] = ()) -> bool:
 def contents(results: Path) -> dict[Path, str]:
     """Return the text of each id's file in the wheel, made from a folder of results: the episodes' times by policy."""
     found = {}
-    for env_id, preset in IDS.items():
-        ranked = [each for each in read_results(result_folder(results, env_id, preset)).values()]
-        ranked.sort(key=lambda each: (each.policy.name, each.policy.training_seed or 0))
+    for env_id, scenario in (IDS | {FAMILY_ID: "-".join(FAMILY)}).items():
+        ranked = list(read_results(result_folder(results, env_id, scenario)).values())
+        ranked.sort(key=lambda each: (each.policy.title, each.policy.training_seed or 0))
         policies = []
-        for name, group in groupby(ranked, key=lambda each: each.policy.name):
+        for name, group in groupby(ranked, key=lambda each: each.policy.title):
             same = list(group)
             fields = {"returns": "return", "severe": "severe_overload_time", "engaged": "engaged_time"}
             times = {key: np.round([each.episodes[field] for each in same], DIGITS).tolist() for key, field in fields.items()}

@@ -48,7 +48,9 @@ def main(arguments: list[str] | None = None) -> int:
         add_commands(command)
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
-    scored.add_argument("--env", choices=IDS, default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)")
+    scored.add_argument(
+        "--env", choices=(*IDS, FAMILY_ID), default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)"
+    )
     scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
     command(_warm_up, "compile everything now, for example for a container image", scenario=False)

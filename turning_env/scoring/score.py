@@ -13,13 +13,18 @@ import gymnasium
 import numpy as np
 
 from turning_env.scenario import Scenario
+from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.family import play_family
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
 
 FOLDER = Path(__file__).parent / "shipped_results"
 """Times of every shipped policy's episodes: a file per id, JSON compressed with xz, made by ``python -m leaderboard pack``."""
+
+FAMILY = ("shop", "unseen_jobs")
+"""Family and split whose first jobs score a policy on ``RoughTurning-Family-v0``."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +157,8 @@ def score(
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
               ``next_memory``. This needs onnxruntime.
-        env_id: id of the environment and of its leaderboard.
+        env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs, and observations
+            hold the nominal model's numbers.
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         on_step: called after each step with the number of episodes that have ended.
 
@@ -165,8 +171,13 @@ def score(
     count = available if seeds is None else seeds
     if not 2 <= count <= available:
         raise ValueError(f"seeds is {count}, but must be 2 to {available}")
-    scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-    episodes = play(as_factory(policy), scenario, held_out_seeds(count), on_step)
+    if env_id == "RoughTurning-Family-v0":
+        family = Family.load(FAMILY[0])
+        scenario = family.job(0).scenario
+        episodes = play_family(family, FAMILY[1], range(count), as_factory(policy), on_step=on_step)
+    else:
+        scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
+        episodes = play(as_factory(policy), scenario, held_out_seeds(count), on_step)
     return compare(env_id, episodes, scenario, [each.first(count) for each in others])
 
 

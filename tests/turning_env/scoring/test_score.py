@@ -10,8 +10,9 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
+from baselines.catalogue import spec
 from leaderboard.pack import contents
-from turning_env import IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.__main__ import main
 from turning_env.scoring.score import FOLDER, Score, compare, score, shipped, unpacked
 
@@ -71,6 +72,22 @@ def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
     found = score(AGENTS.parents[1] / OVERRIDE / "override" / "ppo-seed0.onnx", OVERRIDE, seeds=8)
     ppo = next(each for each in shipped(OVERRIDE) if each.name == "ppo")
     assert found.episodes["return"] == pytest.approx(ppo.returns[0, :8], abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_family_is_scored_on_unseen_jobs() -> None:
+    """Observations hold the nominal model's numbers, and the policy `idle` gets the return that ships."""
+    shapes = set()
+
+    def idle(observations: Any) -> Any:
+        shapes.add(observations.shape)
+        return idling.act(observations)
+
+    (ships,) = (each for each in shipped(FAMILY_ID) if each.name == "idle")
+    idling = spec("idle", Scenario.load("shift")).make(3)
+    found = score(idle, FAMILY_ID, seeds=3)
+    assert shapes == {(3, gymnasium.make(FAMILY_ID).observation_space.shape[0])}  # type: ignore[index]
+    np.testing.assert_allclose(found.episodes["return"], ships.first(3).returns[0], atol=0.01)
 
 
 def test_the_same_episodes_are_no_better_and_no_worse() -> None:
