@@ -38,11 +38,12 @@ from train.agents import agent_file
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
-from train.run import HYPERPARAMETERS, Run
+from train.run import HYPERPARAMETERS, Run, trained_on
 from train.training import load_actor
-from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
+from turning_env.family_env import vector_env
 from turning_env.files import replace_file
 from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
@@ -147,8 +148,8 @@ def export_torch(
         The same as ``export``; raises the same errors.
     """
     actor = module if isinstance(module, Actor) else ModuleActor(module)
-    trained_on = Scenario.load(IDS[env_id] if scenario is None else scenario)
-    run = Run("torch", env_id, trained_on, 0, {"steps": trained_steps}, "train.export.export_torch", Path())
+    source = scenario if isinstance(scenario, Scenario) else trained_on(env_id, None if scenario is None else os.fspath(scenario))
+    run = Run.elsewhere("torch", env_id, source, trained_steps, "train.export.export_torch")
     return _Agent(type(module).__name__, _foreign(run, Path(path), name, seed), actor).write(Path(path))
 
 
@@ -165,7 +166,11 @@ def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normaliza
         algorithm, steps, actor = sb3_actor(path, run.scenario, normalization)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
-    return _Agent(str(path), _foreign(replace(run, algorithm=algorithm, parameters={"steps": steps}), path, name, seed), actor)
+    return _Agent(
+        str(path),
+        _foreign(replace(run, algorithm=algorithm, parameters=run.parameters | {"steps": steps}), path, name, seed),
+        actor,
+    )
 
 
 def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
@@ -207,7 +212,9 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 
 def _environments(about: Metadata) -> RoughTurningVectorEnv:
     """Return ``NUM_ENVS`` environments like those of an agent's training."""
-    return RoughTurningVectorEnv(NUM_ENVS, about.scenario, AutoresetMode.SAME_STEP)
+    family: Any = about.parameters.get("family")
+    source = Family.load(family) if about.env_id == FAMILY_ID else about.scenario
+    return vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
 
 
 def largest_differences(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> tuple[float, float]:
@@ -261,8 +268,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--name", help=name_help)
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
     files = parser.add_argument_group("agents from .zip and .onnx files, which do not state how they were trained")
-    files.add_argument("--env", choices=list(IDS), help="environment id (default: RoughTurning-v0)")
-    files.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
+    files.add_argument("--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)")
+    files.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
     files.add_argument("--seed", type=int, help="training seed (default: the one in a name such as me-seed3.zip, else 0)")
     files.add_argument(
         "--normalization", type=Path, metavar="FILE", help="VecNormalize statistics with which the agent was trained"
@@ -271,9 +278,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if parsed.seed is not None and parsed.seed < 0:
         parser.error(f"--seed is {parsed.seed}, but must be 0 or more")
     env_id = parsed.env or "RoughTurning-v0"
-    scenario = Scenario.load(parsed.scenario or IDS[env_id])
     command = f"python -m train.export {shlex.join(arguments)}"
-    elsewhere = Run("onnx", env_id, scenario, 0, {"steps": 0}, command, Path())
+    elsewhere = Run.elsewhere("onnx", env_id, trained_on(env_id, parsed.scenario), 0, command)
     agents: dict[Path, _Agent] = {}
     for path in (source for given in parsed.agents for source in _sources(given)):
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from turning_env import IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.files import replace_file
 from turning_env.scenario.section import names_instead
 
@@ -66,6 +66,16 @@ def _typed(name: str, value: Any, example: Any) -> Any:
     return value
 
 
+def trained_on(env_id: str, source: str | None) -> Scenario | Family:
+    """Return the scenario, or with the family's id the family, of a preset's name or a TOML file; None: the id's own."""
+    return Family.load(source or "shop") if env_id == FAMILY_ID else Scenario.load(source or IDS[env_id])
+
+
+def of_family(family: Family) -> dict[str, Any]:
+    """Return parameters that name a family and the nominal model's numbers in its observations."""
+    return {"family": family.portable(), "context": {"names": list(family.context_names)}}
+
+
 def warn_of_pickle(path: Path) -> None:
     """Warn on standard error that loading a pickle can run code."""
     print(f"warning: {path} is a pickle, which can run code: load only what you have trained yourself", file=sys.stderr)
@@ -78,20 +88,38 @@ class Run:
     algorithm: str
     env_id: str
     scenario: Scenario
+    """Scenario; for a family, its first training job."""
     seed: int
     parameters: dict[str, Any]
-    """The algorithm's hyperparameters."""
+    """The algorithm's hyperparameters; for a family also ``of_family``."""
     command: str
     """The command line that started it."""
     folder: Path
 
     @classmethod
     def plan(
-        cls, algorithm: str, env_id: str, scenario: Scenario, seed: int, runs: Path, command: str, overrides: dict[str, Any]
+        cls,
+        algorithm: str,
+        env_id: str,
+        scenario: Scenario | Family,
+        seed: int,
+        runs: Path,
+        command: str,
+        overrides: dict[str, Any],
     ) -> "Run":
         """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with ``overrides``."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
-        return cls(algorithm, env_id, scenario, seed, hyperparameters(algorithm, env_id) | overrides, command, folder)
+        parameters = hyperparameters(algorithm, env_id) | overrides
+        if isinstance(scenario, Family):
+            return cls(algorithm, env_id, scenario.job(0).scenario, seed, parameters | of_family(scenario), command, folder)
+        return cls(algorithm, env_id, scenario, seed, parameters, command, folder)
+
+    @classmethod
+    def elsewhere(cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str) -> "Run":
+        """Return a run that stands for a training by other programs, without a folder."""
+        family = of_family(scenario) if isinstance(scenario, Family) else {}
+        job = scenario.job(0).scenario if isinstance(scenario, Family) else scenario
+        return cls(algorithm, env_id, job, 0, {"steps": steps} | family, command, Path())
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
@@ -111,6 +139,11 @@ class Run:
             raise ValueError(f"{path} describes no training run: {error}") from error
 
     @property
+    def family(self) -> Family | None:
+        """The family whose jobs are played, if any."""
+        return Family.load(self.parameters["family"]) if self.env_id == FAMILY_ID else None
+
+    @property
     def checkpoint(self) -> Path:
         """Path of the state of an unfinished training."""
         return self.folder / "checkpoint.zip"
@@ -128,9 +161,9 @@ class Run:
     @property
     def name(self) -> str:
         """Name of the agent: its algorithm's, followed by the scenario's if it was trained on one that is not the id's own."""
-        preset = IDS.get(self.env_id)
-        own = preset is None or Scenario.load(preset).digest() == self.scenario.digest()
-        return self.algorithm if own else f"{self.algorithm}_{self.scenario.name}"
+        trained_on: Scenario | Family = self.family or self.scenario
+        own = Family.load("shop") if self.family else Scenario.load(IDS[self.env_id])
+        return self.algorithm if own.digest() == trained_on.digest() else f"{self.algorithm}_{trained_on.name}"
 
     @property
     def label(self) -> str:

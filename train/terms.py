@@ -10,7 +10,6 @@ The trained agent needs nothing else at run time: position and earlier observati
 """
 
 import inspect
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -24,6 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from baselines.models.edge_value import USED_LIVES, worth
 from train.actor import Actor
+from train.agents.agent_file import context_size
 from train.analytic_actor import DistanceTracker, NoTracker, TargetCommands
 from train.model_gain import edge_price
 from train.run import Run
@@ -163,10 +163,14 @@ class Terms:
     position: bool = False
     frames: int = 1
     life_price: str = "flat"
+    context: int = 0
+    """Number of observation entries that tell a family's nominal model."""
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
             raise ValueError(f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}")
+        if self.context and (self.position or self.life_price != "flat"):
+            raise ValueError("position and life_price other than flat are computed for one scenario, not for a family's jobs")
         if not 1 <= self.frames <= 100:
             raise ValueError(f"frames is {self.frames}, but must be 1 to 100")
 
@@ -174,7 +178,8 @@ class Terms:
     def of(cls, run: Run) -> Self:
         """Return the terms of a run."""
         names = ("position", "frames", "life_price")
-        return cls(run.scenario, **{name: run.parameters[name] for name in names if name in run.parameters})
+        known = {name: run.parameters[name] for name in names if name in run.parameters}
+        return cls(run.scenario, **known, context=context_size(run.env_id, run.parameters))
 
     def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
         """Return the function that makes training environments, from that of the algorithm."""
@@ -185,7 +190,8 @@ class Terms:
         """The view of the agent; None: plain observations."""
         if not self.position and self.frames == 1:
             return None
-        return View(self.scenario, math.prod(observation_space(self.scenario).shape or ()), self.position, self.frames)
+        (entries,) = observation_space(self.scenario, self.context).shape or (0,)
+        return View(self.scenario, entries, self.position, self.frames)
 
     def shown(self, vec_env: VecEnv) -> VecEnv:
         """Return environments that return the agent's inputs."""

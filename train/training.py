@@ -27,9 +27,9 @@ from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
 from train.agents.agent_file import trained_policy
-from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, warn_of_pickle
+from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, trained_on, warn_of_pickle
 from train.terms import Terms
-from turning_env import IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import digest_of_files, exclusive_lock, replace_file
@@ -176,7 +176,9 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
     """
     try:
         terms = Terms(run.scenario) if algorithm.own_terms else Terms.of(run)
-        vec_env = terms.charged(algorithm.vec_env)(run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"])
+        vec_env = terms.charged(algorithm.vec_env)(
+            run.family or run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"]
+        )
         model: Any = algorithm.new_model(run, terms.shown(vec_env))
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
@@ -201,6 +203,8 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
+    if run.family and algorithm.vec_env is not RoughTurningVecEnv:
+        raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
         apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
@@ -256,8 +260,10 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     """Run an algorithm's command line: train one agent for one training seed; print its path and return the exit status."""
     program = f"python -m train.{algorithm.name}"
     parser = argparse.ArgumentParser(prog=program, **described(inspect.getdoc(inspect.getmodule(algorithm.new_model))))
-    parser.add_argument("--env", default="RoughTurning-v0", choices=list(IDS), help="environment id (default: %(default)s)")
-    parser.add_argument("--scenario", help="preset or TOML file (default: the id's preset)")
+    parser.add_argument(
+        "--env", default="RoughTurning-v0", choices=[*IDS, FAMILY_ID], help="environment id (default: %(default)s)"
+    )
+    parser.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
     parser.add_argument("--steps", type=int, help="environment steps of the training; short for --set steps=N")
     set_help = f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; repeat the option to set several"
@@ -265,7 +271,7 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
-    scenario = Scenario.load(parsed.scenario or IDS[parsed.env])
+    scenario = trained_on(parsed.env, parsed.scenario)
     given = overrides(algorithm.name, parsed.set) | ({} if parsed.steps is None else {"steps": parsed.steps})
     print(train(Run.plan(algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, given), algorithm))
     return 0

@@ -6,7 +6,7 @@ from typing import Any
 from train import analytic_gradient, lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
 from train.run import Run
 from train.training import Algorithm
-from turning_env import Scenario
+from turning_env import Family, Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
 
@@ -27,7 +27,9 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 }
 
 
-def small_run(algorithm: Algorithm, runs: Path, scenario: Scenario = SCENARIO, **changes: Any) -> Run:
+def small_run(
+    algorithm: Algorithm, runs: Path, scenario: Scenario | Family = SCENARIO, env_id: str = "RoughTurning-v0", **changes: Any
+) -> Run:
     """A short training of seed 3."""
     parameters = PARAMETERS[algorithm.name] | changes
-    return Run.plan(algorithm.name, "RoughTurning-v0", scenario, 3, runs, "a command", parameters)
+    return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command", parameters)

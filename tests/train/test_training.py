@@ -11,11 +11,11 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
-from train import ppo, training
+from train import export, ppo, training
 from train.run import Run, hyperparameters
 from train.terms import Terms
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
-from turning_env import IDS, RoughTurningVectorEnv, Scenario
+from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scoring.seeds import TUNING_START
@@ -117,6 +117,21 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
         action, memory = actor(observation, torch.zeros(1, actor.memory_size))
         assert action.shape == (1, *(action_space(scenario).shape or ()))
         assert memory.shape == (1, actor.memory_size)
+
+
+@pytest.mark.slow
+def test_an_agent_learns_on_a_family_and_its_file_is_scored(tmp_path: Path) -> None:
+    for algorithm in (PPO, ALGORITHMS["recurrent_ppo"], ALGORITHMS["sac"]):
+        terms = {} if algorithm.name == "recurrent_ppo" else {"frames": 2}
+        run = small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop"), **terms)
+        assert train(run, algorithm) == tmp_path / FAMILY_ID / "shop" / f"{algorithm.name}-seed3" / "policy.zip"
+        assert export.main([str(run.folder), "--out", str(tmp_path)]) == 0
+        assert score(str(tmp_path / f"{algorithm.name}-seed3.onnx"), FAMILY_ID, seeds=2).ranked > 5
+    for algorithm in (ALGORITHMS["analytic_gradient"], ALGORITHMS["lagrangian_ppo"]):
+        with pytest.raises(ValueError, match="learns on one scenario, not on the jobs of a family"):
+            train(small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop")), algorithm)
+    with pytest.raises(ValueError, match="position and life_price"):
+        train(small_run(PPO, tmp_path / "other", env_id=FAMILY_ID, scenario=Family.load("shop"), position=True), PPO)
 
 
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path) -> None:
