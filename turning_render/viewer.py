@@ -46,13 +46,8 @@ class Viewer:
         self._watched: list[History] = []
         self._frames: list[Frame] = []
         self._jobs: list[int] = []
+        self._title = ""  # of the first frame: the environment's id, if it has one, and the scenario's name
         self._window: Window | None = None
-
-    @property
-    def title(self) -> str:
-        """The title of the frames: the environment's id, if it has one, and the scenario's name."""
-        spec, name = self._env.spec, self._env.scenario.name
-        return name if spec is None else f"{spec.id}, {name}"
 
     def note(self) -> None:
         """Record the last step of watched episodes, and show it in a window; call it after step and reset."""
@@ -93,8 +88,10 @@ class Viewer:
             for index, scenario in enumerate(scenarios)
         ]
         self._watched = [history for history in self._watched if history in self._histories]
-        self._frames = [Frame(scenario, self.title) for scenario in scenarios]
-        self._jobs = jobs
+        spec = self._env.spec
+        titles = [scenario.name if spec is None else f"{spec.id}, {scenario.name}" for scenario in scenarios]
+        self._frames = [Frame(scenario, title) for scenario, title in zip(scenarios, titles, strict=True)]
+        self._jobs, self._title = jobs, titles[0]
 
     def render(self) -> "Pixels | None":
         """Return the first environment's frame; with a window show it there, and return None.
@@ -108,7 +105,7 @@ class Viewer:
         if self._window is None:
             self._window = Window(self._env.metadata["render_fps"])
         with _named_if_missing():
-            self._window.show(frame, self.title)
+            self._window.show(frame, self._title)
         return None
 
     def close(self) -> None:
