@@ -38,9 +38,9 @@ from train.agents import agent_file
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
-from train.run import HYPERPARAMETERS, Run, trained_on
+from train.run import HYPERPARAMETERS, Run, family_of, trained_on
 from train.training import load_actor
-from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario
+from turning_env import FAMILY_ID, IDS, RoughTurningVectorEnv, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
@@ -212,9 +212,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 
 def _environments(about: Metadata) -> RoughTurningVectorEnv:
     """Return ``NUM_ENVS`` environments like those of an agent's training."""
-    family: Any = about.parameters.get("family")
-    source = Family.load(family) if about.env_id == FAMILY_ID else about.scenario
-    return vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
+    return vector_env(family_of(about.env_id, about.parameters) or about.scenario, NUM_ENVS, AutoresetMode.SAME_STEP)
 
 
 def largest_differences(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> tuple[float, float]:

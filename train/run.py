@@ -5,7 +5,7 @@ import json
 import math
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,9 +71,16 @@ def trained_on(env_id: str, source: str | None) -> Scenario | Family:
     return Family.load(source or "shop") if env_id == FAMILY_ID else Scenario.load(source or IDS[env_id])
 
 
-def of_family(family: Family) -> dict[str, Any]:
-    """Return parameters that name a family and the nominal model's numbers in its observations."""
-    return {"family": family.portable(), "context": {"names": list(family.context_names)}}
+def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
+    """Return the family that a run's parameters name, if its id plays one."""
+    return Family.load(parameters["family"]) if env_id == FAMILY_ID else None
+
+
+def _described(source: Scenario | Family) -> tuple[Scenario, dict[str, Any]]:
+    """Return a run's scenario, and the parameters that name a family and the nominal model's numbers in its observations."""
+    if not isinstance(source, Family):
+        return source, {}
+    return source.job(0).scenario, {"family": source.portable(), "context": {"names": list(source.context_names)}}
 
 
 def warn_of_pickle(path: Path) -> None:
@@ -91,7 +98,7 @@ class Run:
     """Scenario; for a family, its first training job."""
     seed: int
     parameters: dict[str, Any]
-    """The algorithm's hyperparameters; for a family also ``of_family``."""
+    """The algorithm's hyperparameters; for a family also its values and the names of its context."""
     command: str
     """The command line that started it."""
     folder: Path
@@ -109,16 +116,13 @@ class Run:
     ) -> "Run":
         """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with ``overrides``."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
-        parameters = hyperparameters(algorithm, env_id) | overrides
-        if isinstance(scenario, Family):
-            return cls(algorithm, env_id, scenario.job(0).scenario, seed, parameters | of_family(scenario), command, folder)
-        return cls(algorithm, env_id, scenario, seed, parameters, command, folder)
+        job, family = _described(scenario)
+        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | overrides | family, command, folder)
 
     @classmethod
     def elsewhere(cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str) -> "Run":
         """Return a run that stands for a training by other programs, without a folder."""
-        family = of_family(scenario) if isinstance(scenario, Family) else {}
-        job = scenario.job(0).scenario if isinstance(scenario, Family) else scenario
+        job, family = _described(scenario)
         return cls(algorithm, env_id, job, 0, {"steps": steps} | family, command, Path())
 
     @classmethod
@@ -141,7 +145,7 @@ class Run:
     @property
     def family(self) -> Family | None:
         """The family whose jobs are played, if any."""
-        return Family.load(self.parameters["family"]) if self.env_id == FAMILY_ID else None
+        return family_of(self.env_id, self.parameters)
 
     @property
     def checkpoint(self) -> Path:
@@ -161,9 +165,9 @@ class Run:
     @property
     def name(self) -> str:
         """Name of the agent: its algorithm's, followed by the scenario's if it was trained on one that is not the id's own."""
-        trained_on: Scenario | Family = self.family or self.scenario
-        own = Family.load("shop") if self.family else Scenario.load(IDS[self.env_id])
-        return self.algorithm if own.digest() == trained_on.digest() else f"{self.algorithm}_{trained_on.name}"
+        mine = self.family or self.scenario
+        own = trained_on(self.env_id, None)
+        return self.algorithm if own.digest() == mine.digest() else f"{self.algorithm}_{mine.name}"
 
     @property
     def label(self) -> str:

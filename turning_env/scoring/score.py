@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from turning_env import FAMILY_ID
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
@@ -171,7 +172,7 @@ def score(
     count = available if seeds is None else seeds
     if not 2 <= count <= available:
         raise ValueError(f"seeds is {count}, but must be 2 to {available}")
-    if env_id == "RoughTurning-Family-v0":
+    if env_id == FAMILY_ID:
         family = Family.load(FAMILY[0])
         scenario = family.job(0).scenario
         episodes = play_family(family, FAMILY[1], range(count), as_factory(policy), on_step=on_step)
