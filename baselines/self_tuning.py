@@ -14,6 +14,7 @@ It needs of the nominal model what ``predictive`` needs.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines import law_errors
 from baselines.models.life_price import price_life
@@ -21,10 +22,12 @@ from baselines.models.load_filter import Array, LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from baselines.rule import Rule
-from turning_env import Scenario
+from turning_env import Reading, Scenario
 
 EARLY = 0.3
 """Time by which the tool may enter a bar earlier than expected [s] (found on training jobs)."""
+MIN_SPENT_LIFE = 0.5
+"""Used life below which an edge is not changed because its life has no price [-]: early estimates of the laws may be wrong."""
 
 
 class SelfTuning(Predictive):
@@ -65,6 +68,9 @@ class SelfTuning(Predictive):
         price_life(self._parameters, np.stack(laws, axis=1), used_life, prices)
         return prices
 
+    def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
+        return super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))
+
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
@@ -73,7 +79,7 @@ RULES = {
         lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
         lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
         {"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
-        version=4,
+        version=5,
         changes_edges=True,
         together=True,
     )

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from leaderboard import information, table
-from leaderboard.private_seeds import PUBLIC, private_task, read_seeds
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results
 from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
-from turning_env.scoring.seeds import held_out_seeds
+from turning_env.files import digest_of
+from turning_env.scoring.seeds import held_out_seeds, private_seeds
 from turning_env.scoring.workers import WorkersError, workers
 
 PAGE = "index.html"
@@ -46,15 +46,15 @@ def _run(options: argparse.Namespace) -> None:
     python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
     python -m leaderboard run --policy my_module:MyPolicy
-    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --seeds private_seeds.txt --results private_results
+    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --private-key KEY --results private_results
     python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws --seeds 16
     """
     from leaderboard import policies, run  # needed only here: play
 
-    tasks, private = _tasks(options)
+    tasks = [_private(task, options.private_key) if options.private_key else (task, None) for task in _tasks(options)]
     runs, too_slow = [], dict[Path, ResultError]()
-    for task in tasks:  # load all policies first, so that errors are found before anything is played
-        tuned_on = None if task is tasks[0] else tasks[0].scenario
+    for task, private in tasks:  # load all policies first, so that errors are found before anything is played
+        tuned_on = None if task is tasks[0][0] else tasks[0][0].scenario
         agents = policies.agents(
             options.agents, task, options.name, options.keep_names, options.agent_time, too_slow, options.forgets
         )
@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace) -> None:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
         raise ResultError("; ".join(map(str, failed or [error]))) from None
-    asked = {task.digest for task in tasks}
+    asked = {task.digest for task, _ in tasks}
     played = [each for each in leaderboards if each.task.digest in asked]
     _print(played, options.json)
     path = options.results / PAGE
@@ -91,36 +91,34 @@ def _run(options: argparse.Namespace) -> None:
         raise ResultError("; ".join(map(str, failed)))
 
 
-def _tasks(options: argparse.Namespace) -> tuple[list[Task], Sequence[int] | None]:
-    """Return the tasks to play, and their seeds if they are private."""
-    given = options.seeds
+def _tasks(options: argparse.Namespace) -> list[Task]:
+    """Return the tasks to play, on public seeds; jobs of a family are those of the private key, if there is one."""
     if options.env == FAMILY_ID:
         from leaderboard.family import family_task  # needed only here: imports the controllers
 
-        if isinstance(given, Path):
-            raise ResultError(f"jobs of {FAMILY_ID} are no private seeds: give --seeds a number of jobs")
-        first = family_task(options.scenario or "shop", options.split, len(given))
         family = Family.load(options.scenario or "shop")
-        held_out = [split for split in family.splits if split != "train"] if options.splits else []
-        others = [family_task(family, split, len(given)) for split in held_out]
-        return [first, *(each for each in others if each.digest != first.digest)], None
+        if options.private_key:
+            family = Family.load(family.model_dump(exclude_none=True) | {"held_out_key": options.private_key})
+        first = family_task(family, options.split, len(options.seeds))
+        held_out = [split for split in family.splits if split not in ("train", "validation")] if options.splits else []
+        others = [family_task(family, split, len(options.seeds)) for split in held_out]
+        return [first, *(each for each in others if each.digest != first.digest)]
     if options.split or options.forgets or options.knows != "nominal":
         raise ResultError(f"--split, --knows and --forgets are of {FAMILY_ID}, not of {options.env}")
-    task = Task(env_id=options.env, scenario=_scenario(options), seeds=[] if isinstance(given, Path) else given)
-    if isinstance(given, Path):
-        private = read_seeds(given)
-        if options.splits:
-            raise ResultError("splits are played on held-out seeds: give --scenario and --seeds FILE for each of them")
-        if public := sum(seed < PUBLIC for seed in private):
-            print(f"warning: {public} seeds of {given} are below {PUBLIC}, where all seeds are public", file=sys.stderr)
-        return [private_task(task, private)], private
-    if options.splits and task.env_id != SPLITS_ENV_ID:
-        raise ResultError(f"there are no splits of {task.env_id}, only of {SPLITS_ENV_ID} and {FAMILY_ID}")
-    splits = SPLITS if options.splits else ()
-    return [
-        task,
-        *(task.model_copy(update={"scenario": Scenario.load(name), "seeds": options.split_seeds}) for name in splits),
-    ], None
+    if options.splits and options.env != SPLITS_ENV_ID:
+        raise ResultError(f"there are no splits of {options.env}, only of {SPLITS_ENV_ID} and {FAMILY_ID}")
+    splits = [Scenario.load(name) for name in SPLITS] if options.splits else []
+    task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
+    return [task, *(task.model_copy(update={"scenario": each, "seeds": options.split_seeds}) for each in splits)]
+
+
+def _private(task: Task, key: str) -> tuple[Task, list[int]]:
+    """Return a task on the seeds of a private key, which names their places and their digest, and the seeds."""
+    try:
+        seeds = private_seeds(key, len(task.seeds))
+    except ValueError as error:
+        raise ResultError(f"--private-key: {error}") from error
+    return task.model_copy(update={"seeds": list(range(len(seeds))), "private": digest_of(seeds)}), seeds
 
 
 def _show(options: argparse.Namespace) -> None:
@@ -279,14 +277,6 @@ def _seeds(text: str) -> list[int]:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
-def _seeds_or_file(text: str) -> list[int] | Path:
-    if text.lstrip("+-").isdecimal():
-        return _seeds(text)
-    if not Path(text).suffix and not Path(text).is_file():  # a file that is missing is an error of its own
-        raise argparse.ArgumentTypeError(f"{text!r} is neither a number of held-out seeds nor a file of private seeds")
-    return Path(text)
-
-
 def _like(pattern: str, meaning: str) -> Callable[[str], str]:
     """Return an argparse type: a text of a pattern."""
 
@@ -337,8 +327,9 @@ def _parser() -> argparse.ArgumentParser:
     add = command(_run, "play policies, print the ranking and write the page", results, printed, agents, elsewhere)
     add("--env", choices=ids, default=SPLITS_ENV_ID, help=f"the environment's id (default: {SPLITS_ENV_ID})")
     add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
-    which = "number of held-out seeds (default: 256), or a file of private seeds; give these --results of their own"
-    add("--seeds", type=_seeds_or_file, default="256", metavar="SEEDS", help=which)
+    add("--seeds", type=_seeds, default="256", metavar="SEEDS", help="number of held-out seeds, or jobs (default: 256)")
+    which = "text of 16 characters or more that determines other seeds, and other jobs of a family; give these --results of their own"
+    add("--private-key", metavar="KEY", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
     own_code = _like(r"[\w.]+:[\w.]+", "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")
     name = _like(NAME, "a name of at most 128 letters, digits, _, . and -")

@@ -95,9 +95,9 @@ class Task(Part):
     scenario: PortableScenario
     """Scenario; for a family, the values that all jobs share, under the name of family and split."""
     seeds: Seeds
-    """Seeds, one per episode; for a family, job numbers. Private seeds are places in their file."""
+    """Seeds, one per episode; for a family, job numbers. Private seeds are named by their places."""
     private: str | None = None
-    """SHA-256 of private seeds: see ``private_seeds.py``."""
+    """SHA-256 of private seeds, which a key determines; None: they are public."""
     of_family: FamilySplit | None = None
 
     @model_validator(mode="after")

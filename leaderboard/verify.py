@@ -175,7 +175,7 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
     """
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
-        raise ResultError("was played on private seeds: only the owner of their file can play it again, by run --seeds FILE")
+        raise ResultError("was played on private seeds: only the owner of their key can play it again, by run --private-key KEY")
     if task.model_version != MODEL_VERSION:
         raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
     if task.of_family:

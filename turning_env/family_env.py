@@ -65,8 +65,9 @@ class FamilyEnv(RoughTurningEnv):
 
     ## Arguments
 
-    `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train", or "unseen_jobs",
-    "unseen_materials", "unseen_machines", whose jobs no training seed plays. `context`: "told" or "hidden". `render_mode`: None,
+    `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train"; "validation", by
+    which agents are chosen; or "unseen_jobs", "unseen_materials", "unseen_machines", on which they are scored. No training seed
+    plays the jobs of another split. `context`: "told" or "hidden". `render_mode`: None,
     "rgb_array" or "human": frames show the present job.
 
     ## Version history

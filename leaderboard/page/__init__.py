@@ -114,11 +114,8 @@ def reproducing_command(leaderboard: Leaderboard) -> str:
     elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
         known = task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
         words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
-    words += [
-        "--split-seeds" if tuned_for else "--seeds",
-        "PRIVATE_SEEDS.txt" if task.private else str(len(task.seeds)),
-        "--policies",
-    ]
+    words += ["--split-seeds" if tuned_for else "--seeds", str(len(task.seeds))]
+    words += ["--private-key", "KEY", "--policies"] if task.private else ["--policies"]
     words += [policy.name for policy in policies if policy.kind != "agent" and policy.title == policy.name]
     files = [f"{policy.label}{ONNX_SUFFIX}" for policy in policies if policy.kind == "agent"]
     return shlex.join([*words, "--agents", *files] if files else words)

@@ -146,6 +146,19 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys
     assert "cannot be played again: no family and no file is called 'brief'" in capsys.readouterr().out
 
 
+def test_private_jobs_are_others_and_no_result_tells_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    key, returns = "a key of the organiser", []
+    for name, more in (("public", []), ("private", ["--private-key", key])):
+        results = tmp_path / name
+        words = ["run", "--env", FAMILY_ID, "--results", str(results), "--policies", "idle", "--seeds", "2", *more]
+        assert main(words) == 0
+        result = read_results(result_folder(results, FAMILY_ID, "shop-unseen_jobs"))["idle"]
+        assert (result.task.private is None) == (not more)
+        returns.append(result.episodes["return"])
+        assert key not in "".join(path.read_text("latin-1") for path in results.rglob("*.*"))
+    assert not set(returns[0]) & set(returns[1])
+
+
 @pytest.mark.slow
 def test_results_on_a_family_are_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     where = ["--results", str(tmp_path / "results"), "--env", FAMILY_ID]

@@ -1,4 +1,4 @@
-"""Private seeds: what a file of them may hold, and what results tell of them."""
+"""Private seeds: what results tell of them, and the commands."""
 
 import json
 import secrets
@@ -9,61 +9,38 @@ import pytest
 
 from leaderboard import verify
 from leaderboard.__main__ import main
-from leaderboard.private_seeds import private_task, read_seeds
 from leaderboard.ranking import read_leaderboard
-from leaderboard.result import Result, ResultError, Task
+from leaderboard.result import Result, Task
 from leaderboard.run import TaskRun, play_all
 from tests.leaderboard.conftest import MakeResult, only, spec
 from turning_env import Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.play import play
+from turning_env.scoring.seeds import private_seeds
 
-SEEDS = [2**64 - 1, 0, 12345678901234567890, 5]
-TEXT = "# who scores knows these\n18446744073709551615 0\n\n12345678901234567890 # the third\n5\n"
-
-
-@pytest.mark.parametrize("text", [TEXT, json.dumps(SEEDS), "\n" + json.dumps(SEEDS, indent=1)])
-def test_a_file_is_text_or_json(text: str, tmp_path: Path) -> None:
-    (tmp_path / "seeds").write_text(text)
-    assert read_seeds(tmp_path / "seeds") == SEEDS
+KEY = secrets.token_hex()
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"[]", "holds 0 seeds, but must hold 1 to 1000000"),
-        (b"007 7", "holds the seed 7 twice"),
-        (b"-1", "'-1' is not a whole number of 0 to 18446744073709551615"),
-        (b"18446744073709551616", "'18446744073709551616' is not a whole number"),
-        (b"[1.0]", "'1.0' is not a whole number"),
-        (b'{"seeds": [1]}', "is not a whole number"),
-        ("\uff11\uff12".encode(), "is not a whole number"),
-        (b"\xff\xfe", "is not a whole number"),
-        (b" " * 32_000_001, "larger than 32000000 bytes"),
-    ],
-)
-def test_other_files_are_refused_with_the_reason(content: bytes, message: str, tmp_path: Path) -> None:
-    (tmp_path / "seeds").write_bytes(content)
-    with pytest.raises(ResultError, match=message):
-        read_seeds(tmp_path / "seeds")
+def private(task: Task, seeds: list[int]) -> Task:
+    """Return a task on private seeds."""
+    return task.model_copy(update={"seeds": list(range(len(seeds))), "private": digest_of(seeds)})
 
 
 def test_results_tell_the_digest_and_neither_seeds_nor_trajectories(task: Task, folder: Path) -> None:
-    private = [secrets.randbits(64) for _ in range(3)]
-    secret = private_task(task, private)
+    seeds = private_seeds(KEY, 3)
     steady = spec("steady", (0.0, 0.1))
-    play_all([TaskRun(secret, [steady], folder, private)], fresh=False)
+    play_all([TaskRun(private(task, seeds), [steady], folder, seeds)], fresh=False)
     assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "steady.json.xz"]
     result = only(folder / "steady.json.xz")
-    assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(private))
+    assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(seeds))
     told = json.dumps(result.model_dump()) + (folder / "manifest.json").read_text()
-    assert not any(str(seed) in told for seed in private)
-    expected = play(steady.make, task.scenario, private)
+    assert not any(str(seed) in told for seed in seeds)
+    expected = play(steady.make, task.scenario, seeds)
     for name, values in expected.items():
         np.testing.assert_array_equal(result.episodes[name], values)
     # Other secrets are another task, also as many of them.
-    others = private[::-1]
-    play_all([TaskRun(private_task(task, others), [spec("other")], folder, others)], fresh=False)
+    others = private_seeds(KEY[::-1], 3)
+    play_all([TaskRun(private(task, others), [spec("other")], folder, others)], fresh=False)
     assert [len(read_leaderboard(folder, each).results) for each in (result.task, None)] == [1, 1]
 
 
@@ -78,19 +55,16 @@ def test_who_names_other_places_or_changes_the_digest_is_found(task: Task, make_
 
 def test_commands(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
     scenario.save(tmp_path / "short.toml")
-    seeds, results = tmp_path / "private_seeds.txt", tmp_path / "results"
-    seeds.write_text("7\n" + "\n".join(str(secrets.randbits(63) + 2**63) for _ in range(2)))
+    results = tmp_path / "results"
     words = ["run", "--scenario", str(tmp_path / "short.toml"), "--results", str(results), "--policies", "fixed_handbook"]
-    assert main([*words, "--seeds", str(seeds)]) == 0
+    assert main([*words, "--seeds", "3", "--private-key", "short"]) == 2
+    assert "--private-key: the private key has 5 characters, but must have at least 16" in capsys.readouterr().err
+    assert main([*words, "--seeds", "3", "--private-key", KEY]) == 0
     captured = capsys.readouterr()
-    assert "3 seeds" in captured.out
-    assert "warning: 1 seeds of" in captured.err
     page = (results / "index.html").read_text("utf-8")
     assert "3 seeds, private: only the scorer knows them" in page
-    assert "--seeds PRIVATE_SEEDS.txt" in page
-    assert not any(seed in page for seed in seeds.read_text().split()[1:])
+    assert "--private-key KEY" in page
+    assert not any(secret in page + captured.out for secret in (KEY, *map(str, private_seeds(KEY, 3))))
     complaints = verify.check(results, tmp_path, verify.Selection())
     assert len(complaints) == 1
     assert "was played on private seeds" in complaints[0]
-    assert main([*words, "--seeds", str(seeds), "--splits"]) == 2
-    assert "splits are played on held-out seeds" in capsys.readouterr().err

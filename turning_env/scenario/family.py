@@ -246,6 +246,8 @@ class Family(Section):
     """Number of training jobs."""
     held_out_jobs: int = 256
     """Number of jobs of every other split."""
+    held_out_key: str = ""
+    """Text that determines the jobs of every other split, with their names and numbers."""
     variables: dict[str, Variable]
     tables: dict[str, Table] = {}  # noqa: RUF012
     derived: dict[str, float | str] = {}  # noqa: RUF012
@@ -385,6 +387,11 @@ class Family(Section):
             self._known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
         return self._known[split, chunk]
 
+    def _split_key(self, split: str) -> np.uint64:
+        if split == "train":
+            return np.uint64(crc32(b"train"))
+        return np.uint64(int(digest_of([self.held_out_key, split])[:16], 16))
+
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
         while pending.size:
@@ -398,7 +405,7 @@ class Family(Section):
     def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
         names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
         keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
-        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(crc32(split.encode())))
+        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, self._split_key(split))
         uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
 
         told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}

@@ -11,9 +11,10 @@ from turning_env.scenario.family import CHUNK, families, makes_sense
 SHOP = Family.load("shop")
 JOBS = {
     "train": "67b14524b7e305a5",
-    "unseen_jobs": "33cc33f67c5a08bd",
-    "unseen_materials": "3c28e60f8b466d91",
-    "unseen_machines": "3a7f2960716820ea",
+    "validation": "ab00820dc183e917",
+    "unseen_jobs": "ad9b5f9382a87067",
+    "unseen_materials": "f0d745f1f19b49a6",
+    "unseen_machines": "22815411f48502ec",
 }
 """Golden digests of all jobs of the family `shop`."""
 SMALL = {
