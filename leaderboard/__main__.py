@@ -328,7 +328,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--env", choices=ids, default=SPLITS_ENV_ID, help=f"the environment's id (default: {SPLITS_ENV_ID})")
     add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
     add("--seeds", type=_seeds, default="256", metavar="SEEDS", help="number of held-out seeds, or jobs (default: 256)")
-    which = "text of 16 characters or more that determines other seeds, and other jobs of a family; give these --results of their own"
+    which = (
+        "text of 16 characters or more that determines other seeds, and other jobs of a family; give these --results of their own"
+    )
     add("--private-key", metavar="KEY", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
     own_code = _like(r"[\w.]+:[\w.]+", "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")

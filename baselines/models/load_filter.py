@@ -83,6 +83,32 @@ class Outlook(NamedTuple):
     """Standard deviation of log power [-]."""
 
 
+class Model(NamedTuple):
+    """What the filter knows of nominal models before an episode; the first axis counts them."""
+
+    parameters: Any
+    """Records of ``kalman_steps.PARAMETERS``."""
+    mean: Array
+    """Expected states, shape (models, STATES)."""
+    covariance: Array
+    """Their covariance, shape (models, STATES, STATES)."""
+
+
+def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> Model:
+    """Return what a filter knows of nominal models with the errors that they are expected to have; None: they are right."""
+    parameters, mean = np.zeros(len(scenarios), PARAMETERS), np.zeros((len(scenarios), STATES))
+    for i, scenario in enumerate(scenarios):
+        for name, value in _numbers(scenario, errors is not None).items():
+            parameters[i][name] = value
+    covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
+    if errors is not None:
+        wear = (scenario.material.wear for scenario in scenarios)
+        scales = np.array([[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear])
+        mean[:, LOT:] = scales * errors.mean
+        covariance[:, LOT:, LOT:] = scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
+    return Model(parameters, mean, covariance)
+
+
 class LoadFilter:
     """A filter that estimates the states of many environments from their readings.
 
@@ -93,22 +119,18 @@ class LoadFilter:
     """
 
     def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:
-        self._parameters = np.zeros(len(scenarios), PARAMETERS)
-        for i, scenario in enumerate(scenarios):
-            for name, value in _numbers(scenario, errors is not None).items():
-                self._parameters[i][name] = value
-        self._mean = np.zeros((len(scenarios), STATES))
-        self._covariance = self._parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
-        if errors is not None:
-            wear = (scenario.material.wear for scenario in scenarios)
-            scales = np.array([[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear])
-            self._mean[:, LOT:] = scales * errors.mean
-            self._covariance[:, LOT:, LOT:] = scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
+        self._parameters, self._mean, self._covariance = model_of(scenarios, errors)
         self.mean = np.zeros((num_envs, STATES))
         """Expected states."""
         self.covariance = np.zeros((num_envs, STATES, STATES))
         """Their covariance."""
         self._memory = np.zeros(num_envs, MEMORY)
+
+    def assign(self, env_index: int, model: Model) -> None:
+        """Give an environment, of as many as there are models, another nominal model, and reset it."""
+        self._parameters[env_index], self._mean[env_index] = model.parameters[0], model.mean[0]
+        self._covariance[env_index] = model.covariance[0]
+        self.reset(np.arange(len(self._mean)) == env_index)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Reset to the start of the first bar and to the prior."""
@@ -126,6 +148,26 @@ class LoadFilter:
         """Nominal depth of cut [mm], shape (scenarios,)."""
         depth: Array = self._parameters["depth_of_cut"]
         return depth
+
+    @property
+    def prior_deviations(self) -> Array:
+        """Standard deviations of the states before an edge's first cut, shape (models, STATES)."""
+        deviations = np.sqrt(np.diagonal(self._covariance, axis1=1, axis2=2))
+        deviations[:, HISTORY] = deviations[:, INSERT]
+        return deviations
+
+    @property
+    def pitch(self) -> Array:
+        """Distance from bar to bar [mm], shape (models,)."""
+        pitch: Array = self._parameters["pitch"]
+        return pitch
+
+    @property
+    def end_loads(self) -> Array:
+        """Log force [N] and power [kW] of the nominal laws at 1 m/min, 1 mm/rev and the wear criterion, shape (models, 2)."""
+        laws = self._parameters["log_laws"]
+        loads: Array = laws[:, :, 0] + laws[:, :, 3] * log(self._parameters["wear_criterion"])[:, np.newaxis]
+        return loads
 
     @property
     def along(self) -> Array:
@@ -181,13 +223,14 @@ class LoadFilter:
 
     def observe(self, reading: Reading) -> None:
         """Predict up to a reading and correct the estimate by it."""
-        columns = (
-            *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
-            *(reading.cutting_time, reading.nominal_wear, reading.removed_wear, reading.thrust_force, reading.power),
-            reading.cutting,
-        )
-        seen = np.stack(columns, axis=1).astype(np.float64)
-        follow(self._parameters, self._memory, self.mean, self.covariance, seen)
+        follow(self._parameters, self._memory, self.mean, self.covariance, _seen(reading))
+
+    def observe_some(self, reading: Reading, mask: NDArray[np.bool_]) -> None:
+        """Do so in the environments of a mask, shape (num_envs,)."""
+        chosen = np.flatnonzero(mask)
+        memory, mean, covariance = self._memory[chosen], self.mean[chosen], self.covariance[chosen]
+        follow(self._parameters[chosen % len(self._parameters)], memory, mean, covariance, _seen(reading)[chosen])
+        self._memory[chosen], self.mean[chosen], self.covariance[chosen] = memory, mean, covariance
 
     def tell(self, chosen: NDArray[np.bool_], states: Array, deviation: float) -> None:
         """Correct the ``chosen`` estimates by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
@@ -201,6 +244,15 @@ class LoadFilter:
         found = np.empty((len(Outlook._fields), *distance.shape))
         look_ahead(self._parameters, self._memory, self.mean, self.covariance, distance, entering, found)
         return Outlook(*found)
+
+
+def _seen(reading: Reading) -> Array:
+    columns = (
+        *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
+        *(reading.cutting_time, reading.nominal_wear, reading.removed_wear, reading.thrust_force, reading.power),
+        reading.cutting,
+    )
+    return np.stack(columns, axis=1).astype(np.float64)
 
 
 def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:

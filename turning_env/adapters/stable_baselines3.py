@@ -1,7 +1,7 @@
 """The vector environment behind the interface of Stable-Baselines3, without a Python loop over environments."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -25,14 +25,21 @@ class RoughTurningVecEnv(VecEnv):
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
     ``scenario`` is the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, such as
-    "shop", whose training jobs are played. Rewards are multiplied by ``reward_scale``.
+    "shop", whose training jobs are played. Rewards are multiplied by ``reward_scale``. ``wrapper`` is
+    a vector wrapper of Gymnasium around the environments.
     Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an environment's info holds
     ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled). All other
     infos are empty.
     """
 
-    def __init__(self, scenario: str | os.PathLike[str] | Scenario | Family, num_envs: int, reward_scale: float = 1.0) -> None:
-        self.vector_env = vector_env(scenario, num_envs, AutoresetMode.SAME_STEP)
+    def __init__(
+        self,
+        scenario: str | os.PathLike[str] | Scenario | Family,
+        num_envs: int,
+        reward_scale: float = 1.0,
+        wrapper: Callable[[Any], Any] = lambda env: env,
+    ) -> None:
+        self.vector_env = wrapper(vector_env(scenario, num_envs, AutoresetMode.SAME_STEP))
         self.reward_scale = reward_scale
         self._actions: NDArray[np.float32] = np.zeros(self.vector_env.action_space.shape or (), np.float32)
         self._returns = np.zeros(num_envs)
@@ -45,6 +52,7 @@ class RoughTurningVecEnv(VecEnv):
         After ``seed(s)``, environment i plays seed s + i; otherwise it plays a random seed.
         """
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
+        observations: NDArray[np.float32]
         observations, _ = self.vector_env.reset(seed=seeds)
         self._reset_seeds()
         self._returns[:] = 0.0

@@ -1,0 +1,248 @@
+"""The belief of the optimisers' filter as an observation, so that an agent without memory knows what it has measured.
+
+    env = BeliefObservation(gymnasium.make("RoughTurning-Family-v0"))
+    envs = VectorBeliefObservation(gymnasium.make_vec("RoughTurning-Family-v0", 512))
+    venv = RoughTurningVecEnv("shop", 512, wrapper=VectorBeliefObservation)  # Stable-Baselines3
+
+The filter (``models/load_filter.py``) knows the nominal model and sees the observations alone, so a policy that plays with a
+``Belief`` of its own has all that these wrappers show.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from baselines import law_errors
+from baselines.models.load_filter import LoadFilter, Model, feed_velocity, model_of
+from baselines.optimiser import plays
+from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
+from turning_env.numerics.functions import log
+from turning_env.observation import read
+from turning_env.physics.quantities import layout
+from turning_env.scenario.plan import Columns
+from turning_env.scenario.scenario import flat, nested
+
+Array = NDArray[np.float64]
+Float32s = NDArray[np.float32]
+
+LIMIT = 10.0
+"""Highest absolute value of an entry."""
+MIN_DEVIATION = 1e-9
+MIN_WEAR = 1e-3
+"""Least nominal wear over the criterion at which loads are expected [-]."""
+
+_STATES = (
+    *("depth", "depth_slope", "hardness", "hardness_slope", "insert", "edge_history", "wear", "wear_speed", "wear_feed"),
+    *(f"{law}{error}" for law in ("force", "power") for error in ("", "_speed", "_feed", "_wear")),
+)
+ENTRIES = (
+    *(f"{name}_mean" for name in _STATES),  # over the standard deviation before the first reading
+    *(f"{name}_deviation" for name in _STATES),  # likewise
+    "log_wear_factor",  # of wear, true over nominal
+    "log_wear_factor_deviation",
+    "log_used_life",  # share of the edge's life
+    "bar_measured",  # 0 or 1
+    "log_time_to_bar",  # 1 + time [s] until the next bar's approach, at the present speed and feed
+    *(
+        f"{bar}_log_{law}" for bar in ("this", "next") for law in ("force", "power")
+    ),  # over the limit, a step later at the present wear
+    *(f"{bar}_log_{law}_deviation" for bar in ("this", "next") for law in ("force", "power")),
+)
+"""Names of the entries [-], each limited to -10..10."""
+
+
+_CHOICE = "spindle.short_time_load"
+"""A number that decides which entries an observation has, so it is the same in all environments."""
+
+
+def _leaves(scenario: Scenario) -> dict[str, float]:
+    """Return the numbers by dotted names that may differ between environments."""
+    values = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
+    return {name: value for name, value in values if isinstance(value, float) and name != _CHOICE}
+
+
+class Belief:
+    """Estimates in many environments, as numbers of order one.
+
+    Args:
+        scenarios: nominal models, one for each environment.
+        learns_laws: whether the laws are expected to have the errors that training jobs of the family ``shop`` have; else the
+            nominal model is taken for true.
+
+    Raises:
+        ValueError: a scenario's actions do not set speed and feed, or its force is not measured.
+    """
+
+    def __init__(self, scenarios: Sequence[Scenario], learns_laws: bool) -> None:
+        for scenario in scenarios:
+            if not plays(scenario):
+                raise ValueError(
+                    f"a belief needs actions that set speed and feed, and a dynamometer, but scenario {scenario.name!r} has "
+                    f"control.action {scenario.control.action!r} and sensors.force {scenario.sensors.force!r}"
+                )
+        self._errors = law_errors.read() if learns_laws else None
+        self._filter = LoadFilter(scenarios, len(scenarios), self._errors)
+        self._models: dict[int, tuple[list[float], Model]] = {}
+        self._entries = len(layout(scenarios[0]))
+        shared, names = flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})), _leaves(scenarios[0])
+        self._leaves = np.array([list(_leaves(scenario).values()) for scenario in scenarios]).T
+        self._scenario: Any = Columns(nested((dict(shared) | dict(zip(names, self._leaves, strict=True))).items()))
+
+    def assign(self, env_index: int, number: int, scenario: Callable[[], Scenario]) -> None:
+        """Give an environment another nominal model and forget its estimates; models are kept by their number."""
+        if number not in self._models:
+            found = scenario()
+            self._models[number] = list(_leaves(found).values()), model_of([found], self._errors)
+        self._leaves[:, env_index], model = self._models[number]
+        self._filter.assign(env_index, model)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget the estimates of the environments in the mask, shape (num_envs,)."""
+        self._filter.reset(mask)
+
+    def observe(self, observations: Float32s, mask: NDArray[np.bool_] | None = None) -> Float32s:
+        """Learn from observations, shape (num_envs, at least the environment's own entries), and return the belief.
+
+        Args:
+            observations: entries beyond the environment's own, such as a family's context, are ignored.
+            mask: environments that learn; None: all.
+
+        Returns:
+            the entries ``ENTRIES``, shape (num_envs, len(ENTRIES)).
+        """
+        believed, scenario = self._filter, self._scenario
+        reading = read(observations[:, : self._entries], scenario)
+        believed.observe(reading) if mask is None else believed.observe_some(reading, mask)
+        deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
+        prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
+        wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
+        used = (log(wear) + believed.log_wear_factor) / scenario.material.wear.time
+        velocity = feed_velocity(scenario, reading.cutting_speed, reading.feed)
+        distance = np.repeat((velocity * scenario.control.interval)[:, np.newaxis], 2, axis=1)
+        outlook = believed.outlook(distance, np.broadcast_to([False, True], distance.shape))
+        place = np.stack([log(reading.cutting_speed), log(reading.feed), log(wear)], axis=1)
+        laws = believed.end_loads - log(np.stack([scenario.limits.thrust_force, scenario.limits.power], axis=1))
+        laws = laws + (believed.exponents * place[:, np.newaxis, :]).sum(axis=2)
+        expected = np.stack([outlook.log_force, outlook.log_power], axis=2) + laws[:, np.newaxis, :]
+        spreads = np.stack([outlook.force_spread, outlook.power_spread], axis=2)
+        columns = (
+            *(believed.mean / prior, np.minimum(deviations / prior, LIMIT)),
+            *(believed.log_wear_factor, believed.wear_deviation, used, believed.measured),
+            log(1.0 + (believed.pitch - believed.along) / velocity),
+            *(expected.reshape(len(wear), -1), spreads.reshape(len(wear), -1)),
+        )
+        joined = np.concatenate([np.reshape(column, (len(wear), -1)) for column in columns], axis=1)
+        belief: Float32s = np.clip(joined, -LIMIT, LIMIT).astype(np.float32)
+        return belief
+
+
+def _belief_of(env: Any, num_envs: int) -> Belief:
+    scenario = getattr(env.unwrapped, "scenario", None)
+    if not isinstance(scenario, Scenario):
+        raise ValueError(f"a belief needs a RoughTurning environment, but this is {env.unwrapped}")
+    return Belief([scenario.nominal()] * num_envs, bool(scenario.nominal_model))
+
+
+def _nominal(env: Any, number: int) -> Scenario:
+    scenario: Scenario = env.family.job(number, env.split).scenario
+    return scenario.nominal()
+
+
+def _begin(belief: Belief, env: Any, mask: NDArray[np.bool_], infos: dict[str, Any]) -> None:
+    """Forget the estimates of the environments in a mask, shape (num_envs,), which have begun an episode, perhaps another job."""
+    belief.reset(mask)
+    if isinstance(env, FamilyEnv | FamilyVectorEnv):
+        for index in np.flatnonzero(mask).tolist():
+            number = int(np.atleast_1d(infos["job"])[index])
+            belief.assign(index, number, partial(_nominal, env, number))
+
+
+def _joined(space: Any) -> Any:
+    """Return an observation space with the entries of a belief behind its own."""
+    limit = np.full(len(ENTRIES), LIMIT, np.float32)
+    return Box(np.concatenate([space.low, -limit]), np.concatenate([space.high, limit]), dtype=np.float32)
+
+
+class BeliefObservation(gymnasium.Wrapper[Float32s, Float32s, Float32s, Float32s], RecordConstructorArgs):
+    """A wrapper that appends the entries ``ENTRIES`` of a belief to the observation.
+
+    Args:
+        env: a RoughTurning environment whose actions set speed and feed, and whose force is measured.
+
+    Raises:
+        ValueError: ``env`` is another environment.
+    """
+
+    def __init__(self, env: gymnasium.Env[Float32s, Float32s]) -> None:
+        RecordConstructorArgs.__init__(self)
+        gymnasium.Wrapper.__init__(self, env)
+        self._belief = _belief_of(env, 1)
+        self.observation_space = _joined(env.observation_space)
+
+    def reset(self, **options: Any) -> tuple[Float32s, dict[str, Any]]:
+        """Start an episode; arguments are the environment's."""
+        observation, info = self.env.reset(**options)
+        _begin(self._belief, self.env.unwrapped, np.ones(1, np.bool_), info)
+        return self._seen(observation), info
+
+    def step(self, action: Float32s) -> tuple[Float32s, Any, bool, bool, dict[str, Any]]:
+        """Run one step."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        return self._seen(observation), reward, terminated, truncated, info
+
+    def _seen(self, observation: Float32s) -> Float32s:
+        return np.concatenate([observation, self._belief.observe(observation[np.newaxis])[0]])
+
+
+class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
+    """``BeliefObservation`` for many environments at once, in every mode of autoreset.
+
+    Args:
+        env: a RoughTurning vector environment whose actions set speed and feed, and whose force is measured.
+
+    Raises:
+        ValueError: ``env`` is another environment.
+    """
+
+    def __init__(self, env: VectorEnv[Float32s, Float32s, NDArray[Any]]) -> None:
+        super().__init__(env)
+        self._belief = _belief_of(env, env.num_envs)
+        self._all, self._ended = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
+        self.single_observation_space = _joined(env.single_observation_space)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Float32s, dict[str, Any]]:
+        """Start episodes; arguments are the environment's."""
+        observations, infos = self.env.reset(seed=seed, options=options)
+        mask = (options or {}).get("reset_mask", self._all)
+        self._ended = self._ended & ~mask
+        _begin(self._belief, self.env.unwrapped, mask, infos)
+        return self._seen(observations, mask), infos
+
+    def step(self, actions: Float32s) -> tuple[Float32s, Any, Any, Any, dict[str, Any]]:
+        """Run one step in every environment."""
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        ended, env = terminated | truncated, self.env.unwrapped
+        if env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP:
+            _begin(self._belief, env, self._ended, infos)
+            self._ended = ended
+        elif "final_obs" in infos:
+            last = observations.copy()
+            last[ended] = np.stack(infos["final_obs"][ended])
+            seen, final = self._seen(last, self._all), infos["final_obs"].copy()
+            for index in np.flatnonzero(ended):
+                final[index] = seen[index]
+            _begin(self._belief, env, ended, infos)
+            return self._seen(observations, ended), rewards, terminated, truncated, infos | {"final_obs": final}
+        return self._seen(observations, self._all), rewards, terminated, truncated, infos
+
+    def _seen(self, observations: Float32s, mask: NDArray[np.bool_]) -> Float32s:
+        return np.concatenate([observations, self._belief.observe(observations, mask)], axis=1)
