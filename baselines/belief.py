@@ -120,7 +120,7 @@ class Belief:
         """
         believed, scenario = self._filter, self._scenario
         reading = read(observations[:, : self._entries], scenario)
-        believed.observe(reading) if mask is None else believed.observe_some(reading, mask)
+        believed.observe(reading) if mask is None or mask.all() else believed.observe_some(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
