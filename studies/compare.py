@@ -51,6 +51,10 @@ def with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scen
     return Scenario.model_validate(values)
 
 
+JOBS = {"training_jobs": "train", "tuning": "validation", "held_out": "unseen_jobs"}
+"""Split of a family whose jobs are played, by the study's seeds."""
+
+
 class Variant(BaseModel):
     """One row of a study: it trains an algorithm, or plays a controller."""
 
@@ -100,8 +104,6 @@ class Study(BaseModel):
             each = self.variant(name)
             if bool(each.algorithm) == bool(each.policy):
                 raise ValueError(f"variants.{name} needs one of algorithm, policy and like")
-            if each.algorithm and self.task == FAMILY_ID:
-                raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but none trains on {FAMILY_ID}")
             if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
                 raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}")
             if self.task in IDS:
@@ -142,10 +144,11 @@ class Study(BaseModel):
         variant = self.variant(name)
         return (variant.trainings or self.trainings) if variant.algorithm else 1
 
-    def with_options(self, trainings: int | None, steps: int | None, episodes: int | None) -> "Study":
-        """Return the study with the given numbers in place of its own."""
+    def with_options(self, task: str | None, trainings: int | None, steps: int | None, episodes: int | None) -> "Study":
+        """Return the study with the given task and numbers in place of its own."""
         values = self.model_dump(exclude_unset=True)
-        values |= {name: value for name, value in (("trainings", trainings), ("episodes", episodes)) if value is not None}
+        given = {"task": task, "trainings": trainings, "episodes": episodes}
+        values |= {name: value for name, value in given.items() if value is not None}
         for variant in values["variants"].values():
             if trainings is not None:
                 variant.pop("trainings", None)
@@ -179,16 +182,22 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     name, seed = piece
     variant, seconds = study.variant(name), None
     kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
-    if study.task == FAMILY_ID:
-        kept.append(catalogue.RULES[variant.policy].version)
-        return Played({study.task: _cached(runs, kept, partial(_play_jobs, variant, study.episodes))}, None)
-    home = with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+    home = Family.load("shop") if study.task == FAMILY_ID else with_changes(Scenario.load(IDS[study.task]), variant.scenario)
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
         run = Run.plan(variant.algorithm, study.task, home, seed, runs / name, command, study.settings | variant.settings)
         make: PolicyFactory = partial(ActorPolicy, algorithm.actor(train(run, algorithm)))
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
+    if isinstance(home, Family):
+        jobs, split = range(study.episodes), JOBS[study.seeds]
+        kept.append(home.digest())
+        if variant.policy:
+            kept.append(catalogue.RULES[variant.policy].version)
+            found = partial(_play_jobs, variant, home, split, jobs)
+        else:
+            found = partial(play_family, home, split, jobs, make)
+        return Played({study.task: _cached(runs, kept, found)}, seconds)
     episodes = {}
     for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ())):
         if variant.policy:
@@ -217,13 +226,12 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     return {field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()}
 
 
-def _play_jobs(variant: Variant, jobs: int) -> Episodes:
-    """Play the family's first training jobs with a controller, perhaps with some true laws."""
-    family = Family.load("shop")
+def _play_jobs(variant: Variant, family: Family, split: str, jobs: range) -> Episodes:
+    """Play jobs of a family with a controller, perhaps with some true laws."""
     if variant.true_fields is not None:
         family = truthful(family, variant.true_fields)
-    make = catalogue.spec(variant.policy, [family.job(number).scenario for number in range(jobs)]).make
-    return play_family(family, "train", range(jobs), make, "hidden")
+    make = catalogue.spec(variant.policy, [family.job(number, split).scenario for number in jobs]).make
+    return play_family(family, split, jobs, make, "hidden")
 
 
 class Row:
@@ -314,6 +322,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m studies", **described(__doc__))
     parser.add_argument("study", metavar="NAME", help=f"{', '.join(STUDIES)}, or a TOML file")
+    parser.add_argument("--task", choices=[*IDS, FAMILY_ID], help="task to compare on (default: as the study says)")
     parser.add_argument("--variants", nargs="+", metavar="NAME", help="variants to compare (default: all)")
     parser.add_argument("--trainings", type=int, metavar="N", help="trainings of each variant (default: as the study says)")
     parser.add_argument("--steps", type=int, metavar="N", help="environment steps of a training (default: as the study says)")
@@ -329,12 +338,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study = Study.read(parsed.study)
     if unknown := [name for name in parsed.variants or () if name not in study.variants]:
         parser.error(f"--variants has {unknown[0]!r}, but must be of {', '.join(study.variants)}")
-    study = study.with_options(parsed.trainings, parsed.steps, parsed.episodes)
+    study = study.with_options(parsed.task, parsed.trainings, parsed.steps, parsed.episodes)
     names = [name for name in study.variants if not parsed.variants or name in parsed.variants]
     # One training seed after the other, so that an interrupted command leaves whole rows.
     pieces = sorted(((name, seed) for name in names for seed in range(study.count(name))), key=lambda piece: piece[1])
     command = f"python -m studies {shlex.join(arguments)}"
-    work = partial(played, study=study, runs=parsed.runs / Path(parsed.study).stem, command=command)
+    work = partial(played, study=study, runs=parsed.runs / Path(parsed.study).stem / (parsed.task or ""), command=command)
     done: dict[tuple[str, int], Played] = {}
     with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
         for piece, outcome in spread(over, work, zip(pieces, pieces, strict=True)):

@@ -57,7 +57,7 @@ def test_a_batch_believes_what_single_environments_do_across_episodes(mode, sour
 
 
 def test_expected_loads_are_as_sure_as_they_say():
-    """Next readings of force and power differ from the belief by about its deviations, on unknown lathes; edges wear meanwhile."""
+    """Readings of force and power differ from the belief by about its deviations, on unknown lathes; edges wear meanwhile."""
     num_envs = 64
     envs = VectorBeliefObservation(FamilyVectorEnv(num_envs, "shop", context="hidden"))
     belief = {name: place - len(ENTRIES) for place, name in enumerate(ENTRIES)}
