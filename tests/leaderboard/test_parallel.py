@@ -1,4 +1,4 @@
-"""Several processes and a Dask cluster come to the same files as one process, also when one of theirs is killed."""
+"""Several processes and a Dask cluster come to the same files as one process, the cluster also when a worker is killed."""
 
 import math
 import pickle
@@ -61,9 +61,10 @@ def test_every_policy_can_be_sent_to_a_worker(env_id: str) -> None:
 
 
 @pytest.mark.slow
-def test_processes_and_a_cluster_write_the_same_though_a_worker_is_killed(
+def test_processes_write_the_same_and_so_does_a_cluster_though_a_worker_is_killed(
     tmp_path: Path, runs: Callable[[str], list[run.TaskRun]], expected: dict[str, bytes]
 ) -> None:
+    (tmp_path / "killed").touch()
     with workers.workers(2, None) as over:
         run.play_all(runs("processes"), fresh=False, over=over)
     assert files(tmp_path / "processes") == expected

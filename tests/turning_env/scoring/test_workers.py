@@ -1,13 +1,12 @@
-"""Every piece of work gives one result, even if its process dies."""
+"""Every piece of work gives one result, or an error that says how to go on."""
 
 import os
 import signal
-import socket
-import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,20 +17,9 @@ from turning_env.scoring.workers import WorkersError, processes, spread
 PIECES = [(str(number), number) for number in range(5)]
 
 
-def square(number: int) -> int:
-    return number * number
-
-
 def die(number: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
     return number
-
-
-def die_once(mark: Path) -> int:
-    if not mark.exists():
-        mark.touch()
-        die(0)
-    return 7
 
 
 def sleep(mark: Path) -> None:
@@ -54,25 +42,20 @@ def test_without_workers_pieces_are_done_here_in_order() -> None:
 
 
 @pytest.mark.slow
-def test_processes_do_all_pieces_and_what_fails_is_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "ATTEMPTS", 2)
+def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> None:
+    factor, mark = 3, tmp_path / "process"  # they travel with the function
     with processes(1) as over:
-        factor = 3  # travels with the function
         assert dict(spread(over, lambda number: factor * number, PIECES)) == {str(number): 3 * number for number in range(5)}
         with pytest.raises(LookupError, match="no 4"):
             list(spread(over, fail, [("fails", 4)]))
         assert list(spread(over, interrupted, [("ignored", 5)])) == [("ignored", 5)]
-        # A killed process is replaced and its pieces are done again; a piece that always kills its process is an error.
-        mark = tmp_path / "mark"
-        assert dict(spread(over, die_once, [("first", mark), ("second", mark)])) == {"first": 7, "second": 7}
-        with pytest.raises(WorkersError, match=r"ended 2 times in a row: .*run the same command again to go on"):
-            list(spread(over, die, [("dies", 0)]))
-    with processes(1) as over:
-        over.start("long", sleep, mark := tmp_path / "process")
+        over.start("long", sleep, mark)
         while not mark.exists() or not mark.read_text():
             time.sleep(0.01)
-    with pytest.raises(ProcessLookupError):  # processes end with the context
+    with pytest.raises(ProcessLookupError):
         os.kill(int(mark.read_text()), 0)
+    with pytest.raises(WorkersError, match=r"a process ended: .*run the same command again to go on"), processes(1) as over:
+        list(spread(over, die, [("dies", 0)]))
 
 
 @pytest.mark.slow
@@ -81,45 +64,25 @@ def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch
     with processes(1) as over:
         monkeypatch.setattr(metadata, "version", lambda name: "1.0")
         with pytest.raises(WorkersError, match=rf"other results: it has .*numpy {here} instead of 1\.0"):
-            list(spread(over, square, PIECES))
+            list(spread(over, abs, PIECES))
 
 
 @pytest.mark.slow
 def test_lost_cluster_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with dask_cluster(tmp_path, workers=0, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as cluster:
         monkeypatch.setattr(workers, "CONNECTING", 5.0)  # long enough to connect beside other work
-        with pytest.raises(WorkersError, match="has no workers"), workers.cluster(cluster.address):
+        with pytest.raises(WorkersError, match="no scheduler with workers"), workers.cluster(cluster.address):
             pass
         monkeypatch.setattr(workers, "CONNECTING", 60.0)
-        cluster.add_worker()
-        with workers.cluster(cluster.address) as over:
-            assert dict(spread(over, square, PIECES)) == {str(number): square(number) for number in range(5)}
-            with pytest.raises(WorkersError, match="ended over the same piece of work"):
-                list(spread(over, die, [("dies", 0)]))
-            monkeypatch.setattr(workers, "PATIENCE", 0.5)
-            with pytest.raises(WorkersError, match="has had no workers"):
-                list(spread(over, square, PIECES))
-            over.start("never", square, 0)
-            cluster.scheduler.kill()
-            monkeypatch.setattr(workers, "PATIENCE", 60.0)
-            with pytest.raises(WorkersError, match="the connection to the scheduler was lost"):
+
+        def do_beside(disturb: Callable[[], object], work: Callable[[Any], object], piece: object) -> None:
+            cluster.add_worker()
+            with workers.cluster(cluster.address) as over:
+                assert dict(spread(over, abs, PIECES)) == dict(PIECES)
+                over.start("last", work, piece)
+                disturb()
                 over.finished()
 
-
-@pytest.mark.slow
-def test_server_that_is_no_scheduler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "CONNECTING", 0.5)
-
-    def greet() -> None:
-        connection, _ = server.accept()
-        with connection, suppress(ConnectionError):
-            connection.sendall(b"SSH-2.0-OpenSSH")
-            connection.recv(1)  # until the other hangs up
-
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        thread = threading.Thread(target=greet)
-        thread.start()
-        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        with pytest.raises(WorkersError, match=f"no scheduler can be reached at {address}: "), workers.cluster(address):
-            pass
-        thread.join(10.0)
+        for disturb, work, piece in ((int, die, 0), (cluster.scheduler.kill, time.sleep, 600)):
+            with pytest.raises(WorkersError, match=r"has lost its workers: .*run the same command again to go on"):
+                do_beside(disturb, work, piece)
