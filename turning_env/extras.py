@@ -12,8 +12,7 @@ EXTRAS = {
     "programs": ("ezdxf", "shapely"),
     "render": ("PIL", "pygame"),
     "sb3": ("stable_baselines3",),
-    "torchrl": ("tensordict", "torchrl"),
-    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3"),
+    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
     "benchmark": (
         *("jinja2", "joblib", "onnx", "onnxruntime", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy"),
         *("tensorboard", "torch", "tqdm"),

@@ -96,7 +96,7 @@ def cluster(address: str) -> Iterator[Workers]:
         raise WorkersError(f"no scheduler with workers can be reached at {address}: {first_line(error)}") from error
     with client:
         try:
-            yield Workers(client.get_executor(pure=False))
+            yield Workers(client.get_executor(pure=False))  # type: ignore[no-untyped-call]
         except (CancelledError, KilledWorker) as error:
             raise WorkersError(f"{address} has lost its workers: {first_line(error)}; {_AGAIN}") from error
 
