@@ -1,11 +1,11 @@
 """The table of quantities: all that the transition works on, reports and shows, each declared once.
 
 To add a quantity, add a line here and compute it in the file of its phenomenon. Records, resets, ``info``, observations, their
-space and the tables of the documentation follow (``records.py``, ``info.py``, ``observation.py``).
+space and the tables of the documentation follow (``records.py``, ``info.py``, ``observation.py``, ``docs/site.py``).
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -264,8 +264,7 @@ OBSERVATION = (
 )
 """Observation entries in order. Entries of some scenarios only come last."""
 
-_NAMES = [entry.name for entry in OBSERVATION]
-OBS: Any = namedtuple("OBS", _NAMES)(*range(len(_NAMES)))
+OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(OBSERVATION)))
 """Indices of entries in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
 observations have those entries that only some scenarios have."""
 
@@ -280,22 +279,3 @@ def action_size(scenario: Scenario) -> int:
     control = scenario.control
     size = {"incremental": 2, "set_point": 2, "override": 1, "part": 2 + 2 * control.passes_max}[control.action]
     return size + (control.edge_changes == "commanded")
-
-
-def quantity_table(quantities: Iterable[Quantity]) -> str:
-    """Return a Markdown table of quantities: name, unit, meaning."""
-    return _markdown(("Name", "Unit", "Meaning"), [(f"`{q.name}`", q.unit, q.meaning) for q in quantities])
-
-
-def observation_table(names: Iterable[str]) -> str:
-    """Return a Markdown table of an observation's entries: place, name, meaning, range."""
-    entries = [OBSERVATION[_NAMES.index(name)] for name in names]
-    rows = [(str(i), e.name, e.meaning, f"{e.low:g} to {e.high:g}") for i, e in enumerate(entries)]
-    return _markdown(("Index", "Entry", "Meaning", "Range"), rows)
-
-
-def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(cell) for cell in column) for column in zip(header, *rows, strict=True)]
-    rule = ["-" * width for width in widths]
-    lines = [[cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in (header, rule, *rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
