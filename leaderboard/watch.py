@@ -181,7 +181,7 @@ def _colours() -> list[tuple[int, int, int]]:
     """Return the colours of which frames consist: one frame alone would lack some of later ones."""
     from turning_render import theme
 
-    paints = [theme.BLUE, theme.ORANGE, theme.GREEN, theme.VERMILLION, theme.PURPLE, theme.INSERT, theme.LAND, theme.CHIP]
+    paints = [theme.POWER, theme.FORCE, theme.ALLOWED, theme.OVER, theme.SURFACE, theme.INSERT, theme.LAND]
     shares = (1.0, 0.75, 0.5, 0.28, 0.22, 0.07)
     grounds = [theme.CARD, theme.PAPER, theme.RULE, theme.ALLOWANCE]
     tints = [theme.mixed(theme.HARD_TINT, step / 16, theme.SOFT_TINT) for step in range(17)]

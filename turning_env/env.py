@@ -146,9 +146,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
     every step without a call of `render`); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs
-    `pip install pillow pygame-ce`. A frame shows the bar, the tool, loads along the bar, power and force against their limits,
-    and the edge's wear. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating
-    map shows speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
+    `pip install pillow pygame-ce`. A frame shows the bar, the tool, loads of the last steps, and power, force and wear against
+    their limits. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating map shows
+    speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
     Recording begins with an episode's first frame. If you do not draw one right after `reset`, loads and map begin later, and
     return, metal and edges used are left out. Rendering does not change the episode.
 

@@ -58,14 +58,14 @@ def missing(error: BaseException) -> str | None:
 
 
 @contextmanager
-def needed() -> Iterator[None]:
-    """Wrap imports of optional packages, so that the error for a missing one says how to install it."""
+def needed(error_type: type[Exception] | None = None) -> Iterator[None]:
+    """Wrap imports of optional packages, so that the error for a missing one says how to install it; ``error_type``: its type."""
     try:
         yield
     except ModuleNotFoundError as error:
         if (message := missing(error)) is None:
             raise
-        raise ModuleNotFoundError(message, name=error.name) from None
+        raise (error_type(message) if error_type else ModuleNotFoundError(message, name=error.name)) from None
 
 
 def tell_plainly() -> None:

@@ -5,11 +5,10 @@ from numpy.typing import NDArray
 
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.physics.parts import start_part, start_pass
-from turning_env.physics.quantities import WIDTH, action_size
+from turning_env.physics.quantities import WIDTH
 from turning_env.physics.records import block_records
 from turning_env.physics.workpiece import look_up_fields
 from turning_env.scenario import Scenario
-from turning_env.scenario.sections import MAX_PASSES
 
 Array = NDArray[np.float64]
 
@@ -33,19 +32,6 @@ def read_fields(states, parameters, scratches, seed, episode, bar, places, hardn
             depth[first + i] = state.depth_of_cut[i]
 
 
-@compiled_entry
-def read_passes(states, parameters, scratches, action, passes):  # type: ignore[no-untyped-def]
-    """Set cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass, shape (MAX_PASSES, 3); return how many."""
-    state, p, scratch = states[0], parameters[0], scratches[0]
-    start_part(state, scratch.work, 0, p, action)
-    for number in range(scratch.work.passes[0]):
-        start_pass(state, scratch.work, scratch.report, 0, p, action, number)
-        passes[number, 0] = state.commanded_cutting_speed[0]
-        passes[number, 1] = state.commanded_feed[0]
-        passes[number, 2] = scratch.work.pass_depth[0]
-    return scratch.work.passes[0]
-
-
 class Fields:
     """The bars of a scenario."""
 
@@ -64,14 +50,15 @@ class Fields:
 
     def passes(self, action: Array) -> list[tuple[float, float, float]]:
         """Return cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass that an action on a whole part names."""
-        passes = np.zeros((MAX_PASSES, 3))
-        count = read_passes(*self._records, action, passes)
-        return [tuple(row) for row in passes[:count].tolist()]
+        (state,), (p,), (scratch,) = self._records
+        start_part(state, scratch.work, 0, p, action)
+        passes = []
+        for number in range(scratch.work.passes[0]):
+            start_pass(state, scratch.work, scratch.report, 0, p, action, number)
+            passes.append((state.commanded_cutting_speed[0], state.commanded_feed[0], scratch.work.pass_depth[0]))
+        return passes
 
 
 def warm_up() -> None:
     """Compile everything here."""
-    scenario = Scenario.load("batch_casting")
-    fields = Fields(scenario)
-    fields.along((0, 0), 0, np.zeros(1))
-    fields.passes(np.zeros(action_size(scenario)))
+    Fields(Scenario()).along((0, 0), 0, np.zeros(1))

@@ -26,27 +26,22 @@ RULE: Colour = (224, 221, 213)
 INK: Colour = (38, 40, 44)
 QUIET: Colour = (108, 110, 114)
 FAINT: Colour = (176, 176, 172)
-# Okabe and Ito's colours, which the colour-blind tell apart.
-BLUE: Colour = (0, 114, 178)
-ORANGE: Colour = (230, 159, 0)
-GREEN: Colour = (0, 158, 115)
-VERMILLION: Colour = (213, 94, 0)
-PURPLE: Colour = (204, 121, 167)
+POWER: Colour = (0, 114, 178)
+FORCE: Colour = (230, 159, 0)
+ALLOWED: Colour = (0, 158, 115)
+OVER: Colour = (213, 94, 0)
+SURFACE: Colour = (204, 121, 167)
+"""Colours with one meaning in every frame (Okabe and Ito's, which the colour-blind tell apart); ``OVER``: beyond a limit."""
 INSERT: Colour = (232, 190, 66)
 LAND: Colour = (104, 88, 70)
-CHIP: Colour = (150, 92, 52)
 ALLOWANCE: Colour = (222, 219, 211)
 SOFT_TINT: Colour = (236, 240, 244)
 HARD_TINT: Colour = (96, 122, 150)
-"""Colours of the insert, its wear land, the chip and the bar; the last two tint soft and hard metal."""
-POWER, FORCE, OVER, ALLOWED, SURFACE = BLUE, ORANGE, VERMILLION, GREEN, PURPLE
-"""Colours with one meaning in every frame; vermillion marks values beyond a limit."""
+"""Colours of the insert, its wear land and the bar; the last two tint soft and hard metal."""
 
-_DIGITS = re.compile(r"([0-9])")
+_PIECES = re.compile("([0-9 ])")
 _SPACE = 0.28
 """Space between words over the font size: the font's own is too narrow for small letters."""
-
-
 _face = lru_cache(ImageFont.load_default)
 
 
@@ -58,30 +53,23 @@ def mixed(colour: Colour, share: float, ground: Colour = CARD) -> Colour:
 
 
 @lru_cache(maxsize=4096)
-def _letters(text: str, size: int) -> tuple[Image.Image, float]:
-    """Return the share of each pixel that letters cover, from the line's top on, and the start of the next text."""
-    face, space = _face(size), _SPACE * size
-    words = text.split(" ")
-    places = [0.0]
-    for word in words:
-        places.append(places[-1] + face.getlength(word) + space)
-    advance = places[-1] - space
+def _letters(piece: str, size: int) -> tuple[Image.Image, float]:
+    """Return the share of each pixel that letters cover, from the line's top on, and the start of the next piece."""
+    advance = _SPACE * size if piece == " " else _face(size).getlength(piece)
     mask = Image.new("L", (math.ceil(advance) + 2, round(1.4 * size)))
-    for word, place in zip(words, places, strict=False):
-        ImageDraw.Draw(mask).text((round(place), 0), word, fill=255, font=face)
+    ImageDraw.Draw(mask).text((0, 0), piece, fill=255, font=_face(size))
     return mask, advance
 
 
 def _pieces(text: str, size: int) -> list[tuple[Image.Image, float]]:
-    """Return the words and, as numbers are new in every frame, the single digits of a text."""
-    return [_letters(piece, size) for piece in _DIGITS.split(text) if piece]
+    """Return the words, the spaces and, as numbers are new in every frame, the single digits of a text."""
+    return [_letters(piece, size) for piece in _PIECES.split(text) if piece]
 
 
 def write(image: Image.Image, place: Point, text: str, size: int = 13, colour: Colour = INK, anchor: str = "left") -> None:
     """Write a line of text with its top at a place: beginning there, ending there ("right") or in its middle ("middle")."""
-    pieces = _pieces(text, size)
-    x = place[0] - {"left": 0.0, "middle": 0.5, "right": 1.0}[anchor] * sum(advance for _, advance in pieces)
-    for letters, advance in pieces:
+    x = place[0] - {"left": 0.0, "middle": 0.5, "right": 1.0}[anchor] * length(text, size)
+    for letters, advance in _pieces(text, size):
         image.paste(colour, (round(x), round(place[1])), letters)
         x += advance
 
@@ -90,7 +78,7 @@ def write_up(image: Image.Image, place: Point, text: str, size: int = 11, colour
     """Write a line of text from bottom to top, with its left side and its middle at a place."""
     line = Image.new("RGB", (math.ceil(length(text, size)) + 1, round(1.4 * size)))
     write(line, (0, 0), text, size, (255, 255, 255))
-    mask = line.convert("L").rotate(90, expand=True)
+    mask = line.convert("L").transpose(Image.Transpose.ROTATE_90)
     image.paste(colour, (round(place[0]), round(place[1] - 0.5 * mask.height)), mask)
 
 
@@ -152,8 +140,7 @@ def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 def log_ticks(low: float, high: float) -> list[float]:
     """Return round numbers within a range, at about even distances on a log scale."""
-    narrow = high < 8.0 * low
-    digits = (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if narrow else (1.0, 2.0, 3.0, 6.0)
+    digits = (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if high < 8.0 * low else (1.0, 2.0, 3.0, 6.0)
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = [digit * 10.0**power for power in powers for digit in digits]
     return [tick for tick in ticks if low * 0.999 <= tick <= high * 1.001]

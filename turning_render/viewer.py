@@ -1,14 +1,11 @@
 """The viewer that an environment renders with: watched episodes, their frames, and a window for ``render_mode="human"``."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from gymnasium.error import ClosedEnvironmentError, DependencyNotInstalled, Error, ResetNeeded
 
-from turning_env.extras import missing
-from turning_render.fields import Fields
+from turning_env.extras import needed
 from turning_render.history import History
 
 if TYPE_CHECKING:
@@ -41,12 +38,10 @@ class Viewer:
         # Few steps are shown in a second where a step is a whole part or a long interval.
         env.metadata = env.metadata | {"render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30}
         self._env = env
-        self._batch, self._num_envs = batch, num_envs
-        self._histories: list[History] = []
+        self._batch = batch
+        self._histories = [History(batch, index) for index in range(num_envs)]
         self._watched: list[History] = []
-        self._frames: list[Frame] = []
-        self._jobs: list[int] = []
-        self._title = ""  # of the first frame: the environment's id, if it has one, and the scenario's name
+        self._frames: dict[int, Frame] = {}
         self._window: Window | None = None
 
     def note(self) -> None:
@@ -65,33 +60,18 @@ class Viewer:
         """
         if not self._batch.seeded:
             raise ResetNeeded("call reset() before render(): no episode is under way")
-        self._follow_jobs()
-        if len(self._watched) < len(self._histories):
-            for history in self._histories:
-                history.begin()
-            self._watched = list(self._histories)
-        return tuple(frame.draw(history) for frame, history in zip(self._frames, self._histories, strict=True))
-
-    def _follow_jobs(self) -> None:
-        """Record and draw each environment's present scenario: of a family, its job."""
-        jobs = self._batch.job_numbers[: self._num_envs].tolist()
-        if self._frames and self._jobs == jobs:
-            return
-        with _named_if_missing():
+        with needed(DependencyNotInstalled):
             from turning_render.frame import Frame
-        scenarios = [self._batch.scenario_of(index) for index in range(self._num_envs)]
-        fields = {id(scenario): Fields(scenario) for scenario in scenarios}
-        self._histories = [
-            self._histories[index]
-            if self._jobs and self._jobs[index] == jobs[index]
-            else History(scenario, self._batch, index, fields[id(scenario)])
-            for index, scenario in enumerate(scenarios)
-        ]
-        self._watched = [history for history in self._watched if history in self._histories]
-        spec = self._env.spec
-        titles = [scenario.name if spec is None else f"{spec.id}, {scenario.name}" for scenario in scenarios]
-        self._frames = [Frame(scenario, title) for scenario, title in zip(scenarios, titles, strict=True)]
-        self._jobs, self._title = jobs, titles[0]
+        for index, history in enumerate(self._histories):
+            history.begin()
+            if index not in self._frames or self._frames[index].scenario is not history.scenario:
+                self._frames[index] = Frame(history.scenario, self._title(history))
+        self._watched = list(self._histories)
+        return tuple(self._frames[index].draw(history) for index, history in enumerate(self._histories))
+
+    def _title(self, history: History) -> str:
+        spec, name = self._env.spec, history.scenario.name
+        return name if spec is None else f"{spec.id}, {name}"
 
     def render(self) -> "Pixels | None":
         """Return the first environment's frame; with a window show it there, and return None.
@@ -104,8 +84,8 @@ class Viewer:
             return frame
         if self._window is None:
             self._window = Window(self._env.metadata["render_fps"])
-        with _named_if_missing():
-            self._window.show(frame, self._title)
+        with needed(DependencyNotInstalled):
+            self._window.show(frame, self._title(self._histories[0]))
         return None
 
     def close(self) -> None:
@@ -114,7 +94,7 @@ class Viewer:
             self._window.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_frames": []}  # they hold nothing that cannot be drawn again
+        return self.__dict__ | {"_frames": {}}  # they hold nothing that cannot be drawn again
 
 
 class Window:
@@ -169,14 +149,3 @@ class Window:
 
     def __getstate__(self) -> dict[str, Any]:
         return {"_pace": self._pace, "_screen": None}
-
-
-@contextmanager
-def _named_if_missing() -> Iterator[None]:
-    """Name a missing library in the error, with the command that installs it."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if (message := missing(error)) is None:
-            raise
-        raise DependencyNotInstalled(message) from error
