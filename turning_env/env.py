@@ -150,7 +150,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     their limits. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating map shows
     speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
     Recording begins with an episode's first frame. If you do not draw one right after `reset`, loads and map begin later, and
-    return, metal and edges used are left out. Rendering does not change the episode.
+    return and metal are left out. Rendering does not change the episode.
 
         gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
 

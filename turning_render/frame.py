@@ -56,14 +56,6 @@ class Frame:
         write(image, (x + length(history.state, 14) + 14, 7), f"{what} {number}", 14, QUIET)
         clock = f"{history.time:.1f} s" if scenario.control.interval < 0.1 else f"{history.time / 60.0:.1f} min"
         name = "profit" if scenario.control.edge_changes == "commanded" else "return"
-        texts = [clock]
-        if history.whole:  # otherwise they are not known
-            texts = [f"{name} {history.total:.1f} s", f"{history.removed:.0f} cm3", clock]
-            if scenario.control.edge_changes != "end":
-                broken = f" ({history.broken:.0f} broken)" if history.broken else ""
-                texts.insert(1, f"{history.edges:.1f} edges used{broken}")
-        right = float(image.width)
-        for text in texts:
-            write(image, (right, 7), text, 14, INK, "right")
-            right -= length(text, 14) + 22
+        sums = [f"{history.removed:.0f} cm3", f"{name} {history.total:.1f} s"] if history.whole else []  # otherwise not known
+        write(image, (image.width, 7), "      ".join([clock, *sums]), 14, INK, "right")
         put(self._pixels, image, _HEADER)

@@ -42,7 +42,7 @@ class History:
         key: (seed, episode), which determine the bars.
         now: the last step's report, by the names of ``quantities.INFO``.
         time: machine time since the episode's start [s].
-        total, removed, edges, broken: since recording began: return [s], metal [cm3], edges used up and broken [-].
+        total, removed: since recording began: return [s], metal [cm3].
         reward: reward of the last step [s], 0 before the first.
         bar, along: number of the bar that is shown, and the tool's place from where its metal begins [mm], negative in air.
         depth, hardness: of the metal cut last [mm], [-].
@@ -65,7 +65,7 @@ class History:
         self._parts = self.scenario.control.action == "part"
         self.key, steps = self._moment()
         self.whole = steps == 0
-        self.total = self.removed = self.edges = self.broken = 0.0
+        self.total = self.removed = 0.0
         self.bar, self.depth, self.hardness = 0, self.scenario.workpiece.depth_of_cut, 1.0
         self.samples: deque[Sample] = deque(maxlen=self.scenario.workpiece.bars if self._parts else STEPS)
         self.passes: list[tuple[float, float, float]] = []
@@ -79,8 +79,6 @@ class History:
             self._note(steps)
             self.total += self.reward
             self.removed += self.now["removed"]
-            self.edges += self.now["edges_used"]
-            self.broken += self.now["edges_broken"]
         return self._watched
 
     def _note(self, steps: int) -> None:
