@@ -98,8 +98,8 @@ def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
 
 def tool_life(infos: Mapping[str, Any], scenario: Scenario) -> NDArray[np.float64]:
     """Return the cutting time in which this insert, fresh, would wear out at the conditions of steps in metal [min]."""
-    law, factors = scenario.material.wear, [infos[name] for name in ("cutting_speed", "feed", "depth_of_cut")]
-    wear_after_a_minute = infos["wear_factor"] * law(*factors, 1.0, hardness=infos["hardness"])
+    law, speed, feed, depth = scenario.material.wear, infos["cutting_speed"], infos["feed"], infos["depth_of_cut"]
+    wear_after_a_minute = infos["wear_factor"] * law(speed, feed, depth, 1.0, hardness=infos["hardness"])
     return np.asarray((scenario.tool.wear_criterion / wear_after_a_minute) ** (1.0 / law.time))
 
 
