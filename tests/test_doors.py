@@ -1,0 +1,97 @@
+"""Every id by every way into it: the table in docs/ecosystem.md, cell by cell."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
+
+from leaderboard.__main__ import main as leaderboard
+from tests.train.small import PARAMETERS
+from train import export, ppo
+from turning_env import FAMILY_ID, IDS, score
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+
+ALL = (*IDS, FAMILY_ID)
+SOURCES = {**IDS, FAMILY_ID: "shop"}
+"""The scenario or family of each id."""
+
+
+def idle(env_id: str) -> Callable[[Any], Any]:
+    """Return a policy whose actions are all 0."""
+    size = gymnasium.make(env_id).action_space.shape
+    return lambda observations: np.zeros((len(observations), *size), np.float32)
+
+
+def learns(env: Any) -> None:
+    """Check that PPO of Stable-Baselines3 can learn on environments."""
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu").learn(16)
+    action, _ = model.predict(env.reset())
+    assert np.isfinite(action).all()
+
+
+def made_by_gymnasium(env_id: str, tmp_path: Path) -> None:
+    envs = gymnasium.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep")
+    observations, _ = envs.reset(seed=0)
+    assert observations in envs.observation_space
+    assert gymnasium.make(env_id).reset(seed=1)[0].tolist() == observations[1].tolist()
+
+
+def drawn(env_id: str, tmp_path: Path) -> None:
+    env = gymnasium.make(env_id, render_mode="rgb_array")
+    env.reset(seed=0)
+    assert env.render().std() > 0  # type: ignore[union-attr]
+
+
+def learned_with_make_vec_env(env_id: str, tmp_path: Path) -> None:
+    learns(make_vec_env(env_id, n_envs=2))
+
+
+def learned_in_a_batch(env_id: str, tmp_path: Path) -> None:
+    learns(RoughTurningVecEnv(SOURCES[env_id], 2))
+
+
+def taken_by_torchrl(env_id: str, tmp_path: Path) -> None:
+    pytest.importorskip("torchrl")
+    from torchrl.envs.utils import check_env_specs  # type: ignore[import-untyped]
+
+    from turning_env.adapters.torchrl import RoughTurningTorchEnv
+
+    check_env_specs(RoughTurningTorchEnv(2, SOURCES[env_id]))
+
+
+def scored(env_id: str, tmp_path: Path) -> None:
+    found = score(idle(env_id), env_id, seeds=2)
+    assert 1 < found.rank <= found.ranked
+
+
+def trained_exported_and_ranked(env_id: str, tmp_path: Path) -> None:
+    few = PARAMETERS["ppo"] | {"steps": 64, "rollout": 8, "batch_size": 32}
+    settings = [f"{name}={value}" for name, value in few.items()]
+    words = ["--env", env_id, "--seed", "3", "--runs", str(tmp_path)]
+    assert ppo.main([*words, *(word for setting in settings for word in ("--set", setting))]) == 0
+    folder = tmp_path / env_id / SOURCES[env_id] / "ppo-seed3"
+    assert export.main([str(folder), "--out", str(tmp_path)]) == 0
+    results = ["--results", str(tmp_path / "results")]
+    played = ["--policies", "--agents", str(tmp_path / "ppo-seed3.onnx"), "--keep-names"]
+    assert leaderboard(["run", "--env", env_id, "--seeds", "2", *results, *played]) == 0
+    assert leaderboard(["show", "--env", env_id, *results]) == 0
+    assert leaderboard(["page", *results]) == 0
+    verified = ["--memory", str(tmp_path / "memory.json"), "--agents", str(tmp_path)]
+    assert leaderboard(["verify", "--env", env_id, *results, *verified]) == 0
+
+
+DOORS = (
+    *(made_by_gymnasium, drawn, learned_with_make_vec_env, learned_in_a_batch, taken_by_torchrl, scored),
+    pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
+)
+
+
+@pytest.mark.parametrize("env_id", ALL)
+@pytest.mark.parametrize("door", DOORS)
+def test_every_id_is(door: Callable[[str, Path], None], env_id: str, tmp_path: Path) -> None:
+    door(env_id, tmp_path)
