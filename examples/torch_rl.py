@@ -11,7 +11,7 @@ import gymnasium
 from gymnasium.vector import AutoresetMode
 
 from examples.shared import parser, run
-from turning_env import IDS
+from turning_env import FAMILY_ID, IDS
 from turning_env.extras import needed
 
 with needed():
@@ -21,7 +21,7 @@ with needed():
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check, roll out, print; return the exit status."""
     options = parser("torch_rl", __doc__, 100_000, 1024).parse_args(arguments)
-    for env_id in IDS:
+    for env_id in (*IDS, FAMILY_ID):
         check_env_specs(GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode=AutoresetMode.DISABLED)))
         print(f"{env_id}: checked")
     envs = GymWrapper(gymnasium.make_vec("RoughTurning-v0", options.num_envs, autoreset_mode=AutoresetMode.DISABLED))

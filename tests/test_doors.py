@@ -57,11 +57,9 @@ def learned_in_a_batch(env_id: str, tmp_path: Path) -> None:
 
 def taken_by_torchrl(env_id: str, tmp_path: Path) -> None:
     pytest.importorskip("torchrl")
-    from torchrl.envs.utils import check_env_specs  # type: ignore[import-untyped]
+    from torchrl.envs import GymWrapper, check_env_specs  # type: ignore[import-untyped]
 
-    from turning_env.adapters.torchrl import RoughTurningTorchEnv
-
-    check_env_specs(RoughTurningTorchEnv(2, SOURCES[env_id]))
+    check_env_specs(GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode="Disabled")))
 
 
 def scored(env_id: str, tmp_path: Path) -> None:
