@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from leaderboard import information, table
+from leaderboard import table
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results
 from train.agents.agent_file import NAME
@@ -72,7 +72,6 @@ def _run(options: argparse.Namespace) -> None:
             run.play_all(runs, options.fresh, over)
         except run.PoliciesFailed as error:
             failed.append(error)
-        run.write_learning_curves(runs[0], options.agents)
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
@@ -128,29 +127,14 @@ def _show(options: argparse.Namespace) -> None:
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v1 --json
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0 --all
     python -m leaderboard show --results leaderboard/results --track constraint
-    python -m leaderboard show --results leaderboard/results --all --information
     python -m leaderboard show --results leaderboard/results --all
     """
     leaderboards = read_leaderboards(
         options.results, env_id=options.env, scenario=options.scenario, most=None if options.all else 1
     )
-    if options.information:
-        print(information.markdown(_trainings(leaderboards)))
-    else:
-        _print(leaderboards, options.json, options.track)
+    _print(leaderboards, options.json, options.track)
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
-
-
-def _trainings(leaderboards: Sequence[Leaderboard]) -> dict[str, information.Information]:
-    """Return the information of all agents by name; a name of several trainings gets its id."""
-    rows = dict[str, information.Information]()
-    for each in leaderboards:
-        for standing in each.standings:
-            if standing.information is not None:
-                shared = rows.get(standing.name, standing.information) == standing.information
-                rows[standing.name if shared else f"{standing.name} on {each.task.env_id}"] = standing.information
-    return rows
 
 
 def _pack(options: argparse.Namespace) -> None:
@@ -191,28 +175,6 @@ def _figure(options: argparse.Namespace) -> None:
 
     figure.write(read_leaderboard(result_folder(options.results, options.env, _scenario(options).name)), options.out)
     print(f"wrote {options.out}")
-
-
-def _gallery(options: argparse.Namespace) -> None:
-    """Draw the trajectories of a few policies on the same bars.
-
-    python -m leaderboard gallery --policies grid_search predictive --seeds 3 --out docs/gallery
-    """
-    from leaderboard import gallery, policies  # needed only here: imports Matplotlib, plays
-
-    task = Task(env_id=options.env, scenario=_scenario(options), seeds=options.seeds)
-    chosen = [*policies.named(options.policies, task), *policies.agents(options.agents, task)]
-    played = gallery.play(chosen, task.scenario, options.seeds)
-    written = gallery.write(played, options.out)
-    if options.json:
-        metrics = {label: gallery.measure(episodes) for label, episodes in played.items()}
-        print_json({"env_id": options.env, "scenario": task.scenario.name, "seeds": options.seeds, "policies": metrics})
-        return
-    print(gallery.render(played))
-    for path in written:
-        print(f"wrote {path}")
-    if left_out := [name for name in gallery.PICTURES if options.out / name not in written]:
-        print(f"not drawn, as no policy shows it: {', '.join(left_out)}")
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -316,21 +278,17 @@ def _parser() -> argparse.ArgumentParser:
     agents_folder = shared("--agents", type=Path, default=Path("agents"), help="folder of agents' ONNX files (default: agents)")
     printed = shared("--json", action="store_true", help="print JSON with all numbers and their units")
     ids = [*IDS, FAMILY_ID]
-    environment = shared("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
-    environment.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
-    agents = shared("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     elsewhere = argparse.ArgumentParser(add_help=False)
     who = elsewhere.add_mutually_exclusive_group()
     who.add_argument("--jobs", type=positive, default=1, metavar="N", help="number of processes (default: 1)")
     who.add_argument("--scheduler", metavar="URL", help="play on the workers of a Dask cluster, such as tcp://host:8786")
 
-    add = command(_run, "play policies, print the ranking and write the page", results, printed, agents, elsewhere)
+    add = command(_run, "play policies, print the ranking and write the page", results, printed, elsewhere)
+    add("--agents", nargs="*", type=Path, default=[], metavar="AGENT", help="ONNX files, or run folders of your own")
     add("--env", choices=ids, default=SPLITS_ENV_ID, help=f"the environment's id (default: {SPLITS_ENV_ID})")
     add("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
     add("--seeds", type=_seeds, default="256", metavar="SEEDS", help="number of held-out seeds, or jobs (default: 256)")
-    which = (
-        "text of 16 characters or more that determines other seeds, and other jobs of a family; give these --results of their own"
-    )
+    which = "16 characters or more that determine other seeds, and other jobs of a family; give these --results of their own"
     add("--private-key", metavar="KEY", help=which)
     add("--policies", nargs="*", metavar="NAME", help="rule-based controllers (default: all that are tuned for the scenario)")
     own_code = _like(r"[\w.]+:[\w.]+", "MODULE:OBJECT, such as my_module:MyPolicy; --agents takes ONNX files")
@@ -358,7 +316,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     which = "order of policies: penalty, by return, on splits by full cost (default), or constraint, feasible policies by cost"
     add("--track", choices=table.TRACKS, default="penalty", help=which)
-    add("--information", action="store_true", help="print only what training gave each agent and what it sees, as Markdown")
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 
@@ -376,15 +333,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--memory", type=Path, default=memory, metavar="FILE", help=f"{which} (default: {memory})")
 
     command(_cards, "write the model card of every agent", project, agents_folder)
-    add = command(_figure, "draw the ranking for print", results, environment)
+    add = command(_figure, "draw the ranking for print", results)
+    add("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
+    add("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
     picture = Path("docs/leaderboard.png")
     add("--out", type=Path, default=picture, help=f"picture to write (default: {picture})")
-
-    add = command(_gallery, "draw the trajectories of a few policies on the same bars", environment, agents)
-    add("--seeds", type=_seeds, default="3", help="number of held-out seeds (default: 3)")
-    add("--policies", nargs="*", default=[], metavar="NAME", help="rule-based controllers")
-    add("--out", type=Path, default=Path("docs/gallery"), help="folder to write to (default: docs/gallery)")
-    add("--json", action="store_true", help="print the numbers as JSON")
     return parser
 
 

@@ -6,7 +6,7 @@ policy that sees more in training than observations, rewards and costs is privil
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from turning_env import Scenario
@@ -125,21 +125,3 @@ def _gradient_steps(parameters: Mapping[str, object]) -> int | None:
         return rollouts * p["epochs"] * (p["num_envs"] * p["rollout"] // p["batch_size"])
     except (KeyError, ZeroDivisionError):
         return None
-
-
-def markdown(agents: Mapping[str, Information]) -> str:
-    """Return a Markdown table of agents' information, a column per agent."""
-    held = [(f"Given in training: {name}", [_mark(name, each.given) for each in agents.values()]) for name in GIVEN]
-    held += [(f"At run time: {name}", [_mark(name, each.seen) for each in agents.values()]) for name in SEEN]
-    held += [("Environment steps", [_number(each.steps) for each in agents.values()])]
-    held += [("Updates of the network", [_number(each.gradient_steps) for each in agents.values()])]
-    head = [("", [f"`{name}`" for name in agents]), ("---", ["---"] * len(agents))]
-    return "\n".join(f"| {' | '.join([title, *cells])} |" for title, cells in head + held)
-
-
-def _mark(name: str, held: Sequence[str] | None) -> str:
-    return "?" if held is None else "yes" if name in held else ""
-
-
-def _number(count: int | None) -> str:
-    return "?" if count is None else f"{count:,}"

@@ -1,11 +1,8 @@
 """The leaderboard of one environment on one scenario, as read from its folder."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
-from leaderboard import policies
-from leaderboard.policies import is_own
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -17,14 +14,11 @@ from leaderboard.result import (
     read_part,
     read_results,
     result_files,
-    result_folder,
     tell_once,
 )
 from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
-from train.learning_curves import FILE, Training, Trainings
 from turning_env import FAMILY_ID, IDS
-from turning_env.scoring.policy import ScenarioId
 
 
 @dataclass(frozen=True)
@@ -37,8 +31,6 @@ class Leaderboard:
     trajectories: Trajectories | None
     left_out: list[str]
     """Results on other tasks, as folder and label."""
-    trainings: Mapping[str, Training] = field(default_factory=dict)
-    """Learning curves of agents that were trained on the task's scenario, by their policies' labels."""
 
     @property
     def names(self) -> dict[str, str]:
@@ -78,7 +70,6 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
         standings=rank(results),
         trajectories=_trajectories(folder, results),
         left_out=[str(folder / label) for digest, others in by_task.items() if digest != chosen for label in others],
-        trainings=_trainings(folder, results),
     )
 
 
@@ -122,32 +113,6 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
     """Sort key of a leaderboard's folder."""
     env_id, scenario, ids = folder.parent.name, folder.name, [*IDS, FAMILY_ID]
     return ids.index(env_id) if env_id in ids else len(ids), env_id, scenario != IDS.get(env_id), scenario
-
-
-def _trainings(folder: Path, results: list[Result]) -> dict[str, Training]:
-    """Read learning curves: those of the project's agents stand beside these, one's own in the folder."""
-    task = results[0].task
-    theirs = read_trainings(result_folder(policies.AGENTS, task.env_id, task.home), task)
-    own, players = read_trainings(folder, task), {result.policy.label: result.policy for result in results}
-    return {
-        label: curve
-        for found, are_own in ((theirs, False), (own, True))
-        for label, curve in found.items()
-        if label in players and is_own(players[label]) == are_own
-    }
-
-
-def read_trainings(folder: Path, task: Task) -> dict[str, Training]:
-    """Read a folder's learning curves of trainings on a task's scenario; a file that cannot be used is named and left out."""
-    path = folder / FILE
-    try:
-        found = Trainings.read(path) if path.exists() else None
-    except ValueError as error:
-        tell_once(f"skipped: {error}")
-        return {}
-    if found is None or (found.env_id, found.scenario) != (task.env_id, ScenarioId.of(task.scenario)):
-        return {}
-    return found.trainings
 
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from leaderboard.policies import is_code
-from leaderboard.ranking import read_if_usable, read_leaderboard, read_trainings
+from leaderboard.ranking import read_if_usable, read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
     Result,
@@ -23,12 +23,10 @@ from leaderboard.result import (
 )
 from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
-from train.learning_curves import FILE, Training, Trainings
-from train.run import Run
 from turning_env import Scenario
-from turning_env.files import digest_of_files, exclusive_lock, shared_lock
+from turning_env.files import exclusive_lock, shared_lock
 from turning_env.scoring.play import Episodes, play_spec
-from turning_env.scoring.policy import PolicySpec, ScenarioId
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.workers import Workers, spread
 
 Attempt = Episodes | ResultError
@@ -138,23 +136,6 @@ def _finished(run: TaskRun) -> set[str]:
         elif spec.kind == "agent":
             tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way; --name keeps both")
     return finished
-
-
-def write_learning_curves(run: TaskRun, paths: Sequence[Path]) -> None:
-    """Write the learning curves of agents that were given as folders of training runs, if they were trained on the run's task."""
-    played, learned = {spec.sha256: spec.label for spec in run.policies if spec.kind == "agent"}, dict[str, Training]()
-    for training in (Run.read(path) for path in paths if (path / "run.json").exists()):
-        label = played.get(digest_of_files(training.folder, training.folder.rglob("*")))
-        if label and (training.env_id, training.scenario) == (run.task.env_id, run.task.scenario):
-            try:
-                learned[label] = Training.of(training)
-            except ValueError as error:
-                tell_once(f"no learning curve: {error}")
-    with exclusive_lock(run.folder.parent, wait=True):
-        before = read_trainings(run.folder, run.task)
-        after = {label: each for label, each in before.items() if label not in played.values()} | learned
-        if after != before:
-            Trainings(env_id=run.task.env_id, scenario=ScenarioId.of(run.task.scenario), trainings=after).write(run.folder / FILE)
 
 
 def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:

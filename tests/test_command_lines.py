@@ -62,7 +62,6 @@ leaderboard run: --seeds 1 --policies fixed_handbook --results file
 leaderboard show: --results nothing | --results file
 leaderboard page: --results nothing | --results file
 leaderboard figure: --results nothing | --scenario nothing
-leaderboard gallery: --policies nobody --out made | --seeds 0 | --agents nothing.onnx --out made
 leaderboard verify: --results nothing --memory made.json | --seeds 0 | --jobs x
 leaderboard cards: --results nothing | --results file
 leaderboard pack: --results nothing | --results file

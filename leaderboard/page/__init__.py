@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from leaderboard import columns, table
 from leaderboard.information import CLASSES
-from leaderboard.page.charts import chart_data, learning_data
+from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import write_whole
 from leaderboard.standings import highest
@@ -83,7 +83,6 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "leaderboard": leaderboard,
         "ranking": columns.ranking(leaderboard.task.scenario),
         "chart_data": chart_data(leaderboard),
-        "learning_data": learning_data(leaderboard),
         "best_rules": _best_rules(leaderboard),
         "policies": {
             standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]

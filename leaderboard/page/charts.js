@@ -50,20 +50,20 @@ function trajectoryOf(data, policy, seed) {
 }
 
 // Axes, and a readout of what `read` tells where the pointer is. `share` places a value between the lowest and the highest.
-function chart({ title, label, axisName, width, height = HEIGHT, ends: [start, end], levels, share, read }) {
+function chart({ title, label, axisName, width, ends: [start, end], levels, share, read }) {
   const x = value => LEFT + ((value - start) / (end - start || 1)) * (width - LEFT - RIGHT);
-  const y = value => height - BOTTOM - share(value) * (height - TOP - BOTTOM);
-  const svg = drawing("svg", { viewBox: `0 0 ${width} ${height}`, height, role: "img", "aria-label": label });
+  const y = value => HEIGHT - BOTTOM - share(value) * (HEIGHT - TOP - BOTTOM);
+  const svg = drawing("svg", { viewBox: `0 0 ${width} ${HEIGHT}`, height: HEIGHT, role: "img", "aria-label": label });
   for (const tick of levels) {
     svg.append(drawing("line", { class: "grid", x1: LEFT, x2: width - RIGHT, y1: y(tick), y2: y(tick) }));
     svg.append(drawing("text", { x: LEFT - 6, y: y(tick) + 4, "text-anchor": "end" }, written(tick)));
   }
   for (const tick of ticks(start, end, Math.max(2, Math.floor(width / 80)))) {
-    svg.append(drawing("line", { class: "grid", x1: x(tick), x2: x(tick), y1: height - BOTTOM, y2: height - BOTTOM + 4 }));
-    svg.append(drawing("text", { x: x(tick), y: height - BOTTOM + 16, "text-anchor": "middle" }, written(tick)));
+    svg.append(drawing("line", { class: "grid", x1: x(tick), x2: x(tick), y1: HEIGHT - BOTTOM, y2: HEIGHT - BOTTOM + 4 }));
+    svg.append(drawing("text", { x: x(tick), y: HEIGHT - BOTTOM + 16, "text-anchor": "middle" }, written(tick)));
   }
-  svg.append(drawing("text", { x: width - RIGHT, y: height - 5, "text-anchor": "end" }, axisName));
-  const pointer = svg.appendChild(drawing("line", { class: "pointer", y1: TOP, y2: height - BOTTOM, visibility: "hidden" }));
+  svg.append(drawing("text", { x: width - RIGHT, y: HEIGHT - 5, "text-anchor": "end" }, axisName));
+  const pointer = svg.appendChild(drawing("line", { class: "pointer", y1: TOP, y2: HEIGHT - BOTTOM, visibility: "hidden" }));
   const readout = element("p", { className: "readout" });
   const point = value => {
     pointer.setAttribute("visibility", value === null ? "hidden" : "visible");
@@ -88,16 +88,6 @@ function followPointer(charts) {
     svg.addEventListener("pointerdown", follow);
     svg.addEventListener("pointerleave", () => { for (const each of charts) each.point(null); });
   }
-}
-
-// Draw again when the width changes.
-function onWidth(place, redraw) {
-  let drawn = 0;
-  new ResizeObserver(() => {
-    if (!place.clientWidth || place.clientWidth === drawn) return;
-    drawn = place.clientWidth;
-    redraw();
-  }).observe(place);
 }
 
 function panel(subject, trajectories, axis, axisName, width) {
@@ -205,38 +195,10 @@ function showTrajectories(place, data) {
     followPointer(drawn);
   };
   for (const select of [seed, second, axis]) select.addEventListener("change", redraw);
-  onWidth(place, redraw);
-}
-
-// Learning curves. Returns are linear up to a bound and logarithmic beyond, because the first returns are far away.
-function showLearning(place) {
-  const { linear, ticks: levels, curves } = JSON.parse(place.querySelector("script").textContent);
-  const bent = value => Math.sign(value) * (Math.abs(value) < linear ? Math.abs(value) / linear : 1 + Math.log10(Math.abs(value) / linear));
-  const [low, high] = [least(curves.flatMap(curve => curve.low)), most(curves.flatMap(curve => curve.high))];
-  const told = (curve, step) => `${written(curve.mean[step], 3)}${curve.seeds > 1 ? ` (${written(curve.low[step], 3)} to ${written(curve.high[step], 3)})` : ""}`;
-  const read = value => curves.flatMap(curve => {
-    const step = Math.round((value - curve.first) / (curve.last - curve.first) * (curve.mean.length - 1));
-    return step in curve.mean ? [key("span", "learned", curve.colour, named(curve.name), ` ${told(curve, step)}`)] : [];
-  });
-  const legend = curves.map(curve => key("li", "learned", curve.colour, named(curve.name), `, ${curve.seeds} training seed${curve.seeds > 1 ? "s" : ""}${curve.again ? ", trained again" : ""}`));
-  onWidth(place, () => {
-    const made = chart({
-      title: "return per training episode [s]",
-      label: `Return per training episode [s] over environment steps; at the end ${curves.map(curve => `${curve.name} ${told(curve, curve.mean.length - 1)}`).join("; ")}`,
-      axisName: "environment steps [million]",
-      width: place.clientWidth,
-      height: 320,
-      ends: [0, most(curves.map(curve => curve.last))],
-      levels: levels.filter(level => low <= level && level <= high),
-      share: value => (bent(value) - bent(low)) / (bent(high) - bent(low) || 1),
-      read,
-    });
-    for (const curve of curves) {
-      const points = values => values.map((value, step) => `${made.x(curve.first + step / (values.length - 1) * (curve.last - curve.first)).toFixed(1)} ${made.y(value).toFixed(1)}`);
-      made.svg.append(drawing("path", { class: "band", d: `M${[...points(curve.low), ...points(curve.high).reverse()].join("L")}` }, "", curve.colour));
-      made.svg.append(drawing("path", { class: "learned", d: `M${points(curve.mean).join("L")}` }, "", curve.colour));
-    }
-    followPointer([made]);
-    place.replaceChildren(element("ul", { className: "legend" }, ...legend), made.figure);
-  });
+  let drawn = 0;
+  new ResizeObserver(() => {
+    if (!place.clientWidth || place.clientWidth === drawn) return;
+    drawn = place.clientWidth;
+    redraw();
+  }).observe(place);
 }

@@ -1,4 +1,4 @@
-"""The recorded trajectories and the learning curves of a leaderboard as data for the page's charts."""
+"""The recorded trajectories of a leaderboard as data for the page's charts."""
 
 import math
 import zlib
@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from leaderboard.ranking import Leaderboard
 from leaderboard.standings import comparators
-from train import learning_curves
 from turning_env import Scenario
 from turning_render.plot_style import policy_look
 
@@ -86,28 +85,6 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         "second": standings.index(published) if published in standings else None,
         "packed": pack(np.concatenate(levels)),
     }
-
-
-def learning_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
-    """Return the learning curves of a leaderboard's agents in the order of the standings, as JSON can hold it; None: no curves.
-
-    Of each curve, ``mean``, ``low`` and ``high`` [s] are at equal distances from ``first`` to ``last`` [million steps].
-    """
-    names, groups = leaderboard.names, dict[str, list[learning_curves.Training]]()
-    for label, training in leaderboard.trainings.items():
-        groups.setdefault(names[label], []).append(training)
-    in_order = [standing.name for standing in leaderboard.standings if standing.name in groups]
-    found = {name: learning_curves.curve(name, groups[name]) for name in in_order}
-    if not found:
-        return None
-    linear, ticks = learning_curves.scale(found.values())
-    curves = [
-        {"name": name, "colour": policy_look(name)[0], "seeds": each.seeds, "again": each.again}
-        | {"first": each.x[0] / 1e6, "last": each.x[-1] / 1e6}
-        | {part: [float(f"{value:.4g}") for value in getattr(each, part)] for part in ("mean", "low", "high")}
-        for name, each in found.items()
-    ]
-    return {"linear": linear, "ticks": sorted(ticks), "curves": curves}
 
 
 def quantise(values: ArrayLike, low: float, high: float) -> NDArray[np.int64]:

@@ -32,8 +32,6 @@ function showSection() {
   box.scrollTop += head.getBoundingClientRect().top - box.getBoundingClientRect().top - box.querySelector("thead").offsetHeight;
 }
 
-for (const place of document.querySelectorAll(".learning")) showLearning(place);
-
 const dataOf = new Map();
 async function dataFor(section) {
   const data = JSON.parse(section.querySelector(":scope > script")?.textContent ?? "null");

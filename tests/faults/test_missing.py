@@ -42,7 +42,10 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
         ("torch", "train.ppo --steps 1"),
         ("optuna", "baselines.tune --trials 1"),
         ("matplotlib", "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0"),
-        ("onnxruntime", "leaderboard gallery --seeds 1 --out FILE --agents agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"),
+        (
+            "onnxruntime",
+            "leaderboard run --results FILE --policies --agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
+        ),
         ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.gif"),
         ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --human"),
     ],

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from leaderboard.__main__ import main
-from leaderboard.information import Information, class_of, information, markdown
+from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
-from leaderboard.result import RESULTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
 from train.analytic_actor import DistanceTracker
@@ -50,7 +48,6 @@ def test_every_algorithm_has_a_class(algorithm: str) -> None:
 def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
     assert class_of(spec("mine", seed=0, command=command)) == "other agent"
     assert told(command) == Information(None, None, None, None)
-    assert "| Environment steps | ? |" in markdown({"mine": told(command)})
 
 
 def test_rules_and_oracles_are_classes_of_their_own() -> None:
@@ -91,8 +88,3 @@ def test_terms_of_training_are_stated_and_count() -> None:
 )
 def test_updates_by_hand(parameters: dict[str, int], updates: int | None) -> None:
     assert told("python -m train.ppo", **parameters).gradient_steps == updates
-
-
-def test_the_docs_hold_the_table_of_the_shipped_results(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", "--results", str(RESULTS), "--information"]) == 0
-    assert capsys.readouterr().out in Path("docs/agents.md").read_text("utf-8")

@@ -15,12 +15,10 @@ from leaderboard import result
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
-from tests.leaderboard.conftest import ENV_ID, MakeResult, finished_run, on, only, play_all
+from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, play_all
 from tests.train import onnx_agents
 from train.export import export_torch
-from train.learning_curves import FILE, Training, Trainings
 from turning_env import Scenario
-from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.seeds import held_out_seeds
 
 SHORT = onnx_agents.SCENARIO
@@ -71,33 +69,6 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert {"my_ppo", "second", "ppo"} <= {standing.name for standing in read_leaderboard(folder).standings}
 
 
-def test_learning_curves_of_own_runs_stand_beside_those_of_shipped_agents(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    theirs, mine = result_folder(leaderboard_policies.AGENTS, ENV_ID, SHORT.name), finished_run(tmp_path / "run", seed=1)
-    trained = Training(first=1.0, last=5.0, mean_return=[-9.0, -1.0])
-    curves = {"ppo-seed0": trained, "ppo-seed7": trained}
-    Trainings(env_id=ENV_ID, scenario=ScenarioId.of(SHORT), trainings=curves).write(theirs / FILE)
-    mine.learning_curve.write_text("steps,wall_time,mean_return\n10,1,-30\n20,2,-10\n", "utf-8")
-    folder = result_folder(tmp_path / "results", ENV_ID, SHORT.name)
-
-    def shown() -> dict[str, Training]:
-        return dict(read_leaderboard(folder).trainings)
-
-    assert main([*words, "--agents", str(mine.folder), "--name", "mine"]) == 0
-    assert shown().keys() == {"ppo-seed0", "mine-seed1"}
-    assert (shown()["mine-seed1"].first, shown()["mine-seed1"].mean_return[-1]) == (10.0, -10.0)
-    assert main([*words, "fixed_handbook"]) == 0
-    assert shown().keys() == {"ppo-seed0", "mine-seed1"}
-    # Another agent of that name, without a curve.
-    assert main([*words, "--agents", str(onnx_agents.write(tmp_path / "file", seed=1)), "--name", "mine"]) == 0
-    assert shown().keys() == {"ppo-seed0"}
-    mine.learning_curve.write_text("steps,wall_time,mean_return\nten,1,-30\n", "utf-8")
-    assert main([*words, "--agents", str(mine.folder), "--name", "mine"]) == 0
-    assert "no learning curve" in capsys.readouterr().err
-    assert shown().keys() == {"ppo-seed0"}
-
-
 def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, other = (onnx_agents.write(tmp_path / name) for name in ("mine", "other"))
     for name in ("ppo", "grid_search", "causal"):
@@ -127,8 +98,6 @@ def test_rules_that_are_not_tuned_are_skipped(words: list[str], tmp_path: Path, 
     assert advice in capsys.readouterr().err
     assert main([*words, "fixed_tuned"]) == 2
     assert "nothing to play" in capsys.readouterr().err
-    assert main(["gallery", "--scenario", str(path), "--policies", "fixed_tuned", "--out", str(tmp_path / "out")]) == 2
-    assert advice in capsys.readouterr().err
 
 
 def test_show_prints_one_leaderboard(

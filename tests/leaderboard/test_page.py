@@ -3,7 +3,6 @@
 import hashlib
 import re
 from base64 import b64encode
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,14 +10,12 @@ import pytest
 
 from leaderboard import page, table
 from leaderboard.columns import groups
-from leaderboard.page.charts import chart_data, learning_data
+from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
-from train.learning_curves import Training
 from turning_env import Scenario
-from turning_render.plot_style import policy_look
 
 HOSTILE = "<script>alert(1)"
 
@@ -123,18 +120,6 @@ def test_trajectories_are_those_of_the_standings_with_the_recorded_seeds(leaderb
         "power": leaderboard.task.scenario.limits.power,
         "wear": leaderboard.task.scenario.tool.wear_criterion,
     }
-
-
-def test_learning_curves_are_averaged_over_training_seeds(leaderboard: Leaderboard) -> None:
-    assert learning_data(leaderboard) is None
-    trainings = {f"ppo-seed{seed}": Training(first=0.0, last=2e6, mean_return=[-900.0, -10.0 * seed]) for seed in (0, 1)}
-    data = learning_data(replace(leaderboard, trainings=trainings))
-    assert data is not None
-    (curve,) = data["curves"]
-    assert (curve["name"], curve["seeds"], curve["colour"], curve["last"]) == ("ppo", 2, policy_look("ppo")[0], 2.0)
-    assert [curve[part][-1] for part in ("low", "mean", "high")] == [-10.0, -5.0, 0.0]
-    assert {0.0, -1000.0} <= set(data["ticks"])
-    assert '<div class="learning">' in page.render([replace(leaderboard, trainings=trainings)])
 
 
 def test_page_without_rules_and_trajectories(leaderboard: Leaderboard) -> None:

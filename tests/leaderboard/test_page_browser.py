@@ -15,7 +15,6 @@ from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from tests.walking import MAX
-from train.learning_curves import Training
 from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
@@ -51,8 +50,7 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
         for seed in recorded.get(result.policy.name, ())
     ]
     trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(update={"episodes": episodes})
-    curves = {f"ppo-seed{seed}": Training(first=0.0, last=2e6, mean_return=[-900.0, -seed]) for seed in (0, 1)}
-    return Leaderboard(task, results, rank(results), trajectories, [], curves)
+    return Leaderboard(task, results, rank(results), trajectories, [])
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,11 @@ import pytest
 from baselines.catalogue import names
 from leaderboard import verify
 from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, oracles
-from leaderboard.ranking import read_leaderboard, read_leaderboards, read_trainings
+from leaderboard.ranking import read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, Manifest, read_part
 from leaderboard.verify import Selection
 from train.agents import agent_file
-from train.learning_curves import FILE, Trainings
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
-from turning_env.scoring.policy import ScenarioId
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
@@ -25,17 +23,6 @@ AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2
 
 def test_every_result_is_valid() -> None:
     assert verify.check(RESULTS, AGENTS, Selection()) == []
-
-
-def test_learning_curves_are_those_of_agents_beside_them() -> None:
-    files = sorted(AGENTS.glob(f"*/*/{FILE}"))
-    assert files
-    for path in files:
-        found, folder = Trainings.read(path), path.parent
-        assert (found.env_id, found.scenario) == (folder.parent.name, ScenarioId.of(Scenario.load(folder.name)))
-        assert found.trainings.keys() <= {file.stem for file in folder.glob("*.onnx")}
-        task = read_part(Manifest, RESULTS / folder.relative_to(AGENTS) / MANIFEST_FILE).task
-        assert read_trainings(folder, task) == found.trainings
 
 
 @pytest.mark.slow
