@@ -51,7 +51,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents results verify check lint types fast test processors soak mutants wheel clients audit constraints format clean
+.PHONY: setup leaderboard agents results verify check lint types fast test processors soak wheel clients audit constraints format clean
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -135,10 +135,6 @@ soak: .venv/test
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest -m soak -n 2 --timeout 0
 	.venv/bin/python -m studies.soak
-
-# Which small faults in the physics, the statistics and the models' gradients the tests find; MUTANTS="--count 20" tries fewer.
-mutants: .venv/test
-	.venv/bin/python -m studies.mutants $(MUTANTS)
 
 # The wheel in an empty environment: its contents, and that every task gives the same bytes there; likewise with other versions of Python.
 wheel: .venv/run

@@ -1,4 +1,4 @@
-"""Comparisons as data (``*.toml``, ``python -m studies NAME``), speed, bounds, exploits, mutants, soaks, installed packages.
+"""Comparisons as data (``*.toml``, ``python -m studies NAME``), speed, bounds, exploits, soaks, installed packages.
 
 Code that backs a number or a guarantee of the documentation belongs here; code that users or other packages call does not.
 """

@@ -71,8 +71,6 @@ studies.bound: --scenario nothing | --scenario shift | --seeds 0
 studies.clients: nothing | --write
 studies.exploits: --env nothing | --seeds 0 | --search -1
 studies.headroom: --seeds 0 | --seeds 257
-studies.measured_wear: nothing
-studies.mutants: --count x | --out .
 studies.audit: --constraints nothing
 studies.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
