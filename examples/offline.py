@@ -14,7 +14,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,7 +23,6 @@ from unittest.mock import patch
 import gymnasium
 import minari  # type: ignore[import-untyped]
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 from tqdm import tqdm
 
@@ -33,31 +32,23 @@ from turning_env.console import described, exits
 from turning_env.physics.quantities import OBS
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
+from turning_env.scoring.seeds import TUNING_START
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
 FIRST_SEED = 999_000_000
 """Seeds of the last training seed, which is kept for data sets."""
-EPISODES = 200
-MAX_EPISODES = 1_000_000
+MAX_EPISODES = TUNING_START - FIRST_SEED
 NUM_ENVS = 64
 """Episodes played side by side."""
 
 
-@dataclass(frozen=True)
-class Behaviour:
-    """The policies that act in turn in a data set, and the Gaussian noise on their actions."""
-
-    policies: tuple[str, ...]
-    noise: float = 0.0
-    """Standard deviation of the noise [-]; actions are clipped to -1..1 after it is added."""
-
-
 BEHAVIOURS = {
-    "grid_search": Behaviour(("grid_search",)),
-    "analytic_gradient": Behaviour(("analytic_gradient",)),
-    "mixture": Behaviour(("grid_search", "analytic_gradient"), 0.2),
-    "load_rule": Behaviour(("load_rule",), 0.2),
+    "grid_search": (("grid_search",), 0.0),
+    "analytic_gradient": (("analytic_gradient",), 0.0),
+    "mixture": (("grid_search", "analytic_gradient"), 0.2),
+    "load_rule": (("load_rule",), 0.2),
 }
+"""Policies that act in turn, and the standard deviation of the noise on their actions, which are then clipped to -1..1."""
 CANONICAL = ("grid_search", "analytic_gradient", "mixture")
 
 
@@ -85,58 +76,43 @@ def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0) -> lis
 
     The noise of an episode depends on its seed alone.
     """
-    envs = RoughTurningVectorEnv(len(seeds), "rough_turning", AutoresetMode.SAME_STEP)
+    envs = RoughTurningVectorEnv(len(seeds), "rough_turning")
     controller = make(len(seeds))
     generators = [np.random.default_rng(seed) for seed in seeds]
     observations, _ = envs.reset(seed=list(seeds))
     controller.reset(np.ones(len(seeds), np.bool_))
     seen, steps = [observations], []
     lengths = np.zeros(len(seeds), np.int64)
-    last = np.zeros_like(observations)
     while not lengths.all():
         actions = controller.act(observations)
         if noise:
             actions = actions + np.stack([each.normal(0.0, noise, 2) for each in generators])
         actions = actions.clip(-1.0, 1.0).astype(np.float32)
-        observations, rewards, terminated, truncated, infos = envs.step(actions)
-        steps.append((actions, rewards, terminated, truncated))
+        observations, rewards, terminated, truncated, _ = envs.step(actions)
         seen.append(observations)
+        steps.append((actions, rewards, terminated, truncated))
         ended = terminated | truncated
-        for index in np.flatnonzero(ended & (lengths == 0)).tolist():
-            lengths[index], last[index] = len(steps), infos["final_obs"][index]
+        lengths[ended & (lengths == 0)] = len(steps)
         controller.reset(ended)
-    columns = [np.stack(column) for column in zip(*steps, strict=True)]
-    episodes = []
-    for index, (seed, length) in enumerate(zip(seeds, lengths.tolist(), strict=True)):
-        entries = [*(row[index] for row in seen[:length]), last[index]]
-        acted, rewarded, worn, late = (column[:length, index] for column in columns)
-        episodes.append(EpisodeBuffer(None, seed, None, np.stack(entries), acted, rewarded, worn, late, {}))
-    return episodes
+    entries, columns = np.stack(seen, axis=1), [np.stack(column, axis=1) for column in zip(*steps, strict=True)]
+    return [
+        EpisodeBuffer(None, seed, None, entries[index, : length + 1], *(column[index, :length] for column in columns), {})
+        for index, (seed, length) in enumerate(zip(seeds, lengths, strict=True))
+    ]
 
 
 def make(behaviour: str, episodes: int, out: Path) -> Path:
-    """Play and write a data set, whole or not at all; returns its folder. One that is there already is left as it is.
-
-    Raises:
-        FileExistsError: there is something else in its place.
-    """
+    """Play and write a data set, whole or not at all; returns its folder. What is there already is left as it is."""
     name = f"rough_turning-{behaviour}-v0"
     if (out / name).exists():
-        try:
-            if load(out / name).total_episodes == episodes:
-                return out / name
-        except (OSError, ValueError):
-            pass
-        raise FileExistsError(
-            f"{out / name} exists and is no data set of {episodes} episodes: delete it, or choose another --out"
-        )
-    acting = BEHAVIOURS[behaviour]
+        return out / name
+    policies, noise = BEHAVIOURS[behaviour]
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
-        for number, each in enumerate(acting.policies):  # by turns: seed i is played by policy i modulo their number
-            seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(acting.policies))
+        for number, each in enumerate(policies):  # by turns: seed i is played by policy i modulo their number
+            seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(policies))
             for start in range(0, len(seeds), NUM_ENVS):
-                buffers += record(policy(each), seeds[start : start + NUM_ENVS], acting.noise)
+                buffers += record(policy(each), seeds[start : start + NUM_ENVS], noise)
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -148,7 +124,7 @@ def make(behaviour: str, episodes: int, out: Path) -> Path:
 
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
     """Have Minari write a data set below ``root``, with a description."""
-    scenario, acting = Scenario.load("rough_turning"), BEHAVIOURS[behaviour]
+    scenario, (policies, noise) = Scenario.load("rough_turning"), BEHAVIOURS[behaviour]
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
@@ -158,21 +134,21 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -
             env=gymnasium.spec(ENV_ID),
             eval_env=gymnasium.spec(ENV_ID),
             algorithm_name=behaviour,
-            description=f"One edge per episode, by {' and '.join(acting.policies)}; rewards in s of machine time.",
+            description=f"One edge per episode, by {' and '.join(policies)}; rewards in s of machine time.",
             requirements=["rough-turning"],
         )
     dataset.storage.update_metadata(
         {
             "scenario": scenario.to_toml(),
             "scenario_digest": scenario.digest(),
-            "action_noise": acting.noise,
+            "action_noise": noise,
             "first_seed": buffers[0].seed,
             "last_seed": buffers[-1].seed,
             "seeds_are": "of training seed 999: none is trained on, tuned on or held out by the project",
         }
     )
-    names = acting.policies
-    marks = [{"behaviour": names[number % len(names)], "return": float(sum(each.rewards))} for number, each in enumerate(buffers)]
+    turns = zip(cycle(policies), buffers, strict=False)
+    marks = [{"behaviour": name, "return": float(sum(each.rewards))} for name, each in turns]
     dataset.storage.update_episode_metadata(marks)
 
 
@@ -204,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, write data sets, print their checksums")
     making.add_argument("--behaviours", nargs="+", choices=BEHAVIOURS, default=CANONICAL, help=f"default: {' '.join(CANONICAL)}")
-    making.add_argument("--episodes", type=at_least(1), default=EPISODES, help="of each (default: %(default)s)")
+    making.add_argument("--episodes", type=at_least(1), default=200, help="of each (default: %(default)s)")
     making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
     options = parser.parse_args(arguments)
     if options.episodes > MAX_EPISODES:
@@ -213,9 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder = make(behaviour, options.episodes, options.out)
         dataset = load(folder)
         marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
-        returns = {
-            name: [mark["return"] for mark in marks if mark["behaviour"] == name] for name in BEHAVIOURS[behaviour].policies
-        }
+        returns = {name: [each["return"] for each in marks if each["behaviour"] == name] for name in BEHAVIOURS[behaviour][0]}
         means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
         print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
         print(f"    sha256 {checksum(dataset)}", flush=True)

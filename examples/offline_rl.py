@@ -1,9 +1,11 @@
-"""Train behaviour cloning (BC), IQL and CQL of d3rlpy on the data sets of examples.offline and score them on held-out seeds.
+"""Train BC, IQL, CQL and TD3+BC of d3rlpy on the data sets of examples.offline and score them on held-out seeds.
 
     pip install d3rlpy==2.8.0
-    python -m examples.offline_rl runs/datasets/* --out runs/offline
+    python -m examples.offline_rl --steps 300
+    python -m examples.offline_rl runs/datasets/* --algorithms bc iql cql --out runs/offline
 
-Each run is kept in a file; the same command goes on where it was interrupted, and then prints the table.
+Without data sets it records 50 episodes of `load_rule`. Each run is kept in a file; the same command goes on where it was
+interrupted, and then prints the table.
 """
 
 import argparse
@@ -16,7 +18,7 @@ from typing import Any
 import d3rlpy
 import minari  # type: ignore[import-untyped]
 import numpy as np
-from d3rlpy.algos import BCConfig, CQLConfig, IQLConfig
+from d3rlpy.algos import BCConfig, CQLConfig, IQLConfig, TD3PlusBCConfig
 from d3rlpy.dataset import TransitionMiniBatch
 from d3rlpy.models import VectorEncoderFactory
 from d3rlpy.optimizers import AdamFactory
@@ -24,14 +26,14 @@ from d3rlpy.optimizers.lr_schedulers import CosineAnnealingLRFactory
 from d3rlpy.preprocessing import MultiplyRewardScaler, StandardObservationScaler
 from tqdm import tqdm
 
-from examples.offline import load
+from examples.offline import load, make
 from examples.shared import at_least, run
 from turning_env import score
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 
-ALGORITHMS = ("bc", "iql", "cql")
+ALGORITHMS = ("bc", "iql", "cql", "td3_bc")
 STEPS = 3000
 BATCH = 256
 DISCOUNT = 0.8
@@ -51,6 +53,7 @@ def learner(algorithm: str, steps: int, observations: Any) -> Any:
     kind, own = {
         "iql": (IQLConfig, {"value_encoder_factory": encoder}),
         "cql": (CQLConfig, {"n_action_samples": 4, "initial_temperature": 0.1, "temp_learning_rate": 1e-3}),
+        "td3_bc": (TD3PlusBCConfig, {}),
     }[algorithm]
     config = kind(
         gamma=DISCOUNT,
@@ -121,7 +124,7 @@ def row(folder: Path, algorithm: str, runs: Sequence[dict[str, Any]]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline_rl", **described(__doc__))
-    parser.add_argument("datasets", nargs="+", type=Path, help="folders that examples.offline has made")
+    parser.add_argument("datasets", nargs="*", type=Path, help="folders that examples.offline has made (default: record one)")
     parser.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS, help="default: all")
     parser.add_argument("--steps", type=at_least(1), default=STEPS, help="gradient steps (default: %(default)s)")
     parser.add_argument("--training-seeds", type=at_least(1), default=2, help="number of them (default: %(default)s)")
@@ -132,7 +135,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "| Data set | Algorithm | Return per edge [s] | Of each training seed [s] | Over a limit by > 5 % |",
         "|---|---|---|---|---|",
     ]
-    for folder, algorithm in product(options.datasets, options.algorithms):
+    datasets = options.datasets or [make("load_rule", 50, options.out)]
+    for folder, algorithm in product(datasets, options.algorithms):
         rest = (options.steps, options.seeds, options.out)
         runs = [played(folder, algorithm, seed, *rest) for seed in range(options.training_seeds)]
         rows.append(row(folder, algorithm, runs))

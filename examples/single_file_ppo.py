@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 import turning_env  # noqa: F401 - registers the ids
 from examples.shared import ENV_ID, run, score
-from turning_env.console import described
+from turning_env.console import described, exits
 
 
 @dataclass(frozen=True)
@@ -156,17 +156,14 @@ def train(settings: Settings) -> Agent:
     return agent
 
 
+@exits(ValueError)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.single_file_ppo", **described(__doc__))
     for field in fields(Settings):
         kind: Any = field.type
         parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default, help="default: %(default)s")
-    options = parser.parse_args(arguments)
-    try:
-        settings = Settings(**vars(options))
-    except ValueError as error:
-        parser.error(str(error))
+    settings = Settings(**vars(parser.parse_args(arguments)))
     agent = train(settings)
     print(f"PPO after {settings.steps} steps: {score(agent.mean, settings.tuning_seeds)}")
     return 0

@@ -1,7 +1,7 @@
 """Test the recipes of other libraries, each in an empty virtual environment with the wheel, its library and PyTorch only.
 
     python -m studies.clients
-    python -m studies.clients skrl tianshou --write docs/ecosystem.md
+    python -m studies.clients skrl sbx-rl --write docs/ecosystem.md
 
 It needs a package index and 2 GB of disk, and takes some minutes per library. The exit status is 1 if a recipe fails.
 """
@@ -35,16 +35,20 @@ class Client(NamedTuple):
     """Module in ``examples``."""
     uses: str
     packages: tuple[str, ...]
-    steps: int = 5000
+    words: str = "--steps 5000 --tuning-seeds 2"
+    """Options that make it small."""
 
 
 CLIENTS = {
-    "tianshou": Client("tianshou_ppo", "PPO on the batch", ("tianshou",)),
     "skrl": Client("skrl_ppo", "PPO on the batch", ("skrl",)),
-    "agilerl": Client("agilerl_ppo", "PPO on the batch", ("agilerl", "peft")),
     "ray": Client("rllib_ppo", "RLlib's PPO on single environments", ("ray[rllib]",)),
     "sbx-rl": Client("sbx_sac", "SAC on the batch", ("sbx-rl",)),
-    "d3rlpy": Client("d3rlpy_td3_bc", "TD3+BC on data of Minari", ("d3rlpy", "minari[hdf5]", "pillow"), 500),
+    "d3rlpy": Client(
+        "offline_rl",
+        "BC, IQL, CQL, TD3+BC on data of Minari",
+        ("d3rlpy", "minari[hdf5]", "pillow"),
+        "--steps 100 --training-seeds 1 --seeds 2",
+    ),
 }
 """Recipes by name of the distribution."""
 
@@ -66,7 +70,7 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
         asked = [python, "-c", VERSIONS, library, "gymnasium"]
         versions = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
         stage = "the recipe"
-        recipe = [python, "-m", f"examples.{client.recipe}", "--tuning-seeds", "2", "--steps", str(client.steps)]
+        recipe = [python, "-m", f"examples.{client.recipe}", *client.words.split()]
         subprocess.run(recipe, cwd=folder, check=True, timeout=MAX_RUN)
     except subprocess.TimeoutExpired as error:
         return versions, f"{stage} took more than {error.timeout:.0f} s"

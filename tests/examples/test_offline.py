@@ -64,10 +64,7 @@ def test_noise_depends_on_the_episodes_seed_alone() -> None:
     np.testing.assert_array_equal(together.actions, alone.actions)
 
 
-def test_an_existing_folder_is_not_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "rough_turning-mixture-v0").mkdir()
-    assert main(["make", "--episodes", "4", "--behaviours", "mixture", "--out", str(tmp_path)]) == 2
-    assert "delete it, or choose another --out" in capsys.readouterr().err
+def test_seeds_of_tuning_are_not_recorded() -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["make", "--episodes", "1000001"])
 

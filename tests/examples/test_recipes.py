@@ -49,14 +49,7 @@ def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.filterwarnings("ignore")  # what the libraries do is not this project's
 @pytest.mark.parametrize(
     ("library", "recipe"),
-    [
-        ("agilerl", "agilerl_ppo"),
-        ("d3rlpy", "d3rlpy_td3_bc"),
-        ("ray", "rllib_ppo"),
-        ("sbx", "sbx_sac"),
-        ("skrl", "skrl_ppo"),
-        ("tianshou", "tianshou_ppo"),
-    ],
+    [("ray", "rllib_ppo"), ("sbx", "sbx_sac"), ("skrl", "skrl_ppo")],
 )
 def test_other_libraries_learn(library: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip(library)
