@@ -23,7 +23,7 @@ def made(behaviour: str, out: Path) -> minari.MinariDataset:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder of data sets: a mixture of four episodes."""
+    """Return a folder that holds the mixture."""
     out = tmp_path_factory.mktemp("datasets")
     made("mixture", out)
     return out

@@ -57,15 +57,7 @@ def test_other_libraries_learn(library: str, recipe: str, capsys: pytest.Capture
     assert " s per edge " in capsys.readouterr().out.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--steps", "0"], "--steps: is 0, but must be a whole number of at least 1"),
-        (["--seed", "x"], "--seed: is x, but must be a whole number of at least 0"),
-        (["--num-envs", "3000"], "--num-envs is 3000, but must be at most 2048"),
-    ],
-)
-def test_bad_arguments_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(arguments)
-    assert said in capsys.readouterr().err
+        main(["--steps", "0"])
+    assert "--steps: is 0, but must be a whole number of at least 1" in capsys.readouterr().err

@@ -23,13 +23,6 @@ def test_without_ends_returns_are_discounted_sums() -> None:
     torch.testing.assert_close(rollout["advantage"], rollout["return"] - agent.values(rollout["observation"]).detach())
 
 
-def test_the_next_rollout_begins_where_the_last_one_ended() -> None:
-    rollouts, agent = Rollouts(Settings(num_envs=2, rollout=5)), Agent(11, 2)
-    rollouts.next(agent)
-    left = rollouts.observations
-    assert torch.equal(rollouts.next(agent)["observation"][0], left)
-
-
 @pytest.mark.slow
 def test_it_learns() -> None:
     torch.manual_seed(0)
@@ -43,14 +36,6 @@ def test_the_command_says_what_it_reaches(capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().out.startswith("PPO after 1 steps: -")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--steps", "0"], "--steps is 0, but must be above 0"),
-        (["--learning-rate", "nan"], "--learning-rate is nan"),
-        (["--discount", "1.5"], "--discount and --gae-lambda must be at most 1"),
-    ],
-)
-def test_bad_settings_are_refused(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(arguments) == 2
-    assert said in capsys.readouterr().err
+def test_bad_settings_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--learning-rate", "nan"]) == 2
+    assert "--learning-rate is nan" in capsys.readouterr().err

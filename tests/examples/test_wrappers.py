@@ -56,7 +56,7 @@ NOT_APPLICABLE = {
     "AtariPreprocessing",
     "ResizeObservation",  # needs OpenCV, as does the vector HumanRendering
     "FilterObservation",  # of dictionaries and tuples
-    *("ArrayConversion", "JaxToNumpy", "JaxToTorch", "NumpyToTorch"),  # need array-api-compat; the last is tested below
+    *("ArrayConversion", "JaxToNumpy", "JaxToTorch", "NumpyToTorch"),  # need array-api-compat
 }
 
 SINGLE = sorted(set(single.__all__) - PICTURES.keys() - NOT_APPLICABLE)
@@ -96,19 +96,6 @@ def test_pictures(name: str, tmp_path: Path) -> None:
     assert len(shown) == 4 if name == "RenderCollection" else (shown is None) == (name == "HumanRendering")
     env.close()
     assert len(list(tmp_path.glob("films/*.mp4"))) == (name == "RecordVideo")
-
-
-@pytest.mark.slow
-def test_pictures_of_a_batch(tmp_path: Path) -> None:
-    envs = vector.RecordVideo(
-        RoughTurningVectorEnv(2, render_mode="rgb_array"), str(tmp_path / "films"), step_trigger=lambda step: step == 0
-    )
-    envs.reset(seed=0)
-    for _ in range(3):
-        envs.step(envs.action_space.sample())
-    envs.close()
-    (film,) = tmp_path.glob("films/*.mp4")
-    assert film.stat().st_size > 0
 
 
 @pytest.mark.parametrize("env_id", IDS)
@@ -163,12 +150,3 @@ def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetM
             seen, _ = ours.reset(options={"reset_mask": ended})
             np.testing.assert_array_equal(seen, theirs.reset(options={"reset_mask": ended})[0])
     assert ends > num_envs
-
-
-def test_numpy_to_torch() -> None:
-    pytest.importorskip("array_api_compat", reason="gymnasium.wrappers.NumpyToTorch needs array-api-compat")
-    torch = pytest.importorskip("torch")
-    for env in (single.NumpyToTorch(RoughTurningEnv()), vector.NumpyToTorch(RoughTurningVectorEnv(2))):
-        env.reset(seed=0)
-        seen, *_ = env.step(torch.zeros(env.action_space.shape))
-        assert isinstance(seen, torch.Tensor)
