@@ -77,9 +77,7 @@ PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables, "grid_search"),
     Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables, "fuzzy_override"),
     Paper("Cus and Zuperl (2015), roughness control", constant_force.checks, constant_force.tables, "constant_force"),
-    Paper(
-        "Sharmazanashvili (2008), adaptive part programming", part_programming.checks, part_programming.tables, "part_programming"
-    ),
+    Paper("Sharmazanashvili (2008), adaptive part programming", part_programming.checks, page="part_programming"),
     Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables, "servo_current"),
 )
 """All papers. To add one, also add its items to ``papers/data/items.csv``."""

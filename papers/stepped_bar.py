@@ -27,7 +27,6 @@ def stepped_bar(
     depths: tuple[float, ...] = STEPS,
     bar_length: float = 100.0,
     ripple_period: float | None = None,
-    chip_lag: float = 0.0,
     torque: float = 1.0,
 ) -> Scenario:
     """Return the scenario of a bar in sections of equal length.
@@ -36,7 +35,6 @@ def stepped_bar(
         depths: depth of cut of each section [mm].
         bar_length: length of all sections [mm].
         ripple_period: period of a ripple of depth [s]; None for a smooth bar.
-        chip_lag: lag of force and power behind feed and depth [rev].
         torque: torque of the main drive over the preset's [-].
     """
     base = Scenario.load("override_torque")
@@ -47,7 +45,7 @@ def stepped_bar(
     return changed(
         "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
-        machine={"chip_lag": chip_lag, "rated_power": torque * base.machine.rated_power},
+        machine={"chip_lag": 0.0, "rated_power": torque * base.machine.rated_power},
         workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
         sensors={"power_noise": 0.0, "force_noise": 0.0},
         limits={"power": torque * base.limits.power},

@@ -16,7 +16,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from papers.catalogue import FIGURES, PAPERS, Item, Paper
+from papers.catalogue import FIGURES, PAPERS, Paper
 from papers.figures import blanks, life, minutes, override, roughness, servo
 from papers.reproduce.checks import Check
 from turning_env.console import described, exits
@@ -27,7 +27,6 @@ DRAW: dict[str, Callable[[], Figure]] = {
     "grid_search_02": partial(minutes.draw_best, 1),
     "grid_search_03": partial(minutes.draw_plane, 1),
     "grid_search_04": partial(minutes.draw_best, 2),
-    "grid_search_05": partial(minutes.draw_surfaces, 2),
     "grid_search_06": partial(minutes.draw_plane, 2),
     "grid_search_07": partial(minutes.draw_plane, 14),
     "grid_search_08": partial(minutes.draw_best, 14),
@@ -38,7 +37,6 @@ DRAW: dict[str, Callable[[], Figure]] = {
     "grid_search_13": life.draw_rivals,
     "override_steps": override.draw,
     "roughness_control": roughness.draw_control,
-    "roughness_table": roughness.draw_table,
     "part_programming_psi": blanks.draw_gains,
     "part_programming_pairs": blanks.draw_pairs,
     "servo_current": servo.draw_current,
@@ -86,31 +84,25 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
+def description(name: str) -> list[str]:
+    """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
+    paper, item = next((paper, item) for paper in PAPERS for item in paper.items if item.figure == name)
+    return item.description(all_checks(paper) if item.pattern else [])
+
+
 @cache
 def all_checks(paper: Paper) -> list[Check]:
     """Return all checks of a paper."""
     return list(paper.checks())
 
 
-def description(name: str) -> list[str]:
-    """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
-    found: list[tuple[Paper, Item]] = [(paper, item) for paper in PAPERS for item in paper.items if item.figure == name]
-    (paper, item), *_ = found
-    return item.description(all_checks(paper) if item.pattern else [])
-
-
 def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:
-    """Return a page that shows figures, by name and description, whose files in these formats lie beside it."""
-    shown = [kind for kind in style.FORMATS if kind in formats]
+    """Return a page that shows figures, by name and description, whose files in the first of the formats lie beside it."""
     text = HEAD
     for name, (caption, *lines) in descriptions.items():
-        files = [f"{name}.{kind}" for kind in shown]
-        picture = f"[{files[0]}]({files[0]})" if shown == ["pdf"] else f"![{name}]({files[0]})"
-        text += f"\n## {name}\n\n{picture}\n\n{caption}\n"
+        text += f"\n## {name}\n\n![{name}]({name}.{formats[0]})\n\n{caption}\n"
         if lines:
             text += "\n" + "".join(f"* {line}\n" for line in lines)
-        if len(files) > 1:
-            text += "\nAlso as " + ", ".join(f"[{file}]({file})" for file in files[1:]) + ".\n"
     return text
 
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from papers.figures import legend, lettered
-from papers.grid_search import paper_run, whole_life
+from papers.grid_search import LIMITS, SCENARIO, whole_life
 from papers.reproduce.alaskari_oraby import STATED, adaptive_control, rivals
 from papers.verification import wear
 from turning_render import plot_style as style
@@ -18,10 +18,10 @@ _MEASURED: dict[str, Any] = style.PRINTED | {"marker": "s"}
 
 def draw_responses() -> Figure:
     """Draw force, power and removal rate over the minutes, with their limits."""
-    run, limits = whole_life(), paper_run().scenario.limits
+    run, (force, power, _) = whole_life(), LIMITS
     subjects = (
-        ("thrust force [N]", [minute.thrust_force for minute in run], limits.thrust_force),
-        ("power [kW]", [minute.power for minute in run], limits.power),
+        ("thrust force [N]", [minute.thrust_force for minute in run], force),
+        ("power [kW]", [minute.power for minute in run], power),
         ("removal rate [cm³/min]", [minute.removed for minute in run], None),
     )
     figure, panels = lettered((style.DOUBLE, 2.4), 1, 3)
@@ -63,7 +63,7 @@ def draw_rivals() -> Figure:
 
 
 def _draw_wear(axes: Axes) -> None:
-    criterion = paper_run().scenario.tool.wear_criterion
+    criterion = SCENARIO.tool.wear_criterion
     worn = [minute.wear for minute in whole_life()]
     axes.plot(range(1, len(worn) + 1), worn, **style.OURS, label="grid search")
     labelled = set()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from papers import rows
 from papers.figures import legend, lettered
-from papers.grid_search import best_at_each_speed, paper_run, plane, responses, wear_before
+from papers.grid_search import LIMITS, SCENARIO, before, best_at_each_speed, chosen, plane
 from turning_render import plot_style as style
 
 Look = dict[str, Any]
@@ -25,9 +25,6 @@ _WEAR: Look = {"color": style.GREEN, "linewidth": 1.0, "linestyle": "dotted"}
 _POWER: Look = {"color": style.BLUE, "linewidth": 1.4, "linestyle": (0, (6, 1.5, 1, 1.5))}
 _FORCE: Look = {"color": style.VERMILLION, "linewidth": 1.4, "linestyle": (0, (5, 1.5))}
 _REGION = "#F5E6B8"
-_WITHIN, _BEYOND = style.SKY, "#CCCCCC"
-_COLOURED, _LINED = np.s_[::2, :], np.s_[::12, ::15]
-"""The points of the plane, (feeds, cutting speeds), between which a surface is coloured, and those that carry a line."""
 
 
 def printed(minute: int) -> dict[str, list[float]]:
@@ -42,11 +39,11 @@ def printed(minute: int) -> dict[str, list[float]]:
 
 def draw_best(minute: int) -> Figure:
     """Draw force, power, wear and removal rate at the best feed over cutting speed, with limits and printed points."""
-    found, scenario, points = best_at_each_speed(minute), paper_run().scenario, printed(minute)
+    found, points = best_at_each_speed(*before(minute)), printed(minute)
     subjects = (
-        ("thrust_force", "thrust force [N]", scenario.limits.thrust_force),
-        ("power", "power [kW]", scenario.limits.power),
-        ("wear", "wear [mm]", scenario.tool.wear_criterion),
+        ("thrust_force", "thrust force [N]", LIMITS[0]),
+        ("power", "power [kW]", LIMITS[1]),
+        ("wear", "wear [mm]", SCENARIO.tool.wear_criterion),
         ("removal_rate", "removal rate [cm³/min]", None),
     )
     figure, panels = lettered((style.DOUBLE, 4.3), 2, 2, sharex=True)
@@ -77,21 +74,15 @@ def draw_best(minute: int) -> Figure:
 
 def limits(minute: int) -> list[tuple[Look, NDArray[np.float64]]]:
     """Return the lines of the limits of force and power: looks, and points (cutting speed, feed), shape (points, 2)."""
-    found, most = plane(minute), paper_run().scenario.limits
-    lines = []
-    for values, limit, look in ((found.thrust_force, most.thrust_force, _FORCE), (found.power, most.power, _POWER)):
+    found, lines = plane(*before(minute)), []
+    for values, limit, look in ((found.thrust_force, LIMITS[0], _FORCE), (found.power, LIMITS[1], _POWER)):
         lines += [(look, np.asarray(path)) for path in contour_generator(found.speed, found.feed, values).lines(limit)]
     return lines
 
 
-def _limit_looks() -> dict[str, Look]:
-    most = paper_run().scenario.limits
-    return {f"thrust force {most.thrust_force:.0f} N": _FORCE, f"power {most.power:g} kW": _POWER}
-
-
 def draw_plane(minute: int) -> Figure:
     """Draw contours of removal rate and wear, limits of force, power and wear, the feasible region, and the chosen pair."""
-    found = plane(minute)
+    found = plane(*before(minute))
     figure = Figure(figsize=(style.SINGLE, 4.0), layout="constrained")
     axes = figure.subplots()
     axes.spines[["top", "right"]].set_visible(True)
@@ -111,54 +102,12 @@ def draw_plane(minute: int) -> Figure:
     top.set_xlabel("wear [mm]")
     for look, path in limits(minute):
         axes.plot(*path.T, **look)
-    looks = {"removal rate (right)": _RATE, "wear (top)": _WEAR} | _limit_looks()
-    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
-    if pair is not None:
+    looks = {"removal rate (right)": _RATE, "wear (top)": _WEAR}
+    looks |= {f"thrust force {LIMITS[0]:.0f} N": _FORCE, f"power {LIMITS[1]:g} kW": _POWER}
+    if (pair := chosen(*before(minute))) is not None:
         axes.plot(*pair, **style.CHOSEN, clip_on=False, zorder=5)
         looks |= {"all limits kept": {"facecolor": _REGION}, "chosen pair": style.CHOSEN}
     axes.set_xlabel("cutting speed [m/min]")
     axes.set_ylabel("feed [mm/rev]")
     legend(figure, looks, 2, columnspacing=1.0, handlelength=2.4)
-    return figure
-
-
-def draw_surfaces(minute: int) -> Figure:
-    """Draw removal rate, wear, force and power over the plane; grey where a limit is exceeded."""
-    found = plane(minute)
-    subjects = {
-        "removal rate [cm³/min]": "removal_rate",
-        "wear [mm]": "wear",
-        "thrust force [N]": "thrust_force",
-        "power [kW]": "power",
-    }
-    pair = paper_run().chosen(wear_before(minute), minute - 1.0)
-    assert pair is not None
-    chosen = responses(minute, *(np.array([value]) for value in pair))
-    edges = [(look, responses(minute, *path.T)) for look, path in limits(minute)]
-    figure = Figure(figsize=(style.DOUBLE, 5.4))
-    figure.subplots_adjust(left=0.03, right=0.97, bottom=0.11, top=1.03, wspace=0.12, hspace=0.05)
-    colours = np.where(found.within[_COLOURED], _WITHIN, _BEYOND)
-    for place, (letter, (label, name)) in enumerate(zip("abcd", subjects.items(), strict=True), 1):
-        axes: Any = figure.add_subplot(2, 2, place, projection="3d", computed_zorder=False)
-        surface, lines = (
-            (found.speed[points], found.feed[points], getattr(found, name)[points]) for points in (_COLOURED, _LINED)
-        )
-        axes.plot_surface(*surface, rstride=1, cstride=1, facecolors=colours, shade=False, linewidth=0.3, rasterized=True)
-        axes.plot_wireframe(*lines, rstride=1, cstride=1, color=style.GREY, linewidth=0.3)
-        for look, edge in edges:
-            axes.plot(edge.speed, edge.feed, getattr(edge, name), **look)
-        axes.plot(*pair, getattr(chosen, name), **style.CHOSEN, zorder=10)
-        axes.view_init(elev=24.0, azim=-128.0)
-        axes.set_box_aspect(None, zoom=0.9)
-        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-            axis.set_pane_color("white")
-        axes.set_xticks((50, 100, 150, 200))
-        axes.set_yticks((0.1, 0.3, 0.5))
-        axes.set_xlabel("cutting speed [m/min]")
-        axes.set_ylabel("feed [mm/rev]")
-        axes.set_zlabel(label, labelpad=6.0)
-        axes.text2D(0.04, 0.88, letter, transform=axes.transAxes, fontweight="bold")
-    within, beyond = ({"facecolor": colour, "edgecolor": style.GREY} for colour in (_WITHIN, _BEYOND))
-    looks = {"all limits kept": within, "force or power beyond": beyond} | _limit_looks() | {"chosen pair": style.CHOSEN}
-    legend(figure, looks, 3, loc="lower center")
     return figure

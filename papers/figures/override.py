@@ -38,28 +38,24 @@ _LOAD: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.3, "linestyle
 _TARGET: dict[str, Any] = {"color": style.GREY, "linewidth": 0.9, "linestyle": ":"}
 
 
-def responses(scenario: Scenario) -> dict[str, Trajectory]:
-    """Return the trajectory of each rule of ``SHOWN`` on a bar, by name."""
-    responses = {}
-    for name, (_, parameters) in SHOWN.items():
-        rule = RULES[name]
-        policy = rule.build(scenario, 1, rule.fixed | parameters)
-        responses[name] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
-    return responses
-
-
 def draw(scenario: Scenario | None = None) -> Figure:
     """Draw the trajectories of all rules on a bar, by default of ``DEPTHS``: depth of cut, override and load over time."""
     scenario = scenario or stepped_bar(DEPTHS)
-    responses_by_rule = responses(scenario)
+    runs = {}
+    for name, (title, parameters) in SHOWN.items():
+        policy = RULES[name].build(scenario, 1, RULES[name].fixed | parameters)
+        runs[title] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
-    panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in responses_by_rule.values()))
+    panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in runs.values()))
     pairs = [(panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)]
-    for (above, below), (name, run) in zip(pairs, responses_by_rule.items(), strict=False):
-        _draw_depth(above, run)
+    for (above, below), (title, run) in zip(pairs, runs.items(), strict=False):
+        above.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
+        above.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
+        above.set_ylim(0.0, 3.6)
+        above.set_yticks((1, 2, 3))
         _draw_response(below, run, scenario)
-        above.set_title(SHOWN[name][0], fontsize="medium", loc="left")
+        above.set_title(title, fontsize="medium", loc="left")
         below.tick_params(labelbottom=True)
         below.set_xlabel("time [s]")
     for above, below in pairs[::4]:
@@ -72,13 +68,6 @@ def draw(scenario: Scenario | None = None) -> Figure:
     pairs[-1][1].legend(handles=handles, loc="upper right", frameon=False).set_in_layout(False)  # else its column would be wider
     figure.align_ylabels()
     return style.readable(figure)
-
-
-def _draw_depth(axes: Axes, run: Trajectory) -> None:
-    axes.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
-    axes.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
-    axes.set_ylim(0.0, 3.6)
-    axes.set_yticks((1, 2, 3))
 
 
 def _draw_response(axes: Axes, run: Trajectory, scenario: Scenario) -> None:

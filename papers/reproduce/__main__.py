@@ -1,7 +1,6 @@
 """Compare the numbers and claims of the papers with the project's, and fail if one no longer holds.
 
     python -m papers.reproduce
-    python -m papers.reproduce --json
     python -m papers.reproduce --markdown
 
 A number that the project cannot reproduce is listed with the reason. Its check fails only if it holds after all.
@@ -9,14 +8,13 @@ A number that the project cannot reproduce is listed with the reason. Its check 
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
 
 from tqdm import tqdm
 
 from papers.catalogue import PAPERS, Paper
 from papers.reproduce.checks import WIDTH, Check
-from turning_env.console import DONE, FAILED, described, exits, print_json
+from turning_env.console import DONE, FAILED, described, exits
 
 Results = Sequence[tuple[Paper, Sequence[Check]]]
 
@@ -25,25 +23,15 @@ Results = Sequence[tuple[Paper, Sequence[Check]]]
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.reproduce", **described(__doc__))
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument(
-        "--json", dest="form", action="store_const", const="json", help="print the checks as JSON, without the tables"
-    )
-    text = "print a table of every equation, table, figure and claim, as in docs/papers/index.md"
-    form.add_argument("--markdown", dest="form", action="store_const", const="markdown", help=text)
-    return reproduce(PAPERS, parser.parse_args(arguments).form)
+    which = "print a table of every equation, table, figure and claim, as in docs/papers/index.md"
+    parser.add_argument("--markdown", action="store_true", help=which)
+    return reproduce(PAPERS, markdown if parser.parse_args(arguments).markdown else text)
 
 
-def reproduce(papers: Sequence[Paper], form: str | None = None) -> int:
-    """Print tables, checks and summary of all papers, or in another form ("json", "markdown"); return the exit status."""
+def reproduce(papers: Sequence[Paper], form: Callable[["Results"], Iterator[str]]) -> int:
+    """Print the results of all papers in a form, ``text`` or ``markdown``; return the exit status."""
     results = [(paper, list(paper.checks())) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
-    if form == "json":
-        print_json([
-            {"title": paper.title, "checks": [asdict(check) | {"verdict": check.verdict} for check in checks]}
-            for paper, checks in results
-        ])  # fmt: skip
-    else:
-        print(*(markdown(results) if form == "markdown" else text(results)), sep="\n")
+    print(*form(results), sep="\n")
     return DONE if all(check.passed for _, checks in results for check in checks) else FAILED
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from baselines.fixed import FixedParameters
 from baselines.grid_search import GridSearch, RescaledGridSearch
 from papers import rows, verification
-from papers.grid_search import best_at_each_speed, paper_run, plane, sides, whole_life
+from papers.grid_search import FEEDS, LIMITS, SCENARIO, SPEEDS, before, best_at_each_speed, plane, sides, whole_life
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
 from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, MEASURED, STATED_LIFE, TESTS, Outcome, VerificationTest
 from turning_env import Scenario
@@ -47,9 +47,8 @@ def last_digit(printed: str) -> float:
 
 def table_checks(minute: int) -> Iterator[Check]:
     """Yield the checks of Table 1 or 2: chosen feeds exactly, responses to 1e-5 of their value or to the last printed digit."""
-    scenario, before = paper_run().scenario, WEAR_BEFORE[minute]
-    law, depth = scenario.material.wear, scenario.workpiece.depth_of_cut
-    best = paper_run().best_at_each_speed(before, minute - 1.0)
+    start, law, depth = WEAR_BEFORE[minute], SCENARIO.material.wear, SCENARIO.workpiece.depth_of_cut
+    best = best_at_each_speed(start, minute - 1.0)
     columns = {
         "feed_mm_rev": best.feed,
         "power_kw": best.power,
@@ -62,7 +61,7 @@ def table_checks(minute: int) -> Iterator[Check]:
         columns |= {
             "wear_at_t_mm": law(best.speed, best.feed, depth, time=2.0),
             "wear_at_t_minus_1_mm": law(best.speed, best.feed, depth, time=1.0),
-            "wear_increase_mm": best.wear - before,
+            "wear_increase_mm": best.wear - start,
             "total_wear_mm": best.wear,
         }
     for number, row in enumerate(rows(f"table{minute}.csv")):
@@ -199,12 +198,8 @@ def equal_wear_checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """Yield the tables of the edge's life and of the comparisons with the tests."""
-    for number, ((speed, feed), _, removed, wear, force, power, _) in enumerate(whole_life(), 1):
-        pair = f"minute {number:2d}: {speed:.0f} m/min, {feed:.3f} mm/rev"
-        yield f"{pair}, {removed:6.2f} cm3, {wear:.4f} mm, {force:.0f} N, {power:.2f} kW"
+    """Yield the tables of the comparisons with the tests."""
     control = adaptive_control()
-    yield ""
     yield "Fixed speed and feed against the grid search (AC), at 2.5 mm; T6 and T7 cannot be recovered."
     yield "Wear factor: measured over nominal wear. Force and power: of the models, when worn out."
     heads: tuple[str, ...] = ("", "m/min", "mm/rev", "cm3/min", "AC/test", "paper")
@@ -235,26 +230,26 @@ def tables() -> Iterator[str]:
 
 def figure_checks() -> Iterator[Check]:
     """Yield the checks of the text's statements on the figures, beside the tables, the chosen pairs and the tests."""
-    scenario, run = paper_run().scenario, whole_life()
-    force, power, criterion = scenario.limits.thrust_force, scenario.limits.power, scenario.tool.wear_criterion
+    (force, power, _), criterion, run = LIMITS, SCENARIO.tool.wear_criterion, whole_life()
     for figure, minute in ((3, 1), (6, 2), (7, 14)):
         reason = "the force of a new edge lies below its limit everywhere: ranges and power alone bound the region"
         letters = STATED[minute][2]
         what = f"Figure {figure}, minute {minute}: corners of the feasible region, {letters}"
         yield Check(what, len(letters) - 1.0, float(sides(minute)), not_reproduced=reason if minute == 1 else "")
-    found = best_at_each_speed(14)
+    found = best_at_each_speed(*before(14))
     slow = found.speed <= 100.0
     yield claim("Figure 8, minute 14: force above its limit up to 100 m/min", found.thrust_force[slow] > force)
     yield claim("Figure 8, minute 14: force within its limit above 100 m/min", found.thrust_force[~slow] <= force)
     yield claim("Figure 8, minute 14: power rises with cutting speed", np.diff(found.power[~slow]) > 0.0)
-    found = best_at_each_speed(15)
+    found = best_at_each_speed(*before(15))
     yield claim("Figure 9, minute 15: wear above 0.3 mm at all cutting speeds", found.wear > criterion)
     yield claim("Figure 9, minute 15: power below its limit", found.power < power)
     reason = "the paper does not say at what feeds; here they are the highest that keep force and power, where any do"
     well_below = found.thrust_force < 0.95 * force
     yield claim("Figure 9, minute 15: force well below its limit", well_below, not_reproduced=reason)
-    yield claim("Figure 10, minute 15: the feasible region has vanished", not plane(15).within.any())
-    yield claim("Figure 10, minute 15: wear above its criterion on the whole plane", plane(15).wear > criterion)
+    found = plane(*before(15))
+    yield claim("Figure 10, minute 15: the feasible region has vanished", not found.within.any())
+    yield claim("Figure 10, minute 15: wear above its criterion on the whole plane", found.wear > criterion)
     rates = [minute.removed for minute in run]
     yield claim("Figure 11: the removal rate falls from minute to minute, or stays", np.diff(rates) < 1e-9)
     kept = all(minute.thrust_force <= force and minute.power <= power for minute in run)
@@ -273,5 +268,5 @@ def figure_checks() -> Iterator[Check]:
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
-    yield Check("pairs of the grid", 1744, len(paper_run().speeds) * len(paper_run().feeds))
+    yield Check("pairs of the grid", 1744, len(SPEEDS) * len(FEEDS))
     yield from chain(table_checks(1), table_checks(2), life_checks(), figure_checks(), rival_checks(), equal_wear_checks())

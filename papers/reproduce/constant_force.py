@@ -10,7 +10,7 @@ forces of Table 1, F = c + d ln Ra gives all eight and the text's 570 N. As d ti
 (4) is not the inverse of (5), which the project's controllers use.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from itertools import chain
 from typing import Any, NamedTuple
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from baselines.constant_force import (
     ConstantForce,
     ConstantForceNetwork,
-    Network,
     RecommendedFeed,
     feed_of_roughness,
     force_of_roughness,
@@ -30,7 +29,7 @@ from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
 from baselines.models.process import Process
 from papers import changed, record, rows
-from papers.reproduce.checks import Check, at_least, at_most, claim, table
+from papers.reproduce.checks import Check, at_least, at_most, claim
 from turning_env import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Policy
@@ -87,20 +86,11 @@ class Outcome(NamedTuple):
     """Share of time at the highest override [-]."""
     entry_deviation: float
     """Mean relative deviation of Ra before it has settled [-]."""
-    tool_life: float
-    """Tool life [min]."""
 
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
     """Return the preset `surface` with one reference of Ra [um], and other values replaced."""
     return changed("surface", surface={"reference_min": reference, "reference_max": reference}, **sections)
-
-
-def tool_life(infos: Mapping[str, Any], scenario: Scenario) -> NDArray[np.float64]:
-    """Return the cutting time in which this insert, fresh, would wear out at the conditions of steps in metal [min]."""
-    law, speed, feed, depth = scenario.material.wear, infos["cutting_speed"], infos["feed"], infos["depth_of_cut"]
-    wear_after_a_minute = infos["wear_factor"] * law(speed, feed, depth, 1.0, hardness=infos["hardness"])
-    return np.asarray((scenario.tool.wear_criterion / wear_after_a_minute) ** (1.0 / law.time))
 
 
 def play(policy: Policy, scenario: Scenario) -> Outcome:
@@ -119,7 +109,6 @@ def play(policy: Policy, scenario: Scenario) -> Outcome:
         float(off[settled:].mean()),
         (kept["commanded_feed"] > 0.9999 * scenario.machine.feed_max).mean(axis=0),
         float(entry.mean()),
-        float(tool_life(kept, scenario).mean()),
     )
 
 
@@ -190,43 +179,6 @@ def network_checks() -> Iterator[Check]:
     yield claim("recommended feed: Ra at entry is nearer than with the programmed feed", nearer)
 
 
-MEASUREMENTS = (10, 15, 10)
-"""Depths of cut, feeds and cutting speeds: the 1500 combinations of the text. Their values are assumptions."""
-ROUGHNESS_SCATTER = 0.1
-"""Log standard deviation of a measured Ra [-] (assumption)."""
-
-
-@cache
-def measured_models() -> NDArray[np.float64]:
-    """Return (a, b, error of block B4, error of a network) on simulated measurements, mean over data sets.
-
-    The block is the exponential regression of Ra on the measured force, Ra = a exp(b F). The network sees depth, feed, speed and
-    measured force. Both are fitted to half of the measurements. Errors are mean relative deviations of Ra on the other half.
-    """
-    scenario = Scenario.load("surface")
-    workpiece, surface, count = scenario.workpiece, scenario.surface, int(np.prod(MEASUREMENTS))
-    ends = ((0.5, 1.0), (0.1, 0.3), (60.0, 140.0))
-    axes = [np.linspace(*end, number) for end, number in zip(ends, MEASUREMENTS, strict=True)]
-    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(count, 3)
-    found = []
-    for seed in range(NUM_SEEDS):
-        random = np.random.default_rng(seed)
-        depth, feed, speed = grid[random.permutation(count)].T
-        hardness = np.exp(random.normal(0.0, workpiece.hardness_bar_spread, count))
-        force = scenario.material.thrust_force(speed, feed, depth, hardness=hardness)
-        measured = force * random.uniform(1.0 - FORCE_CHANGE, 1.0 + FORCE_CHANGE, count)
-        log_roughness = np.log(surface.roughness_at_no_force) + surface.roughness_rate * force
-        log_roughness += random.normal(0.0, ROUGHNESS_SCATTER, count)
-        inputs, half = np.column_stack([depth, feed, speed, measured]), count // 2
-        b, log_a = np.polyfit(measured[:half], log_roughness[:half], 1)
-        network = Network(inputs[:half], log_roughness[:half], units=30, width=1.0)
-        predicted = (log_a + b * measured[half:], network(inputs[half:]))
-        errors = [np.abs(np.exp(each - log_roughness[half:]) - 1.0).mean() for each in predicted]
-        found.append((np.exp(log_a), b, *errors))
-    means: NDArray[np.float64] = np.mean(found, axis=0)
-    return means
-
-
 def output_checks() -> Iterator[Check]:
     """Yield the check of the text's statement on tool life, at the feeds that Table 1 prints."""
     scenario = Scenario.load("surface")
@@ -234,14 +186,6 @@ def output_checks() -> Iterator[Check]:
     speed = np.log(np.full(feeds.shape, scenario.control.initial_cutting_speed))
     without, with_control = Process.of(scenario).log_life(speed, feeds, scenario.workpiece.depth_of_cut, 1.0).T
     yield claim("output block: at the table's feeds, control shortens no tool life", with_control >= without)
-
-
-def roughness_model_checks() -> Iterator[Check]:
-    """Yield the checks of block B4, a regression, against a network."""
-    a, b, block, network = measured_models().tolist()
-    yield Check("1500 measurements: a of Ra = a exp(b F) by regression [um]", 0.2401, a, 0.02)
-    yield Check("1500 measurements: b by regression [1/N]", 0.0034, b, 0.0002)
-    yield Check("1500 measurements: network nearer than block B4 [% of Ra]; only 2", 2.0, 100.0 * (block - network), 1.0)
 
 
 def rise_time() -> float:
@@ -277,31 +221,12 @@ def text_checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """Yield the table of the eight simulations and the paper's."""
-    yield f"Means over {NUM_SEEDS} seeds, after {SETTLED:.0f} s; in brackets the paper's. Spread: of Ra over time, over its mean."
-    heads = ["", "Ra um", "free: N", "mm/rev", "Ra", "spread", "life min", "held: N", "mm/rev", "Ra", "spread", "life min"]
-    lines = []
-    for row, free, held, on_command in outcomes():
-        line = [f"{row.number}", f"{row.reference:.1f}", f"{free.force:.0f} ({row.uncontrolled_force:.0f})", f"{free.feed:.3f}"]
-        line += [
-            f"{free.roughness.mean():.2f}",
-            f"{free.spread:.1%}",
-            f"{free.tool_life:.0f}",
-            f"{held.force:.0f} ({row.force:.0f})",
-        ]
-        line += [f"{held.feed:.3f} ({row.feed:.2f})", f"{held.roughness.mean():.2f} ({row.roughness:.2f})", f"{held.spread:.1%}"]
-        line += [f"{held.tool_life:.0f}", f"{held.saturated.mean():.1%}", f"{on_command.spread:.1%}" if on_command else "-"]
-        lines.append(line)
-    yield from table([*heads, "saturated", "on command: spread"], lines)
-    yield ""
+    """Yield equation (4)."""
     c, d = reference_force()
     yield f"(4) fitted to Table 1: F = {c:.0f} N + {d:.0f} N ln(Ra / um), r2 of the data {d * 0.0034:.2f}"
-    a, b, block, network = measured_models()
-    regression = f"Ra = {a:.4f} exp({b:.5f} F), mean error {block:.1%}"
-    yield f"Regression of 1500 simulated measurements: {regression}; of a network {network:.1%}"
 
 
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
-    groups = (simulation_checks, reference_checks, network_checks, output_checks, roughness_model_checks, text_checks)
+    groups = (simulation_checks, reference_checks, network_checks, output_checks, text_checks)
     return chain.from_iterable(group() for group in groups)

@@ -42,14 +42,14 @@ def fuzzy(scenario: Scenario, form: str) -> Policy:
 
 
 @cache
-def rippled(form: str, period: float | None, chip_lag: float = 0.0, torque: float = 1.0) -> Trajectory:
+def rippled(form: str, period: float | None, torque: float = 1.0) -> Trajectory:
     """Return the settled trajectory of a form on a bar of 3 mm with a ripple period [s], or None for a smooth bar.
 
     ``torque`` is that of the drive over that of the test's, at the same speeds.
     """
     time = TRANSIENT + max(3.0, 0.0 if period is None else 2.0 * period)
     length = (2.0 if torque > 1.0 else 1.0) * FEED_VELOCITY * time
-    scenario = stepped_bar((DEEP,), length, period, chip_lag, torque)
+    scenario = stepped_bar((DEEP,), length, period, torque)
     return play_bar(lambda num_envs: fuzzy(scenario, form), scenario).after(TRANSIENT)
 
 
@@ -76,11 +76,6 @@ def stepped(name: str, depths: tuple[float, ...] = STEPS) -> Trajectory:
 def saved(form: str) -> float:
     """Return the time that a form saves against the programmed feed on three equal sections of 1, 2 and 3 mm [%]."""
     return 100.0 * float(1.0 - stepped(form).time[-1] / stepped("programmed feed").time[-1])
-
-
-def peak(form: str) -> float:
-    """Return the highest load after the step from 1 to 3 mm [%]."""
-    return 100.0 * float(stepped(form, (1.0, DEEP)).load.max())
 
 
 def resting(idle: float) -> list[float]:
@@ -118,26 +113,7 @@ def checks() -> Iterator[Check]:
 
 
 def tables() -> Iterator[str]:
-    """Yield the tables of swings over the ripple's period, and of times and peaks."""
-    yield f"Amplitude of override at 3 mm [%] under a ripple of depth of {100 * RIPPLE:.0f} %, which requires {asked_for():.1f}."
-    rows = [
-        ["no ripple" if period is None else f"{period:.2f}", *(f"{swing(rippled(form, period)):.2f}" for form in FORMS)]
-        for period in (None, *PERIODS)
-    ]
-    late = [f"{swing(rippled(form, None, 1.0)):.2f}" for form in FORMS]
-    yield from table(["period [s]", *FORMS], [*rows, ["no ripple, force and power a turn of the spindle behind", *late]])
-    yield ""
-    yield "Three equal sections of 1, 2 and 3 mm; and the load after a step from 1 to 3 mm."
-    heads = ("", "time [s]", "saved [%]", "override at 1, 2, 3 mm [%]", "load at 1, 2, 3 mm [%]", "peak [%]")
-    rows = []
-    for name in ("programmed feed", *FORMS):
-        run = stepped(name)
-        stays = [run.at_depth(depth, 2.0) for depth in STEPS]
-        overrides = ", ".join(f"{100 * stay.override.mean():.0f}" for stay in stays)
-        loads = ", ".join(f"{100 * stay.load.mean():.0f}" for stay in stays)
-        rows.append([name, f"{run.time[-1]:.1f}", f"{saved(name):.1f}", overrides, loads, f"{peak(name):.0f}"])
-    yield from table(heads, rows)
-    yield ""
+    """Yield the table of overrides at rest and the time saved."""
     yield "Overrides at rest over the idle torque's share of the rated one, and the time saved on sections of 1, 2 and 3 mm [%]."
     lengths = ((1, 1, 1), (2, 1, 1), (1, 2, 1), (1, 1, 2))
     rows = []

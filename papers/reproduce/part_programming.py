@@ -29,9 +29,9 @@ import numpy as np
 
 from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
 from baselines.models.process import Array, Limit, Process
-from baselines.two_limits import MIN_DEPTH, TWO_LIMITS, depth_exponents, set_point
+from baselines.two_limits import MIN_DEPTH, set_point
 from papers import rows
-from papers.reproduce.checks import Check, at_least, at_most, table
+from papers.reproduce.checks import Check, at_least, at_most
 from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 
@@ -162,32 +162,3 @@ def claim_checks() -> Iterator[Check]:
         for rule in (*IMPROVED, *NOT_NECESSARY):
             compare = at_least if rule in IMPROVED else at_most
             yield compare(f"[{rule}]: largest psi with dispersions of {source} [%]", WORTH_HAVING, most_gain(rule, source))
-
-
-def tables() -> Iterator[str]:
-    """Yield the tables of each rule's exponents of depth of cut, and of the gain by correcting the path."""
-    yield "Exponent of the depth of cut along each rule, in cutting speed, feed, removal rate and life of the edge."
-    yield "Handbook exponents; last: removal rate with the laws of 709M40."
-    lines = []
-    for rule in TWO_LIMITS:
-        process = handbook_process(rule)
-        speed, feed = depth_exponents(rule, process)
-        mu, nu, rho = process.life_exponents
-        values = (speed, feed, 1.0 + speed + feed, -(mu * speed + nu * feed + rho))
-        steel = 1.0 + sum(depth_exponents(rule, Process.of(Scenario())))
-        lines.append([f"[{rule}]", *(f"{value + 0.0:.3f}" for value in (*values, steel))])
-    yield from table(("", "speed", "feed", "rate", "life", "709M40"), lines)
-    yield ""
-    yield "psi: gain by correcting the path to the measured blank [%]; in brackets the passes of the uncorrected path."
-    lines = []
-    for blank in blanks():
-        gains = (f"{psi:.1f} ({passes})" for passes, psi in (gain(rule, blank) for rule in TWO_LIMITS))
-        lines.append([f"{blank.name} ({blank.source})", f"{blank.least:.2f}-{blank.largest:.2f}", *gains])
-    yield from table(["", "mm", *(f"[{rule}]" for rule in TWO_LIMITS)], lines)
-    yield ""
-    yield "Largest psi by the slack of the limits that a rule does not name [%]: handbook, experience."
-    lines = []
-    for slack in SLACKS:
-        most = ((most_gain(rule, source, slack) for source in ("handbook", "experience")) for rule in TWO_LIMITS)
-        lines.append([f"{slack:.1f}", *(", ".join(f"{psi:.1f}" for psi in each) for each in most)])
-    yield from table(["slack", *(f"[{rule}]" for rule in TWO_LIMITS)], lines)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from baselines.constant_force import ConstantForce
 from baselines.current_limit import CUTOFF, WINDOW, CurrentLimit, ForceEstimator
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
@@ -23,11 +22,10 @@ from papers.stepped_bar import SPREADS
 from turning_env import Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
-from turning_env.scenario.sections import FeedDrive
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
-from turning_shop.current import CurrentReport, Line, analyse
+from turning_shop.current import CurrentReport, analyse
 
 NUM_SEEDS = 8
 SETTLED = 3.0
@@ -179,39 +177,6 @@ def characteristic_checks() -> Iterator[Check]:
     yield claim("phase current: the peak grows with the load, from depth to depth", rising > 0.0)
     for name, line in report.lines.items():
         yield at_least(f"phase current, {name}: linear in the load, R2", 0.99, line.r_squared)
-    cut, both = (line.hysteresis or 0.0 for line in (report.lines["rms"], brake(True)))
-    yield at_least("brake: hysteresis of current over excitation, over that of a cut", 2.0, both / cut)
-    yield at_least("brake: excitation only raised, linear in the current, R2", 0.99, brake(False).r_squared)
-
-
-PLAY = 0.05
-"""Half of the brake's hysteresis over its range of torque [-] (assumption; the curve of Figure 5 is lost)."""
-
-
-@cache
-def brake(lowered: bool) -> Line:
-    """Return the load's line over the root mean square current of the motor against a magnetic particle brake.
-
-    The excitation rises to 5 A as in Figure 5 and, if ``lowered``, falls again. The load is the torque that it represents,
-    1 N m/A (assumption). The true torque follows with play.
-    """
-    excitation = np.append(np.arange(0.0, 5.25, 0.5), np.arange(4.5, -0.25, -0.5) if lowered else [])
-    torque = [0.0]
-    for value in excitation:
-        torque.append(min(max(torque[-1], value - PLAY * 5.0), value + PLAY * 5.0))
-    drive = Scenario.load("override_current").feed_drive
-    screw, resistance = screw_and_resistance(drive)
-    amplitude = (np.array(torque[1:]) + screw * resistance) / (1.5 * drive.pole_pairs * drive.flux_linkage)
-    samples = round(HOLD / 0.012)
-    time = (0.012 * np.arange(samples * len(excitation))).astype(np.float64)
-    current: NDArray[np.float64] = np.repeat(amplitude, samples) * np.cos(2.0 * math.pi * 4.0 * time)  # the paper's 4 Hz
-    return analyse(time, current, np.repeat(excitation, samples)).lines["rms"]
-
-
-def screw_and_resistance(drive: FeedDrive) -> tuple[float, float]:
-    """Return torque over force [m] and the force of friction and preload [N] of equation (3)."""
-    screw = drive.screw_lead / 1000.0 / (2.0 * math.pi * drive.efficiency)
-    return screw, drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)
 
 
 def phase_checks() -> Iterator[Check]:
@@ -234,8 +199,10 @@ def motor_checks() -> Iterator[Check]:
     solved = float(force_from_current(parameters, 0, current, 0.0))  # type: ignore[no-untyped-call]
     yield Check("force at the current of 1000 N: equations (3) and (8), solved [N]", 1000.0, solved, 1e-9)
     # The right-hand side of (9) as printed is a torque. Read as T_c, not F_c, it is (1), (2) and (8).
-    screw, resistance = screw_and_resistance(scenario.feed_drive)
-    printed = 1.5 * scenario.feed_drive.pole_pairs * scenario.feed_drive.flux_linkage * current - screw * resistance
+    drive = scenario.feed_drive
+    screw = drive.screw_lead / 1000.0 / (2.0 * math.pi * drive.efficiency)  # torque over force [m] by (3)
+    resistance = drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)  # of friction and preload [N]
+    printed = 1.5 * drive.pole_pairs * drive.flux_linkage * current - screw * resistance
     yield Check("equation (9), read as the cutting torque T_c of 1000 N [N m]", 1000.0 * screw, printed, 1e-9)
     idle = no_load_currents()
     yield claim("the current is not 0 at no load", bool(idle.min() > 0.1))
@@ -278,9 +245,7 @@ def controlled() -> dict[str, tuple[float, float, float]]:
     policies: dict[str, tuple[Scenario, PolicyFactory]] = {
         "current": (current, lambda num_envs: CurrentLimit(PartProgram(current, {}), num_envs, share)),
         "dynamometer": (dynamometer, lambda num_envs: CurrentLimit(PartProgram(dynamometer, {}), num_envs, share)),
-        "constant force": (current, lambda num_envs: ConstantForce(PartProgram(current, {}), num_envs, share)),
         "cautious feed": (current, lambda num_envs: FixedParameters(current, current.control.initial_cutting_speed, feed)),
-        "programmed feed": (current, lambda num_envs: FixedParameters(current, current.control.initial_cutting_speed, 0.4)),
     }
     results = {}
     for name, (scenario, make) in policies.items():
@@ -291,7 +256,7 @@ def controlled() -> dict[str, tuple[float, float, float]]:
 
 
 def tables() -> Iterator[str]:
-    """Yield the tables of the estimates' errors and of the adaptive feed."""
+    """Yield the errors of the estimates, and how well each quantity of the phase current gives the load."""
     yield "Estimated against true thrust force, root mean square error over mean force, at the programmed feed."
     heads = ["", "every sample inverted", *(f"cut-off {cutoff}, {window} samples" for cutoff, window in SETTINGS)]
     rows = [[name, *(f"{error:.1%}" for error in found)] for name, found in all_errors().items()]
@@ -299,11 +264,6 @@ def tables() -> Iterator[str]:
     yield ""
     yield "Phase current while the depth of cut rises to 3 mm and falls again."
     yield from loaded_and_unloaded()[1].summary()
-    yield ""
-    results = [
-        [name, f"{mean_return:.1f}", f"{time:.1f}", f"{severe:.1%}"] for name, (mean_return, time, severe) in controlled().items()
-    ]
-    yield from table([f"stepped bar, {NUM_SEEDS} seeds", "return [s]", "time [s]", "over a limit by > 5 %"], results)
 
 
 def checks() -> Iterator[Check]:

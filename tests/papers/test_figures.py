@@ -9,7 +9,7 @@ import pytest
 from papers.catalogue import FIGURES
 from papers.figures import life, minutes, override
 from papers.figures.__main__ import DRAW, INDEX, index, main
-from papers.grid_search import responses, sides
+from papers.grid_search import before, responses, sides
 from papers.reproduce.alaskari_oraby import STATED
 from papers.stepped_bar import stepped_bar
 from turning_env import Scenario
@@ -60,13 +60,13 @@ def test_points_lie_on_what_the_paper_prints(minute: int) -> None:
 def test_the_plane_shows_the_chosen_pair_at_the_region_s_edge_and_lines_on_the_limits() -> None:
     for minute, (speed, feed, _) in STATED.items():
         assert minutes.draw_plane(minute).axes[0].lines[-1].get_xydata()[0] == pytest.approx((speed, feed))
-        inside, outside = responses(minute, np.array([speed, speed]), np.array([feed, feed + 0.01])).within
+        inside, outside = responses(*before(minute), np.array([speed, speed]), np.array([feed, feed + 0.01])).within
         assert inside
         assert not outside
     assert [sides(minute) for minute in (1, 2, 14, 15)] == [5, 6, 3, 0]
     (look, path), *_ = minutes.limits(14)
     assert look["color"] == style.VERMILLION
-    np.testing.assert_allclose(responses(14, *path.T).thrust_force, 1500.0, rtol=1e-3)
+    np.testing.assert_allclose(responses(*before(14), *path.T).thrust_force, 1500.0, rtol=1e-3)
     speed_axes, feed_axes = life.draw_pairs().axes
     for place, axes in enumerate((speed_axes, feed_axes)):
         assert axes.lines[1].get_xydata().tolist() == [[minute, stated[place]] for minute, stated in STATED.items()]
@@ -85,11 +85,9 @@ def test_the_figures_that_come_with_the_project_are_all_figures() -> None:
     assert max((DOCS / f"{name}.png").stat().st_size for name in FIGURES) < 150_000
 
 
-def test_the_index_links_all_formats() -> None:
+def test_the_index_shows_the_first_format() -> None:
     page = index({"one": ["Caption of one.", "Agrees."], "two": ["Caption of two."]}, style.FORMATS)
-    assert "## one\n\n![one](one.png)\n\nCaption of one.\n\n* Agrees.\n" in page
-    assert "* Agrees.\n\nAlso as [one.svg](one.svg), [one.pdf](one.pdf).\n" in page
-    assert "## two\n\n![two](two.png)\n\nCaption of two.\n\nAlso as" in page
+    assert "## one\n\n![one](one.png)\n\nCaption of one.\n\n* Agrees.\n\n## two" in page
 
 
 @pytest.mark.slow
