@@ -39,7 +39,7 @@ baselines.law_errors: nothing
 turning_env family: nothing | shop --split nothing | shop --figure made.txt | shop --jobs 0
 turning_control: nothing
 turning_control shield: --env nothing | --episodes 0 | --target x
-turning_control demo: --scenario nothing | --out made.txt
+turning_control demo: --scenario nothing
 turning_control serve: --policy nothing | --policy programmed --scenario nothing
 turning_control opcua: --policy programmed | --policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml
 turning_control plant: --log made.csv --scenario nothing

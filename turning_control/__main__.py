@@ -1,7 +1,7 @@
 """Guard policies, and run them on a real control.
 
-python -m turning_control shield --kept shield.json
-python -m turning_control demo --out demo.png
+python -m turning_control shield
+python -m turning_control demo
 """
 
 import argparse
@@ -16,8 +16,11 @@ from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
 from turning_control.shield import LOG, Settings
 from turning_env import IDS
-from turning_env.console import described, exits, number_within, picture_path, print_json
+from turning_env.console import described, exits, number_within, print_json
 from turning_env.scenario import Scenario
+
+TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
+"""Tasks with an action per interval, which the shield guards."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -34,17 +37,15 @@ def main(arguments: list[str] | None = None) -> int:
     guard.add_argument(
         "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
     )
-    guard.add_argument("--env", nargs="+", choices=IDS, default=list(IDS), metavar="ID", help="tasks (default: all)")
+    guard.add_argument("--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)")
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
-    guard.add_argument("--kept", type=Path, metavar="FILE", help="JSON file of figures: measure only missing ones, and add them")
     guard.add_argument("--json", action="store_true", help="print JSON")
 
     show = command("demo", _demo, "run policies through LinuxCNC")
     show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
     show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
-    show.add_argument("--out", type=picture_path, metavar="FILE", help="picture of override and load: PNG, SVG or PDF")
 
     answers = command("serve", _serve, "answer a HAL component's pins with a policy")
     linked = command("opcua", _opcua, "drive a control that serves OPC UA")
@@ -68,11 +69,11 @@ def main(arguments: list[str] | None = None) -> int:
 def _shield(options: argparse.Namespace) -> int:
     """Play uniform random actions and the best shipped agent of every task, with and without the shield.
 
-    python -m turning_control shield --kept shield.json
+    python -m turning_control shield
     python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
     """
     LOG.setLevel(logging.ERROR)  # hand-overs are counted
-    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target), options.kept))
+    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)))
     print_json([row._asdict() for row in measured]) if options.json else print(measure.table(measured))
     return 0
 
@@ -80,22 +81,20 @@ def _shield(options: argparse.Namespace) -> int:
 def _demo(options: argparse.Namespace) -> int:
     """Start LinuxCNC without a screen on a lathe without hardware, and run policies on the same bars.
 
-    python -m turning_control demo --out demo.png
+    python -m turning_control demo
     python -m turning_control demo --policies programmed --bars 1
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
     agent = measure.best_agent("RoughTurning-Override-v0", Path("agents"))
     policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
-    scenario, runs, compared = Scenario.load(options.scenario), {}, {}
+    scenario, compared = Scenario.load(options.scenario), {}
     for policy in policies:
         print(f"{policy} ...", file=sys.stderr)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
-        runs[name] = linuxcnc.run(policy, options.scenario, options.bars, options.seed)
+        rows = linuxcnc.run(policy, options.scenario, options.bars, options.seed)
         played = linuxcnc.simulated(policy, scenario, options.bars, options.seed)
-        compared[name] = linuxcnc.figures(runs[name], safe_feed(scenario)), played
+        compared[name] = linuxcnc.figures(rows, safe_feed(scenario)), played
     print(linuxcnc.table(compared))
-    if options.out:
-        linuxcnc.picture(runs, scenario, options.out)
     return 0
 
 

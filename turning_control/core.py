@@ -27,7 +27,7 @@ STUCK = 0.5
 """Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
 COMMAND_DELAY = 0.006
 """Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
-FURTHER = ("spindle_heat", "roughness_reference", "probed_depth", "removed_wear")
+FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")
 """Readings that only some scenarios need."""
 
 
@@ -59,8 +59,6 @@ class Readings:
     """Spindle heat [-]."""
     roughness_reference: float = math.nan
     """Roughness reference [um]."""
-    probed_depth: float = math.nan
-    """Depth of cut measured by a probe [mm]."""
     removed_wear: float = math.nan
     """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
 
@@ -110,8 +108,6 @@ class Controller:
     """
 
     def __init__(self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = Settings()) -> None:  # noqa: B008
-        if scenario.control.action == "part":
-            raise ValueError(f"scenario {scenario.name!r} commands whole parts, but a controller needs an action per interval")
         self._scenario, self._highest = scenario.nominal(), highest_feed(scenario)
         self.safe_feed = safe_feed(scenario, settings)
         self._shield = Shield(make_policy(1), self._scenario, 1, settings)

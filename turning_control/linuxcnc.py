@@ -27,7 +27,6 @@ from turning_control.plant import Plant
 from turning_control.shield import LOG, Shield
 from turning_env.action import towards
 from turning_env.extras import provided
-from turning_env.files import replace_file
 from turning_env.observation import read
 from turning_env.physics.drives import lag_share
 from turning_env.scenario import Scenario
@@ -361,25 +360,3 @@ def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
         for where, each in zip(("LinuxCNC", "simulation"), both, strict=True)
     ]  # fmt: skip
     return markdown((*heads, "Late [%]", "Delay [ms]"), rows)
-
-
-def picture(runs: Mapping[str, list[dict[str, float]]], scenario: Scenario, path: Path) -> None:
-    """Draw override and load over the position in the first bar."""
-    from matplotlib.figure import Figure
-
-    from turning_render import plot_style as style
-
-    figure = Figure(figsize=(style.DOUBLE, 0.6 * style.DOUBLE), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    for (name, rows), (colour, dashes) in zip(runs.items(), style.LINES, strict=False):
-        first = [(row["along"], row["feed"], row["power"]) for row in rows if row["bar"] == 0.0 and row["at_feed"]]
-        along, feed, power = np.array(first).T
-        look: dict[str, Any] = {"color": colour, "linestyle": dashes, "lw": 1, "label": name}
-        upper.plot(along - scenario.workpiece.approach, feed / scenario.control.initial_feed, **look)
-        lower.plot(along - scenario.workpiece.approach, power, **look)
-    lower.axhline(scenario.limits.power, color=style.GREY, lw=0.8)
-    lower.annotate("limit", (0.0, scenario.limits.power), fontsize=8, va="bottom", color=style.GREY)
-    upper.set_ylabel("actual over\nprogrammed feed [-]")
-    lower.set(xlabel="position along the bar [mm]", ylabel="spindle power [kW]")
-    upper.legend(fontsize=8, frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    replace_file(path, lambda partial: figure.savefig(partial, dpi=150))

@@ -1,6 +1,5 @@
 """Measure the shield in simulation: overload, broken edges and material removal rate of policies with and without it."""
 
-import json
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,13 +11,11 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from turning_control.shield import SHIELD_VERSION, Settings, Shield
-from turning_env.files import replace_file
-from turning_env.physics import MODEL_VERSION
+from turning_control.shield import Settings, Shield
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.policy import Actions, Observations, Policy
 from turning_env.scoring.score import shipped
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
@@ -30,11 +27,6 @@ class Result(NamedTuple):
     env_id: str
     policy: str
     shielded: bool
-    episodes: int
-    target: float
-    """``Settings.target``, which the shield has."""
-    version: str
-    """``VERSION`` of the code that measured it."""
     severe: float
     """Share of cutting time with an excess above the tolerance, 5 % [-]."""
     edges_broken: int
@@ -47,8 +39,6 @@ class Result(NamedTuple):
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
-VERSION = f"{MODEL_VERSION}.{SHIELD_VERSION}"
-"""Versions of the model and of the shield. Figures of others do not hold."""
 REPORTED = 10.0
 """Time between lines of progress [s]."""
 
@@ -75,7 +65,7 @@ def best_agent(env_id: str, agents: Path) -> Path | None:
     return max(found)[1] if found else None
 
 
-def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, kept: Path | None = None) -> Iterator[Result]:
+def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Result]:
     """Yield the figures of uniform random actions and of the best agent, each with and without the shield.
 
     Args:
@@ -83,34 +73,19 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings, ke
         episodes: held-out seeds of each.
         agents: folder of the agents.
         settings: settings of the shield.
-        kept: file of rows; those in it are not measured again, and new ones are added.
-
-    Raises:
-        ValueError: the file holds rows of another version of the code.
     """
-    found = json.loads(kept.read_text()) if kept and kept.is_file() else []
-    if others := {str(each.get("version", "none")) for each in found} - {VERSION}:
-        raise ValueError(f"{kept} has figures of version {others.pop()}, but the code's is {VERSION}: name another file")
-    known = {row[:6]: row for row in (Result(**each) for each in found)}
     for env_id in env_ids:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
         if (best := best_agent(env_id, agents)) is not None:
             policies[best.stem] = as_factory(best)
         for (name, make), with_shield in product(policies.items(), (False, True)):
-            key = env_id, name, with_shield, episodes, settings.target, VERSION
-            if key not in known:
-                known[key] = _measured(key, scenario, make, settings)
-                if kept:
-                    text = json.dumps([each._asdict() for each in known.values()], indent=1)
-                    replace_file(kept, lambda partial, text=text: partial.write_text(text))  # type: ignore[misc]
-            yield known[key]
+            yield _measured(env_id, name, scenario, make(episodes), episodes, settings if with_shield else None)
 
 
-def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, make: PolicyFactory, settings: Settings) -> Result:
-    env_id, name, with_shield, episodes, *_ = key
-    env, policy = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP), make(episodes)
-    if with_shield:
+def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episodes: int, settings: Settings | None) -> Result:
+    env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
+    if settings:
         policy = Shield(policy, scenario, episodes, settings)
     observations, _ = env.reset(seed=held_out_seeds(episodes))
     policy.reset(np.ones(episodes, np.bool_))
@@ -130,10 +105,12 @@ def _measured(key: tuple[str, str, bool, int, float, str], scenario: Scenario, m
         policy.reset(ended)
         running &= ~ended
         if time.monotonic() > reported + REPORTED:
-            reported, shield = time.monotonic(), ", shielded" if with_shield else ""
+            reported, shield = time.monotonic(), ", shielded" if settings else ""
             print(f"{env_id}: {name}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
     return Result(
-        *key,
+        env_id,
+        name,
+        settings is not None,
         severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
         edges_broken=int(sums["edges_broken"]),
         removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),

@@ -240,24 +240,14 @@ def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values
     return np.stack([law(speed, feed, depth, wear=wear) for law in laws])
 
 
-def feeds_of(scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values, target: float = 1.0) -> Values:
-    """Return the feeds [mm/rev] at which power and force reach ``target`` times their limits; unlimited if feed has no effect.
+def feeds_of(scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values) -> Values:
+    """Return the feeds [mm/rev] at which power and force reach their limits; unlimited if feed has no effect.
 
-    Args:
-        scenario: nominal model.
-        speed: cutting speed [m/min].
-        depth: depth of cut [mm].
-        wear: flank wear [mm].
-        loads: expected over nominal cutting power and thrust force [-].
-        target: load over limit [-].
+    ``loads`` are expected over nominal cutting power and thrust force [-].
     """
     limits, material = scenario.limits, scenario.material
     nominal = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
     per_power, per_force = (load * each for load, each in zip(loads, nominal, strict=True))
-    left = np.maximum(target * limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
-    shares = left / per_power, target * limits.thrust_force / per_force
-    exponents = material.power.feed, material.thrust_force.feed
-    return np.stack([
-        share ** (1.0 / exponent) if exponent > 0 else np.full_like(share, np.inf)
-        for share, exponent in zip(shares, exponents, strict=True)
-    ])  # fmt: skip
+    left = np.maximum(limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
+    shares = (left / per_power, material.power.feed), (limits.thrust_force / per_force, material.thrust_force.feed)
+    return np.stack([share ** (1.0 / feed) if feed > 0 else np.full_like(share, np.inf) for share, feed in shares])

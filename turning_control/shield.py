@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_control.observer import Observer, Values, feeds_of
-from turning_env.action import commanded, set_point_action, towards
+from turning_control.observer import Observer, Values
+from turning_env.action import commanded, towards
 from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share
 from turning_env.physics.quantities import action_size
@@ -28,10 +28,6 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_control")
 
-SHIELD_VERSION = 1
-"""Version of the shield's decisions. Raise it when they change: kept figures of other versions are refused."""
-PART_MARGIN = 2.2
-"""Margin for a part, whose load is not observed before it is cut [standard deviations]."""
 HOPELESS = 2.0
 """Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
 MIN_SHARE = 0.2
@@ -69,15 +65,20 @@ class Shield(Policy):
 
     Attributes:
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
-        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``load`` (a part's), ``rise``,
-            one of ``REFUSALS`` or ``handed over``.
+        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``rise``, one of
+            ``REFUSALS`` or ``handed over``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
             None: the shield integrates the feed.
+
+    Raises:
+        ValueError: the scenario's actions command whole parts.
     """
 
     place: Values | None = None
 
     def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
+        if scenario.control.action == "part":
+            raise ValueError(f"scenario {scenario.name!r} commands whole parts, but the shield guards an action per interval")
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
@@ -98,8 +99,7 @@ class Shield(Policy):
         self._hand_over(self._refused >= PATIENCE, "no valid answers")
         safe = refused | self.handed_over
         actions[safe] = self._safe_actions(reading)[safe]
-        limit = self._limited_parts if self._scenario.control.action == "part" else self._limited
-        actions, limited_by = limit(actions, reading)
+        actions, limited_by = self._limited(actions, reading)
         self.reasons = np.select(
             [refused, self.handed_over, limited_by != ""], [why, "handed over", limited_by], "passed"
         ).tolist()
@@ -135,12 +135,7 @@ class Shield(Policy):
         control, machine = self._scenario.control, self._scenario.machine
         programmed = np.full(len(reading.feed), control.initial_cutting_speed)
         feed = np.full(len(reading.feed), max(self._settings.safe_share * control.initial_feed, machine.feed_min))
-        if control.action != "part":
-            return towards(reading, self._scenario, programmed, feed)
-        speeds = set_point_action(programmed, machine.cutting_speed_min, machine.cutting_speed_max)
-        feeds = set_point_action(feed, machine.feed_min, machine.feed_max)
-        middle = np.zeros_like(feeds)  # the drawing's allowance in half the passes
-        return np.stack([middle, middle, *[speeds, feeds] * control.passes_max], axis=1).astype(np.float32)
+        return towards(reading, self._scenario, programmed, feed)
 
     def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
         """Return actions that keep the limits, and the limits that changed them, shape (num_envs,)."""
@@ -170,28 +165,3 @@ class Shield(Policy):
             changed |= change_edge & (actions[:, -1] <= 0.0)
         by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
         return np.where(changed[:, None], limited, actions), np.where(changed, by, "")
-
-    def _limited_parts(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
-        """Return actions for parts with feeds that keep the limits in every pass, and the limits that changed them."""
-        scenario, machine, work = self._scenario, self._scenario.machine, self._scenario.workpiece
-        unsure = work.depth_along_spread if scenario.sensors.probe else np.hypot(work.depth_along_spread, work.depth_bar_spread)
-        expected = np.where(np.isfinite(reading.probed_depth), reading.probed_depth, work.depth_of_cut)
-        blank = expected + PART_MARGIN * unsure
-        harder = PART_MARGIN * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
-        loads = np.exp([harder * law.hardness for law in (scenario.material.power, scenario.material.thrust_force)])
-        most_passes = scenario.control.passes_max
-        passes = np.minimum(1 + (0.5 * (actions[:, 0] + 1.0) * most_passes).astype(int), most_passes)
-        depth = work.depth_of_cut * (1.0 + actions[:, 1]) / passes
-        wear = np.full(len(depth), scenario.tool.wear_criterion)
-        actions, limited = actions.copy(), np.zeros(len(depth), np.bool_)
-        for number in range(most_passes):
-            floor = (passes - 1 - number) * depth
-            thick = np.maximum(np.minimum(blank, np.inf if number == 0 else floor + depth) - floor, 0.01)
-            share = 0.5 * (actions[:, 2 + 2 * number].astype(np.float64) + 1.0)
-            speed = machine.cutting_speed_min + share * (machine.cutting_speed_max - machine.cutting_speed_min)
-            bound = feeds_of(scenario, speed, thick, wear, loads, self._settings.target).min(axis=0)
-            most = set_point_action(np.clip(bound, machine.feed_min, machine.feed_max), machine.feed_min, machine.feed_max)
-            feed = actions[:, 3 + 2 * number]
-            limited |= (number < passes) & (feed > most)
-            actions[:, 3 + 2 * number] = np.minimum(feed, most)
-        return actions, np.where(limited, "load", "")

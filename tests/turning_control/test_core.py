@@ -22,10 +22,9 @@ class Scripted(Policy):
     """Gives the answers of a list, then zeros."""
 
     def __init__(self, answers: list[Any]) -> None:
-        self.answers, self.asked = answers, 0
+        self.answers = answers
 
     def act(self, observations: Observations) -> Actions:
-        self.asked += 1
         return self.answers.pop(0) if self.answers else np.zeros((1, 2), np.float32)
 
 
@@ -97,22 +96,10 @@ def test_faults_of_sensors_and_spindle(readings: list[Readings], first: Status, 
     assert commands[-1].adaptive_feed == (0.0 if last == Status.OPERATOR else pytest.approx(0.5 * 0.25 / 0.6))
 
 
-def test_without_feed_motion_the_policy_is_not_asked() -> None:
-    policy = Scripted([])
-    controller = Controller(Scenario.load("rough_turning"), lambda num_envs: policy)
-    assert controller.decide(replace(STEADY, in_feed=False)).status == Status.IDLE
-    assert policy.asked == 0
-
-
-def test_the_controller_lists_readings_that_it_lacks() -> None:
+def test_without_feed_motion_the_controller_idles_and_it_lists_readings_that_it_lacks() -> None:
+    assert decided([], replace(STEADY, in_feed=False))[0].status == Status.IDLE
     controller = Controller(Scenario.load("surface"), lambda num_envs: Scripted([]))
     assert controller.lacks(STEADY) == ["roughness_reference"]
-
-
-def test_every_decision_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level("DEBUG", "turning_control"):
-        decided([], *noisy(3))
-    assert len([each for each in caplog.records if each.levelname == "DEBUG"]) == 3
 
 
 def test_a_control_has_its_stated_delay_or_that_of_linuxcnc() -> None:

@@ -1,6 +1,5 @@
 """The shield in simulation: limits held, wrong answers refused, right ones left alone."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ def first(scenario: Scenario, num_envs: int) -> Observations:
     return observations
 
 
-@pytest.mark.parametrize("preset", ["rough_turning", "override", "batch_casting", "paper", "shift"])
+@pytest.mark.parametrize("preset", ["rough_turning", "override", "paper", "shift"])
 def test_actions_far_from_the_limits_pass_unchanged(preset: str) -> None:
     scenario = Scenario.load(preset)
     action = np.full((2, action_size(scenario)), -0.9, np.float32)
@@ -124,14 +123,6 @@ def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Path) -> No
     assert [row.shielded for row in measured] == [False, True]
 
 
-def test_kept_figures_are_not_measured_again_and_those_of_other_code_are_refused(tmp_path: Path) -> None:
-    kept, task = tmp_path / "kept.json", ["RoughTurning-Batch-v0"]
-    row = next(rows(task, 1, tmp_path, Settings(), kept))
-    kept.write_text(json.dumps([row._asdict() | {"edges_broken": 77}]))
-    again = rows(task, 1, tmp_path, Settings(), kept)
-    assert next(again).edges_broken == 77
-    assert next(again).shielded
-    assert len(json.loads(kept.read_text())) == 2
-    kept.write_text(json.dumps([row._asdict() | {"version": "0.0"}]))
-    with pytest.raises(ValueError, match="version"):
-        next(rows(task, 1, tmp_path, Settings(), kept))
+def test_whole_parts_are_refused() -> None:
+    with pytest.raises(ValueError, match="'batch_casting' commands whole parts"):
+        Shield(Constant(None), Scenario.load("batch_casting"), 1)
