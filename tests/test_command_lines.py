@@ -27,16 +27,14 @@ turning_env presets: more
 turning_env show: nothing | .
 turning_env schema: more
 turning_env warm-up: more
-turning_env current: nothing.csv | .
 turning_env program: nothing.mpf --scenario rough_turning | . --scenario rough_turning
 turning_env program: nothing.mpf --scenario rough_turning --adapt nothing | nothing.mpf --scenario rough_turning --tool T1
 turning_env score: nothing.onnx | nothing:policy | math:pi | nothing.onnx --env nothing | math:cos --seeds 0
-turning_env calibrate: nothing.csv --out made.toml | . --out made.toml | nothing.csv --out made.toml --confidence 2
+turning_env calibrate: nothing.csv --out made.toml | . --out made.toml
 turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging --cutting-speed x --feed 0.3 --wear 0.2
-turning_env advise: nothing | . --seeds 1 | forging --hours 0 | forging --seeds -1
+turning_env advise: nothing | . --seeds 1 | forging --seeds -1
 turning_env map: nothing --wear 0.2 --out made.png | forging --wear 0.2 --out made.txt
 baselines.law_errors: nothing
-turning_env family: nothing | shop --split nothing | shop --figure made.txt | shop --jobs 0
 turning_control: nothing
 turning_control shield: --env nothing | --episodes 0 | --target x
 turning_control demo: --scenario nothing

@@ -7,9 +7,7 @@ python -m turning_env calibrate cuts.csv --out my_tool.toml
 python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
 python -m turning_env map my_tool.toml --wear 0.2 --out map.png
 python -m turning_env advise my_tool.toml
-python -m turning_env current current.csv
 python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120
-python -m turning_env family shop --figure jobs.png
 python -m turning_env score my_agent.onnx
 python -m turning_env warm-up
 """

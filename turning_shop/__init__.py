@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,3 +25,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     for first, *others in rows:
         cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
         yield "  ".join(cells).rstrip()
+
+
+def refuse_existing(overwrite: bool, *paths: Path | None) -> None:
+    """Raise an error if one of the files exists that a command is about to write, unless it may be replaced."""
+    for path in paths:
+        if path and path.exists() and not overwrite:
+            raise WorkshopError(f"{path} exists; --overwrite replaces it")

@@ -1,9 +1,10 @@
-"""Advise speed and feed for a scenario, in parts, minutes and money.
+"""Advise speed, feed and edge change for a scenario, in parts, minutes and money.
 
-Recommendations are nominal: limits are kept with a worn edge, at nominal depth and hardness. ``advise_play.py`` plays them.
+All numbers refer to one policy: the edge is changed after a fixed number of whole parts, which 97.5 % of edges last. If fewer
+edges last a part, it is changed after a fixed share of one. Loads keep their limits up to the flank wear that no more than 2.5 %
+of edges exceed at the change, at nominal depth and hardness. ``advise_play.py`` plays the advice on bars that vary.
 """
 
-import itertools
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -12,17 +13,19 @@ from scipy import stats
 
 from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
-from turning_shop.prediction import LEVEL, Evidence, predict
-from turning_shop.whatif import Cuts, what_if
+from turning_shop.fit import FACTORS, LEVEL
+from turning_shop.measurements import COLUMNS
+from turning_shop.prediction import BEYOND, Evidence, Prediction, predict
+from turning_shop.whatif import Cuts, records, what_if
 
-GRID = 81
-"""Number of cutting speeds, and of feeds, that are tried."""
-SLICES = 6
-"""Number of sections of the edge's life in a schedule."""
-UNATTENDED_SHARE = 0.8
-"""Share of the highest removal rate that the longest unattended run keeps [-]."""
-AIMS = ("most metal", "least cost", "longest run")
-"""Aims of recommendations; ``longest run`` is the longest time between changes of edge."""
+SPEEDS, FEEDS = 120, 60
+"""Largest number of round cutting speeds, and of round feeds, that are tried."""
+WEARS = 10
+"""Number of flank wears at the change that are tried."""
+AIMS = ("least cost", "least cost as measured", "most metal")
+"""Aims of advice; the second keeps to the measured range, and is left out if the first does."""
+BINDS = 1e-3
+"""Relative gain of lifting a limit above which it binds [-]."""
 
 
 class Prices(NamedTuple):
@@ -52,146 +55,164 @@ class Prices(NamedTuple):
         return cls(unit, minute, edge, economics.edge_change_time)
 
 
-class Step(NamedTuple):
-    """Speed and feed from one wear of the edge to another.
+class Plan(NamedTuple):
+    """Settings and the edge change that follows from them: numbers, or arrays of one shape.
 
     Attributes:
-        wear: Flank wear at the end [mm].
-        cutting_speed, feed: [m/min], [mm/rev].
-        minutes: Cutting time from the beginning of the step to its end [min].
+        cuts: The cut at the flank wear that the edge reaches at the change at most.
+        prediction: Intervals of the cut.
+        parts: Parts per edge; a share of one if edges do not last a part.
+        minutes: Cutting time of an edge [min].
+        cycle_time: Time from part to part, without edge changes [min].
+        removal_rate: Metal per minute, edge changes included [cm3/min].
+        cost: Cost of a part, edges included.
+        cost_low, cost_high: The 95 % interval of the cost, with as many parts per edge as then last, as far as the law of wear
+            is known; NaN if it was not measured.
     """
 
-    wear: float
-    cutting_speed: float
-    feed: float
-    minutes: float
+    cuts: Cuts
+    prediction: Prediction
+    parts: Any
+    minutes: Any
+    cycle_time: Any
+    removal_rate: Any
+    cost: Any
+    cost_low: Any
+    cost_high: Any
+
+    @property
+    def where(self) -> str:
+        """Speed, feed and edge change, for people."""
+        parts = f"after {self.parts:.0f} part{'s' * bool(self.parts > 1)}"
+        if self.parts < 1:
+            parts = f"after {self.minutes:.1f} min of cutting ({self.parts:.2f} parts)"
+        return f"{self.cuts.cutting_speed:g} m/min, {self.cuts.feed:g} mm/rev, change {parts}"
+
+    def as_record(self) -> dict[str, Any]:
+        """Return all numbers for JSON."""
+        _, _, *others = self._fields
+        return records(self.cuts, self.prediction)[0] | {name: float(getattr(self, name)) for name in others}
+
+    @property
+    def mark(self) -> str:
+        """A star if a law is used outside the measured range."""
+        return " *" * bool(self.prediction.extrapolated)
+
+
+class Bound(NamedTuple):
+    """A limit that binds an advice.
+
+    Attributes:
+        limit: Its name in the scenario, with value and unit.
+        law: What is known of its law; empty for a range of the machine.
+        without: The advice without it; None for a range of the machine.
+    """
+
+    limit: str
+    law: str
+    without: Plan | None
 
 
 class Advice(NamedTuple):
-    """A recommendation: fixed parameters, or a schedule over the edge's life.
-
-    Attributes:
-        aim: One of ``AIMS``.
-        steps: One for fixed parameters.
-        life: Cutting time of an edge and its 95 % interval [min].
-        part_time: Cutting time of a part [min].
-        cycle_time: Time from part to part, without edge changes [min].
-        parts: Parts per edge and their 95 % interval.
-        removal_rate: Metal per minute, edge changes included [cm3/min].
-        cost: Cost of a part, edges included.
-        extrapolated: Whether the laws are used beyond what was measured.
-    """
+    """A plan, its aim, one of ``AIMS``, and the limits that bind it."""
 
     aim: str
-    steps: tuple[Step, ...]
-    life: tuple[float, float, float]
-    part_time: float
-    cycle_time: float
-    parts: tuple[float, float, float]
-    removal_rate: float
-    cost: float
-    extrapolated: bool
+    plan: Plan
+    bounds: tuple[Bound, ...]
 
-    @property
-    def change_after(self) -> int:
-        """Number of parts after which to change the edge; nearly all edges last as long."""
-        return int(self.parts[1])
+    def as_record(self) -> dict[str, Any]:
+        """Return the advice for JSON, with all numbers of its cut and their intervals."""
+        bounds = [each._asdict() | {"without": each.without and each.without.as_record()} for each in self.bounds]
+        return {"aim": self.aim} | self.plan.as_record() | {"bounds": bounds}
+
+
+def plan(scenario: Scenario, evidence: Evidence, cutting_speed: Any, feed: Any, wear: Any, hardness: Any = 1.0) -> Plan:
+    """Return the plan of a cutting speed [m/min] and a feed [mm/rev] whose edge is changed before a flank wear [mm]."""
+    prices, work, machine = Prices.of(scenario), scenario.workpiece, scenario.machine
+    cuts = what_if(scenario, cutting_speed, feed, hardness=hardness, wear=wear)
+    prediction = predict(scenario, evidence, cuts, of_wear=True)
+    spread, known = np.full(cuts.time.shape, life_spread(scenario)), np.full(cuts.time.shape, np.nan)
+    if law := evidence.laws.get("wear"):  # edges differ at least as much as the scenario says
+        spread = np.maximum(spread, np.log(prediction.high["time"] / cuts.time))
+        known = law.quantile * law.log_deviation(scenario.material.wear, cuts._asdict(), 0.0) / scenario.material.wear.time
+    per_minute = cuts.feed * cuts.spindle_speed  # [mm/min]
+    part_time = work.bar_length / per_minute
+    cycle = (work.bar_length + work.approach) / per_minute + machine.return_time
+
+    def policy(shift: Any) -> tuple[Any, Any]:
+        """Return parts per edge and the cost of a part if the logarithm of all lives shifts."""
+        lasting = cuts.time * np.exp(shift - spread) / part_time
+        parts = np.where(lasting < 1, lasting, np.floor(lasting * (1 + 1e-9)))
+        return parts, prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts
+
+    parts, cost = policy(0.0)
+    rate = part_volume(scenario) / (cycle + prices.change_time / parts)
+    ends = policy(known)[1], policy(-known)[1]
+    return Plan(cuts, prediction, parts, parts * part_time, cycle, rate, cost, *ends)
 
 
 def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
-    """Return fixed parameters and a schedule for each aim, in this order.
+    """Return the advice for each aim, the headline first.
 
     Raises:
         WorkshopError: No speed and feed keep the limits with a worn edge, or the scenario is not one of plain bars.
     """
     if scenario.control.action == "part":
         raise WorkshopError('control.action is "part": advise covers bars at one depth, not whole parts of several passes')
-    machine = scenario.machine
-    speeds = np.geomspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID)
-    feeds = np.geomspace(machine.feed_min, machine.feed_max, GRID)
-    if scenario.control.action == "override":
-        speeds = np.array([scenario.control.initial_cutting_speed])
-    wears = scenario.tool.wear_criterion * np.arange(1, SLICES + 1) / SLICES
-    speeds, feeds = (values.ravel() for values in np.meshgrid(speeds, feeds))
-    cuts = what_if(scenario, speeds, feeds, wear=wears[:, np.newaxis])  # a row per section of the edge's life, at its end
-    possible = np.atleast_1d(cuts.within_limits.any(axis=1))
-    if not possible[-1]:
+    tried = plan(scenario, evidence, *settings(scenario))
+    if not tried.cuts.within_limits.any():
         raise WorkshopError(
             f"no speed and feed keep limits.thrust_force, {scenario.limits.thrust_force:g} N, and limits.power, "
-            f"{scenario.limits.power:g} kW, with an edge worn to {wears[-1]:g} mm: reduce workpiece.depth_of_cut"
+            f"{scenario.limits.power:g} kW, with an edge worn to {tried.cuts.wear.min():g} mm: reduce workpiece.depth_of_cut"
         )
-    found = []
-    for aim, scheduled in itertools.product(AIMS, (False, True)):
-        # An edge may be changed before it is worn out, because a fresher one cuts faster.
-        ends = [SLICES] if aim == "longest run" else np.flatnonzero(possible) + 1
-        plans = [_best(scenario, evidence, aim, _at(cuts, slice(0 if scheduled else end - 1, end))) for end in ends]
-        found.append(min(plans, key=lambda each: each.cost if aim == "least cost" else -each.removal_rate))
+    found: list[Advice] = []
+    for aim in AIMS:
+        best = _best(scenario, evidence, tried, aim)
+        if best and (aim != AIMS[1] or found[0].plan.mark):
+            found.append(Advice(aim, best, tuple(_bounds(scenario, evidence, tried, aim, best))))
     return found
 
 
-def _at(cuts: Cuts, index: Any) -> Cuts:
-    return Cuts(*(values[index] for values in cuts))
+def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
+    """Return the round speeds [m/min] and feeds [mm/rev], and the wears [mm], that are tried, as axes of one table."""
+    machine = scenario.machine
+    speeds = round_numbers(machine.cutting_speed_min, scenario.cutting_speed_max, SPEEDS)
+    if scenario.control.action == "override":
+        speeds = np.array([scenario.control.initial_cutting_speed])
+    wears = np.arange(1, WEARS + 1) / WEARS * scenario.tool.wear_criterion
+    return speeds, round_numbers(machine.feed_min, machine.feed_max, FEEDS)[:, np.newaxis], wears[:, np.newaxis, np.newaxis]
 
 
-def _best(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts) -> Advice:
-    """Return the best settings for each section of the edge's life, at whose end its limits are kept.
-
-    The aim is a ratio, cost over volume or time over volume. Its least value k makes the least of cost - k volume zero
-    (Dinkelbach 1967), and at given k each section of the life is optimised by itself.
-
-    ``cuts`` have the shape (sections, settings).
-    """
-    prices, sections = Prices.of(scenario), np.arange(len(cuts.time))
-    minute, edge = (prices.minute, prices.edge) if aim == "least cost" else (1.0, 0.0)
-    # Wear is the same function of a time at each setting, so sections are differences of such times.
-    times = np.diff(cuts.time, axis=0, prepend=0.0)
-    if aim == "longest run":
-        rates = np.where(cuts.within_limits, cuts.removal_rate, 0.0)
-        fast = cuts.within_limits & (rates >= UNATTENDED_SHARE * rates.max(axis=1, keepdims=True))
-        choice = np.where(fast, times, -1.0).argmax(axis=1)
-    else:
-        cost = minute * times * (1.0 + _idle(scenario, cuts) / _part_time(scenario, cuts))
-        metal = times * cuts.removal_rate
-        price = 0.0
-        for _ in range(60):
-            choice = np.where(cuts.within_limits, cost - price * metal, np.inf).argmin(axis=1)
-            spent = edge + minute * prices.change_time + cost[sections, choice].sum()
-            price = spent / metal[sections, choice].sum()
-    return plan(scenario, evidence, aim, _at(cuts, (sections, choice)), times[sections, choice])
+def round_numbers(low: float, high: float, count: int) -> Values:
+    """Return both ends, and between them multiples of 1, 2 or 5 times a power of ten, about ``count`` at most."""
+    power = 10.0 ** np.floor(np.log10((high - low) / count))
+    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= count)
+    inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step)) * step
+    return np.unique(np.round([low, *inner, high], 9))
 
 
-def plan(scenario: Scenario, evidence: Evidence, aim: str, cuts: Cuts, minutes: Values) -> Advice:
-    """Return the recommendation that follows from chosen settings.
+def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
+    """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
+    aimed = -tried.removal_rate if aim == "most metal" else tried.cost
+    possible = tried.cuts.within_limits & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
+    if not possible.any():
+        return None
+    index = np.where(possible, aimed, np.inf).argmin()
+    return plan(scenario, evidence, *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")))
 
-    Args:
-        scenario: The machine, material, limits and prices.
-        evidence: Evidence for the laws.
-        aim: One of ``AIMS``.
-        cuts: The cut in each section of the edge's life, at the wear at its end, shape (sections,).
-        minutes: Cutting time of each section [min], shape (sections,).
-    """
-    prices = Prices.of(scenario)
-    parts_of_section = minutes / _part_time(scenario, cuts)
-    life, parts = float(minutes.sum()), float(parts_of_section.sum())
-    # Edges differ at least as much as the scenario says, even if no edges were named in the sheet.
-    half, prediction = life_spread(scenario), predict(scenario, evidence, cuts, of_wear=True)
-    if "wear" in evidence.laws:
-        half = max(half, float(np.log(prediction.high["tool_life"] / cuts.tool_life).max()))
-    low, high = float(np.exp(-half)), float(np.exp(half))
-    cycle = (life + float(parts_of_section @ _idle(scenario, cuts))) / parts
-    with_change = cycle + prices.change_time / parts
-    columns = (cuts.wear, cuts.cutting_speed, cuts.feed, minutes)
-    return Advice(
-        aim=aim,
-        steps=tuple(Step(*row) for row in np.column_stack(columns).tolist()),
-        life=(life, life * low, life * high),
-        part_time=life / parts,
-        cycle_time=cycle,
-        parts=(parts, parts * low, parts * high),
-        removal_rate=part_volume(scenario) / with_change,
-        cost=prices.minute * with_change + prices.edge / parts,
-        extrapolated=bool(prediction.extrapolated.any()),
-    )
+
+def _bounds(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str, best: Plan) -> Iterator[Bound]:
+    limits, machine = scenario.limits, scenario.machine
+    for name, unit in (("power", "kW"), ("thrust_force", "N")):
+        lifted = tried._replace(cuts=tried.cuts._replace(**{f"{name}_share": np.zeros_like(tried.cuts.wear)}))
+        without = _best(scenario, evidence, lifted, aim)
+        if without and (without.cost < best.cost * (1 - BINDS) or without.removal_rate > best.removal_rate * (1 + BINDS)):
+            law = "its law was measured" if name in evidence.laws else "its law was not measured"
+            yield Bound(f"limits.{name}, {getattr(limits, name):g} {unit}", law, without)
+    speeds, feeds = (machine.cutting_speed_min, scenario.cutting_speed_max), (machine.feed_min, machine.feed_max)
+    for name, (low, high) in (("cutting_speed", speeds), ("feed", feeds)):
+        if (value := getattr(best.cuts, name)) in (low, high) and scenario.control.action != "override":
+            yield Bound(f"machine.{name}_{'min' if value == low else 'max'}, {value:g} {COLUMNS[name].unit}", "", None)
 
 
 def life_spread(scenario: Scenario) -> float:
@@ -205,56 +226,73 @@ def part_volume(scenario: Scenario) -> float:
     return float(np.pi * work.diameter * work.depth_of_cut * work.bar_length / 1000.0)
 
 
-def _part_time(scenario: Scenario, cuts: Cuts) -> Values:
-    """Return the cutting time of a part [min]: its length over the feed velocity."""
-    return np.asarray(scenario.workpiece.bar_length / (cuts.feed * cuts.spindle_speed))
+def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
+    """Yield the recommendation in a sentence, and sentences on what binds it."""
+    _, best, bounds = found[0]
+    unit = Prices.of(scenario).unit
+    ends = money(best.cost_low), money(best.cost_high)
+    interval = f" ({ends[0]} to {ends[1]})" if ends[0] != ends[1] else ""
+    yield f"Cut {best.where}: {money(best.cost)} {unit} a part{interval}{best.mark}"
+    if best.mark:
+        yield f"* outside what was measured: {'; '.join(outside(evidence, best))}"
+    for bound in bounds:
+        moved = ""
+        if there := bound.without:
+            moved = f", and {bound.law}; without it {there.where}: {money(there.cost)} {unit} a part{there.mark}"
+        yield f"{bound.limit}, binds{moved}"
+    if not bounds:
+        yield "No limit binds: time and edges are in balance"
 
 
-def _idle(scenario: Scenario, cuts: Cuts) -> Values:
-    """Return the time of a part without cutting [min]: the return, and the path in air before the bar."""
-    return np.asarray(scenario.machine.return_time + scenario.workpiece.approach / (cuts.feed * cuts.spindle_speed))
+def money(value: float) -> str:
+    """Return an amount of money with two digits behind the point, or three in all if it is below 1."""
+    return f"{value:.2f}" if value >= 1 else f"{value:.3g}"
 
 
-def summary(scenario: Scenario, found: list[Advice]) -> Iterator[str]:
-    """Yield lines of text."""
-    prices, work, unit = Prices.of(scenario), scenario.workpiece, Prices.of(scenario).unit
+def outside(evidence: Evidence, best: Plan) -> Iterator[str]:
+    """Yield the factors of a cut that lie outside the ranges in which its laws were measured."""
+    values = best.cuts._asdict()
+    for name in dict.fromkeys(FACTORS["wear"] + FACTORS["power"]):
+        ranges = [law.measured[name] for law in evidence.laws.values() if name in law.measured]
+        low, high = max((ends[0] for ends in ranges), default=0.0), min((ends[1] for ends in ranges), default=np.inf)
+        if not low * (1 - BEYOND) <= values[name] <= high * (1 + BEYOND):
+            measured = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+            yield f"{name} {values[name]:.3g}, but measured at {measured} {COLUMNS[name].unit}"
+
+
+def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
+    """Yield lines of text: the jobs and prices, the recommendation, and a table of all advice."""
+    prices, work = Prices.of(scenario), scenario.workpiece
     bars = f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep"
     yield f"{scenario.name}: {bars}; edges worn out at {scenario.tool.wear_criterion:g} mm"
     change = f"a change takes {prices.change_time:g} min"
-    yield f"a minute costs {prices.minute:.3g} {unit}, an edge {prices.edge:.3g} {unit}; {change}"
+    yield f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} {prices.unit}; {change}"
     yield ""
+    yield from headline(scenario, evidence, found)
+    yield ""
+    heads = ("speed", "feed", "change after", "or at wear", "tool life", "force", "power", "cycle", "mean MRR", "cost per part")
     yield from aligned([
-        ("", "speed", "feed", "tool life", "parts per edge", "change after", "at wear", "cycle", "MRR", "cost per part"),
-        ("", "m/min", "mm/rev", "min", "", "parts", "mm", "min", "cm3/min", unit),
+        ("", *heads),
+        ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),
         *(
             (
-                f"{each.aim}, {'fixed' if len(each.steps) == 1 else 'schedule'}",
-                _span([step.cutting_speed for step in each.steps], ".0f"),
-                _span([step.feed for step in each.steps], ".3f"),
-                "{:.1f} ({:.1f}-{:.1f})".format(*each.life),
-                "{:.1f} ({:.1f}-{:.1f})".format(*each.parts),
-                str(each.change_after),
-                f"{each.steps[-1].wear:.2f}",
-                f"{each.cycle_time:.2f}",
-                f"{each.removal_rate:.1f}",
-                f"{each.cost:.3f}" + " *" * each.extrapolated,
+                aim,
+                f"{best.cuts.cutting_speed:g}",
+                f"{best.cuts.feed:g}",
+                f"{best.parts:.3g}",
+                f"{best.cuts.wear:.3g}",
+                f"{best.cuts.tool_life:.1f}" + _interval(best, "tool_life", ".1f"),
+                f"{best.cuts.thrust_force:.0f}",
+                f"{best.cuts.power:.1f}",
+                f"{best.cycle_time:.2f}",
+                f"{best.removal_rate:.1f}",
+                money(best.cost) + best.mark,
             )
-            for each in found
+            for aim, best, _ in found
         ),
     ])  # fmt: skip
-    for each in found:
-        if len(each.steps) > 1:
-            yield ""
-            yield f"schedule for {each.aim}: cutting time of the edge, speed, feed, wear at the end"
-            begun = 0.0
-            for step in each.steps:
-                times = f"{begun:6.1f} to {begun + step.minutes:6.1f} min"
-                yield f"  {times}  {step.cutting_speed:6.0f} m/min  {step.feed:.3f} mm/rev  {step.wear:.3f} mm"
-                begun += step.minutes
-    if any(each.extrapolated for each in found):
-        yield "* extrapolated: a setting lies outside what was measured"
 
 
-def _span(values: list[float], form: str) -> str:
-    low, high = format(min(values), form), format(max(values), form)
-    return low if low == high else f"{low}-{high}"
+def _interval(best: Plan, name: str, form: str) -> str:
+    low, high = best.prediction.low[name], best.prediction.high[name]
+    return f" ({low:{form}}-{high:{form}})" if np.isfinite(low) else ""

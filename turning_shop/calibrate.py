@@ -8,7 +8,7 @@ import json
 import os
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,9 @@ from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_shop.measurements import COLUMNS, Measurements
-from turning_shop.next_cuts import NextCuts, next_cuts
 from turning_shop.plausibility import RobustFit, law_problems, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import BEYOND, Evidence, evidence_of, read_evidence
+from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers
 
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
@@ -50,9 +50,7 @@ class Calibration:
         material: The fitted and the kept laws.
         problems: Implausible values, if the calibration was forced.
         warnings: Warnings for the use of the laws.
-        next_cuts: Cuts to measure next; None if all laws are known.
         readings: How each column of the sheet was read.
-        confidence: Confidence level of all intervals [-].
     """
 
     fits: dict[str, Fit]
@@ -61,9 +59,7 @@ class Calibration:
     material: Material
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
-    next_cuts: NextCuts | None
     readings: tuple[str, ...]
-    confidence: float
 
     @property
     def wear_factor_spread(self) -> float | None:
@@ -72,16 +68,12 @@ class Calibration:
         return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
 
 
-def calibrate(
-    measurements: Measurements, base: Scenario, confidence: float = 0.95, strict: bool = False, force: bool = False
-) -> Calibration:
+def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -> Calibration:
     """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
 
     Args:
         measurements: Returned by ``read_measurements``.
         base: Scenario with the laws to start from and the ranges for which extrapolation is warned of.
-        confidence: Confidence level of the intervals [-], above 0 and below 1.
-        strict: Raise an error if the exponent of a column cannot be estimated.
         force: Go on with measurements and laws that cannot be true.
 
     Raises:
@@ -94,7 +86,9 @@ def calibrate(
     for response in FACTORS:
         if complete_rows(response, measurements).any():
             try:
-                fits[response] = fit(response, measurements, getattr(base.material, response), confidence)
+                fits[response] = fit(response, measurements, getattr(base.material, response))
+                if response == "wear" and is_papers(base.material.wear):
+                    fits["wear"] = _with_taylor(fits["wear"], measurements, base)
             except WorkshopError as error:
                 if problems and not force:  # the likely reason
                     raise Implausible(problems) from error
@@ -105,11 +99,6 @@ def calibrate(
             kept[response] = f"there is no column {', '.join(absent)}" if absent else f"no row has all of {', '.join(needed)}"
     if not fits:
         raise WorkshopError("no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items()))
-    wrong = [f"{name}: {why}" for name, why in kept.items() if why.startswith("no row")]
-    for response, fitted in fits.items():
-        wrong += [f"{response}: {why}" for factor, why in fitted.assumed.items() if factor in measurements.columns]
-    if strict and wrong:
-        raise WorkshopError("not all can be fitted, as --strict demands: " + "; ".join(wrong))
     robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
     problems += outliers(fits, robust)
     if not problems or force:  # wrong rows make laws wrong, too
@@ -123,8 +112,20 @@ def calibrate(
         detail = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise WorkshopError(f"the fitted laws are no material: {detail}") from error
     warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base), *_extrapolations(fits, base))
-    advised = next_cuts(fits, base)
-    return Calibration(fits, robust, kept, material, tuple(problems), warnings, advised, measurements.readings, confidence)
+    return Calibration(fits, robust, kept, material, tuple(problems), warnings, measurements.readings)
+
+
+def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
+    """Return a law of wear whose exponent of speed or time, if the sheet cannot tell it, agrees with Taylor's n of catalogues."""
+    law, assumed = base.material.wear, fitted.assumed
+    if "cutting_speed" in assumed:
+        known = {"cutting_speed": fitted.law.time / TAYLOR}
+    elif "time" in assumed and fitted.law.cutting_speed > 0:
+        known = {"time": fitted.law.cutting_speed * TAYLOR}
+    else:
+        return fitted
+    again = fit("wear", measurements, law.model_copy(update=known))
+    return replace(again, assumed=assumed | {name: f"{assumed[name]}; {CATALOGUE}" for name in known})
 
 
 def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
@@ -180,7 +181,6 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
         "measurements": source,
         "columns": list(calibration.readings),
         "base": base,
-        "confidence": calibration.confidence,
         "laws": {
             response: {
                 "rows": len(fitted.lines),
@@ -189,7 +189,6 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
                 "scatter": fitted.scatter,
                 "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
                 "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
-                "robust": calibration.robust[response].exponents,
                 "outliers": fitted.lines[calibration.robust[response].outlying].tolist(),
                 "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
                 "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
@@ -200,7 +199,6 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
         "kept_from_base": calibration.kept,
         "problems": list(calibration.problems),
         "warnings": list(calibration.warnings),
-        "next_cuts": calibration.next_cuts and calibration.next_cuts._asdict(),
     }
 
 
@@ -214,15 +212,11 @@ def summary(calibration: Calibration) -> Iterator[str]:
         if fitted.edges:
             yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
         for name, estimate in fitted.estimates.items():
-            robust = calibration.robust[response].exponents.get(name)
-            beside = "" if robust is None else f"   robust {robust:.6g}"
-            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}{beside}"
+            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
         for name, why in fitted.assumed.items():
             yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
     for response, why in calibration.kept.items():
         yield f"{response}: as in the base, {why}"
-    if calibration.next_cuts:
-        yield from calibration.next_cuts.summary()
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
@@ -260,9 +254,10 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
     stated.pop("calibration", None)
     before = read_evidence(Scenario.load(base))
     kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
+    lasting = [warning for warning in calibration.warnings if not warning.startswith("column ")]  # of laws, not of the sheet
     evidence = Evidence(
         source=source,
-        warnings=tuple(dict.fromkeys((*calibration.problems, *calibration.warnings, *(before.warnings if kept else ())))),
+        warnings=tuple(dict.fromkeys((*calibration.problems, *lasting, *(before.warnings if kept else ())))),
         laws=kept | {name: evidence_of(fitted) for name, fitted in calibration.fits.items()},
     )
     text = "\n".join(_toml_lines(calibration, stated, evidence, source))
@@ -271,8 +266,7 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
 
 
 def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evidence, source: str) -> Iterator[str]:
-    interval = f"{100 * calibration.confidence:g} % interval"
-    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its {interval}."
+    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its 95 % interval."
     for response, why in calibration.kept.items():
         yield f"# The law of {response} is the base's: {why}."
     if calibration.wear_factor_spread is not None:

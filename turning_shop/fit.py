@@ -38,6 +38,8 @@ MIN_KEPT = 1e-3
 """Lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished."""
 SIGNIFICANCE = 0.01
 """Probability of the F test below which rows at the same settings count as correlated [-]."""
+LEVEL = 0.95
+"""Confidence level of all intervals [-]."""
 MAX_LOG = 700.0
 """Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
 
@@ -142,7 +144,7 @@ class Fit:
         return int(self.lines[index]), float(self.residuals[index])
 
 
-def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: float = 0.95) -> Fit:
+def fit(response: str, measurements: Measurements, base: PowerLaw) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
     Without a hardness column or value, hardness is nominal.
@@ -151,7 +153,6 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
         response: A key of ``FACTORS``.
         measurements: Returned by ``read_measurements``.
         base: The law whose exponents replace those that cannot be estimated.
-        confidence: Confidence level of the intervals [-], above 0 and below 1.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
@@ -182,7 +183,7 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, confidence: f
     names = ("coefficient", *fitted)
     law = _validated(response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True)))
     degrees = edges.degrees if edges else (count - len(names),) * len(names)
-    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * confidence, degrees)
+    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, degrees)
     ends = np.column_stack([solution - margins, solution + margins])
     ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
     estimates = {name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)}

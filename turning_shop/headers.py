@@ -20,30 +20,29 @@ EDGE = "edge"
 """An optional column that holds no numbers: the name of the cutting edge."""
 
 UNITS = {
-    "speed": {"m/min": 1.0, "m/s": 60.0, "ft/min": 0.3048, "sfm": 0.3048},
+    "speed": {"m/min": 1.0, "m/s": 60.0, "ft/min": 0.3048, "sfm": 0.3048, "sfpm": 0.3048, "fpm": 0.3048},
     "feed": {"mm/rev": 1.0, "mm/r": 1.0, "mm/u": 1.0, "mm/umdr": 1.0, "um/rev": 0.001, "in/rev": 25.4, "ipr": 25.4},
     "length": {"mm": 1.0, "um": 0.001, "in": 25.4, "inch": 25.4},
     "time": {"min": 1.0, "s": 1 / 60, "sec": 1 / 60, "sek": 1 / 60, "ms": 1 / 60e3, "h": 60.0},
     "force": {"n": 1.0, "kn": 1000.0, "dan": 10.0, "lbf": 4.4482216},
     "power": {"kw": 1.0, "w": 0.001, "hp": 0.745700, "ps": 0.735499},
-    "current": {"a": 1.0, "ma": 0.001},
-    "torque": {"n m": 1.0, "nm": 1.0},
     "ratio": {"-": 1.0, "1": 1.0, "%": 0.01},
 }
 """Units of each dimension, in small letters, and their sizes."""
 
 NAMES = {
-    "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
+    "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "surface feet", "schnittgeschwindigkeit"),
     "feed": ("feed", "f", "fn", "f n", "feed per revolution", "feed per rev", "vorschub", "vorschub pro umdrehung"),
     "depth_of_cut": ("depth of cut", "ap", "a p", "doc", "cutting depth", "schnitttiefe", "zustellung"),
     "time": ("time", "t", "tc", "cutting time", "zeit", "schnittzeit", "eingriffszeit", "eingriffzeit"),
     "wear": ("wear", "vb", "v b", "vbb", "flank wear", "verschleiss", "freiflaechenverschleiss", "verschleissmarkenbreite"),
-    "thrust_force": ("thrust force", "feed force", "ff", "f f", "vorschubkraft"),
+    "thrust_force": ("thrust force", "resultant of feed and back force"),
+    "main_force": ("main force", "fc", "f c", "cutting force", "schnittkraft", "hauptschnittkraft"),
+    "feed_force": ("feed force", "ff", "f f", "vorschubkraft"),
+    "back_force": ("back force", "fp", "f p", "passive force", "radial force", "passivkraft"),
     "power": ("power", "p", "pc", "cutting power", "spindle power", "leistung", "schnittleistung", "spindelleistung"),
     "hardness": ("hardness", "relative hardness", "haerte", "relative haerte"),
     EDGE: ("edge", "cutting edge", "edge id", "insert", "schneide", "wendeplatte", "platte"),
-    "current": ("current", "i", "motor current", "strom", "motorstrom"),
-    "torque": ("torque", "m", "load torque", "moment", "drehmoment", "lastmoment"),
 }
 """Headers of each column without units and in small letters, "_" and "." as spaces, umlauts as two letters."""
 
@@ -77,6 +76,8 @@ class Heading(NamedTuple):
 def read_heading(text: str, columns: Mapping[str, Column]) -> Heading:
     """Return how a column with this header is read, among columns that are understood.
 
+    A unit that only speeds or feeds have names their column, as in "SFM" and "IPR".
+
     Raises:
         WorkshopError: The column is known, but its unit is not, or is one of another quantity.
     """
@@ -90,6 +91,11 @@ def read_heading(text: str, columns: Mapping[str, Column]) -> Heading:
             if likely and likely in columns and _unit(unit) in _sizes(columns[likely].unit):
                 column = likely
                 break
+    if column is None and not bracketed:
+        bare = {"cutting_speed": UNITS["speed"], "feed": UNITS["feed"]}
+        column, unit = next(
+            ((each, text) for each, sizes in bare.items() if each in columns and _unit(text) in sizes), (None, "")
+        )
     if column is None or column == EDGE or not unit:
         return Heading(text, column)
     own = columns[column].unit
@@ -98,6 +104,12 @@ def read_heading(text: str, columns: Mapping[str, Column]) -> Heading:
         allowed = f"allowed are {', '.join(sizes)}, or no unit, {own}"
         raise WorkshopError(f"column {text!r}: {column} in {unit!r} is not understood: {allowed}")
     return Heading(text, column, sizes[_unit(unit)] / sizes[_unit(own)])
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a cell holds a unit, in brackets or not."""
+    bracketed = _BRACKETS.fullmatch(text.strip())
+    return any(_unit(bracketed[2] if bracketed else text) in sizes for sizes in UNITS.values())
 
 
 def _column(name: str, columns: Mapping[str, Column]) -> str | None:

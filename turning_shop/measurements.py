@@ -1,11 +1,16 @@
-"""Read a sheet of measurements: CSV or XLSX with a header, one cut or sample per row and one quantity per column."""
+"""Read a sheet of measurements: CSV or XLSX with a header, one cut or sample per row and one quantity per column.
+
+Lines above the header, a row of units below it and rows of means are recognised, and named in ``Measurements.readings``.
+"""
 
 import csv
 import importlib
 import io
+import itertools
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_shop import WorkshopError
-from turning_shop.headers import EDGE, NAMES, Column, Heading, read_heading
+from turning_shop.headers import EDGE, NAMES, Column, Heading, is_unit, read_heading
 
 COLUMNS = {
     "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
@@ -21,13 +26,25 @@ COLUMNS = {
     "depth_of_cut": Column("mm", 0.01, 50, "depth of cut"),
     "time": Column("min", 1e-4, 1e5, "cutting time since the edge was fresh, all at this speed, feed and depth"),
     "wear": Column("mm", 1e-4, 5, "flank wear of the edge since it was fresh"),
-    "thrust_force": Column("N", 1e-3, 1e6, "thrust force"),
+    "thrust_force": Column("N", 1e-3, 1e6, "thrust force: the resultant of feed and back force"),
     "power": Column("kW", 1e-4, 1e4, "spindle power"),
+    "main_force": Column("N", 1e-3, 1e6, "main cutting force Fc (ISO 3002), which gives the power if no column does"),
+    "feed_force": Column("N", 1e-3, 1e6, "feed force Ff (ISO 3002), which with the back force gives the thrust force"),
+    "back_force": Column("N", 1e-3, 1e6, "back force Fp (ISO 3002), also called passive or radial force"),
     "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
 }
 """Columns of numbers of a sheet of cuts; a row with an empty cell in the column ``EDGE`` has an edge of its own."""
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every sheet of cuts must have."""
+MAX_BYTES = 50_000_000
+"""Largest size of a file, and of all parts of a workbook when unpacked [bytes]."""
+MAX_ROWS, MAX_CELLS = 100_000, 200
+"""Largest number of rows of a sheet, and of cells of a workbook's row."""
+MAX_ABOVE = 20
+"""Number of rows among which the header is looked for."""
+STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
+STATISTICS |= {"std", "sd", "stdev", "standard deviation", "standardabweichung", "stabw"}
+"""Cells, in small letters, of a row that sums up others."""
 MAX_COMPLAINTS = 5
 """Number of wrong cells that an error lists; it only counts the others."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -58,30 +75,26 @@ class Measurements:
     readings: tuple[str, ...] = ()
 
 
-def read_measurements(
-    path: str | os.PathLike[str], columns: Mapping[str, Column] = COLUMNS, required: Sequence[str] = REQUIRED
-) -> Measurements:
+def read_measurements(path: str | os.PathLike[str]) -> Measurements:
     """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
 
     Headers are names or symbols in English or German, with units or without (``headers.py``). Decimals have a point, or a comma
     where text cells are not separated by commas. Text is UTF-8 or UTF-16 with a byte order mark, else Windows-1252.
-
-    Args:
-        path: The file.
-        columns: Columns that are understood, by default those of cuts.
-        required: Columns that the file must have.
 
     Raises:
         WorkshopError: The file cannot be read or is not a table; a column is missing or occurs twice; a cell is not a number or
             is outside its column's range.
     """
     try:
-        data = Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise WorkshopError(f"{path} is larger than {MAX_BYTES // 10**6} MB: a sheet holds {MAX_ROWS} rows at most")
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
-            return _parse(_rows_of_workbook(data), str(path), columns, required, False)
+            return _parse(_rows_of_workbook(data), str(path), False)
         text = _decoded(data)
-        separator = max(_SEPARATORS, key=lambda mark: _understood(_rows(text, mark), columns))
-        return _parse(_rows(text, separator), str(path), columns, required, separator != ",")
+        separator = max(_SEPARATORS, key=lambda mark: _most_understood(_rows(text, mark)))
+        return _parse(_rows(text, separator), str(path), separator != ",")
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -114,32 +127,58 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     except ModuleNotFoundError:
         raise WorkshopError("openpyxl reads XLSX, but is not installed: pip install openpyxl, or save the sheet as CSV") from None
     try:
-        sheet = openpyxl.load_workbook(io.BytesIO(data), data_only=True).worksheets[0]
-        table = [["" if cell is None else str(cell) for cell in row] for row in sheet.iter_rows(values_only=True)]
+        unpacked = sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist())
+        if unpacked > MAX_BYTES:
+            raise ValueError(f"it unpacks to {unpacked // 10**6} MB, but may have {MAX_BYTES // 10**6} MB")
+        sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[0]
+        rows = sheet.iter_rows(max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True)
+        table = [["" if cell is None else str(cell) for cell in row] for row in rows]
     except Exception as error:  # openpyxl lets through whatever zipfile, its parser of XML and its own checks raise
         raise WorkshopError(f"this is no workbook in XLSX: {error}") from error
-    return ((line, cells) for line, cells in enumerate(table, 1) if any(cell.strip() for cell in cells))
+    width = max((index + 1 for row in table for index, cell in enumerate(row) if cell.strip()), default=0)
+    filled = ((line, (cells + [""] * width)[:width]) for line, cells in enumerate(table, 1))
+    return (row for row in filled if any(cell.strip() for cell in row[1]))
 
 
-def _understood(rows: Iterator[Row], columns: Mapping[str, Column]) -> int:
-    """Return how many cells of the first row name a column, or would with another unit."""
-    count = 0
+def _understood(cells: Sequence[str]) -> int:
+    """Return how many columns a row names, also those that would be named with another unit."""
+    names = set()
+    for text in cells:
+        try:
+            names.add(read_heading(text, COLUMNS).column)
+        except WorkshopError:
+            names.add(text)
+    return len(names - {None})
+
+
+def _most_understood(rows: Iterator[Row]) -> int:
     try:
-        for text in next(rows, (0, []))[1]:
-            try:
-                count += read_heading(text, columns).column is not None
-            except WorkshopError:
-                count += 1
+        return max((_understood(cells) for _, cells in itertools.islice(rows, MAX_ABOVE)), default=0)
     except csv.Error:
-        pass
-    return count
+        return 0
 
 
-def _parse(
-    rows: Iterator[Row], source: str, columns: Mapping[str, Column], required: Sequence[str], may_have_commas: bool
-) -> Measurements:
-    headings = _read_header(next(rows, (0, []))[1], source, columns, required)
-    table = list(rows)
+def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measurements:
+    found = list(itertools.islice(rows, MAX_ROWS + 2))
+    if len(found) > MAX_ROWS + 1:
+        raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
+    above = found[:MAX_ABOVE]
+    start = max(range(len(above)), key=lambda index: _understood(above[index][1]), default=0)
+    header, notes = found[start][1] if found else [], []
+    if start:
+        notes.append(f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}")
+    table = [(line, row[: len(header)] if not any(row[len(header) :]) else row) for line, row in found[start + 1 :]]
+    if table and _is_row_of_units(header, table[0][1]):
+        notes.append(f"units in line {table[0][0]}")
+        below = [cell.strip(" []()") for cell in table.pop(0)[1]]
+        header = [
+            f"{text} [{unit}]" if is_unit(unit) and text.strip()[-1:] not in tuple("])}>") else text
+            for text, unit in zip(header, below, strict=True)
+        ]
+    headings = _read_header(header, source)
+    if summed := [line for line, row in table if any(cell.strip(" :.").casefold() in STATISTICS for cell in row)]:
+        notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means or sums, the first in line {summed[0]}")
+        table = [each for each in table if each[0] not in summed]
     complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == len(headings)]
     complaints = [
         f"line {line} has {len(row)} cells, but the header has {len(headings)}"
@@ -147,7 +186,7 @@ def _parse(
         if len(row) != len(headings)
     ]
     known = [
-        (index, heading, heading.column, columns[heading.column])
+        (index, heading, heading.column, COLUMNS[heading.column])
         for index, heading in enumerate(headings)
         if heading.column and heading.column != EDGE
     ]
@@ -165,6 +204,7 @@ def _parse(
         raise WorkshopError(f"{source}: {shown}")
     if not table:
         raise WorkshopError(f"{source} has a header but no rows of measurements")
+    notes += _resultants(values)
     # A row without a name gets an edge of its own, under a name that no cell can hold.
     edge = next((index for index, heading in enumerate(headings) if heading.column == EDGE), None)
     return Measurements(
@@ -172,27 +212,46 @@ def _parse(
         np.array([line for line, _ in complete]),
         tuple(heading.text for heading in headings if heading.column is None and heading.text),
         None if edge is None else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[1],
-        tuple(heading.describe(columns) for heading in headings if heading.text),
+        (*(heading.describe(COLUMNS) for heading in headings if heading.text), *notes),
     )
 
 
-def _read_header(header: list[str], source: str, columns: Mapping[str, Column], required: Sequence[str]) -> list[Heading]:
+def _is_row_of_units(header: Sequence[str], row: Sequence[str]) -> bool:
+    """Return whether a row below the header holds no numbers, and two units or more."""
+    numbers = any(_NUMBER.fullmatch(cell.strip().replace(",", ".")) for cell in row)
+    return len(row) == len(header) and not numbers and sum(map(is_unit, row)) >= 2
+
+
+def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:
+    """Add the thrust force of feed and back force, and the power of main force, where a sheet has neither; yield notes."""
+    if "thrust_force" not in values and {"feed_force", "back_force"} <= values.keys():
+        values["thrust_force"] = np.hypot(values["feed_force"], values["back_force"])
+        yield "thrust_force [N] as the resultant of feed_force and back_force"
+    elif "thrust_force" not in values:
+        for name, other in (("feed_force", "back_force"), ("back_force", "feed_force")):
+            if name in values:
+                yield f"no thrust_force, as it is the resultant of {name} and {other}, which is not measured"
+    if "power" not in values and "main_force" in values:
+        values["power"] = values["main_force"] * values["cutting_speed"] / 60e3
+        yield "power [kW] as main_force times cutting_speed"
+
+
+def _read_header(header: list[str], source: str) -> list[Heading]:
     """Return how each column is read; raise an error if one is missing or occurs twice."""
     if not header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
     try:
-        headings = [read_heading(cell, columns) for cell in header]
+        headings = [read_heading(cell, COLUMNS) for cell in header]
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
     names = [heading.column for heading in headings]
-    if missing := [name for name in required if name not in names]:
+    if missing := [name for name in REQUIRED if name not in names]:
         present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (", ..." if len(names) > 20 else "")
-        understood = [" or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]" for name, column in columns.items()]
-        understood += [EDGE] * (columns is COLUMNS)
+        understood = [" or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]" for name, column in COLUMNS.items()] + [EDGE]
         raise WorkshopError(
             f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {', '.join(understood)}"
         )
-    for name in (*columns, EDGE):
+    for name in (*COLUMNS, EDGE):
         if names.count(name) > 1:
             twice = " and ".join(repr(heading.text) for heading in headings if heading.column == name)
             raise WorkshopError(f"{source}: there is more than one column {name}: {twice}")

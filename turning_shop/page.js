@@ -13,11 +13,11 @@ function respond(law, at) {
   return Math.exp(sum);
 }
 
-/** Half the width of a fitted law's 95 % interval, in the response's logarithm. */
-function halfWidth(known, at) {
+/** Half the width of a fitted law's 95 % interval of a reading, or with a scatter of 0 of the law, in the response's logarithm. */
+function halfWidth(known, at, scatter = known.scatter) {
   const x = [1, ...known.terms.map((name) => Math.log(at[name] / (name === 'depth_of_cut' ? known.reference_depth_of_cut : 1)))];
   const variance = x.reduce((sum, a, i) => sum + x.reduce((row, b, j) => row + a * known.covariance[i][j] * b, 0), 0);
-  return known.quantile * Math.sqrt(Math.max(variance, 0) + known.scatter ** 2);
+  return known.quantile * Math.sqrt(Math.max(variance, 0) + scatter ** 2);
 }
 
 /** Whether a factor lies outside the range in which a law was measured. */
@@ -33,7 +33,8 @@ function cut(at) {
   const afterMinute = respond(wear, { cutting_speed: speed, feed, depth_of_cut: depth, hardness });
   const capacity = data.base_cutting_speed ? Math.min(speed / data.base_cutting_speed, 1) : 1;
   const loads = { thrust_force: respond(force, at), power: respond(power, at) + data.idle_power_per_speed * speed };
-  const shares = [loads.thrust_force / data.limits.thrust_force, loads.power / (data.limits.power * capacity)];
+  const over = (load, limit) => limit === null ? 0 : load / limit; // null: no limit is stated
+  const shares = [over(loads.thrust_force, data.limits.thrust_force), over(loads.power / capacity, data.limits.power)];
   return {
     ...loads,
     thrust_force_share: shares[0],
@@ -53,15 +54,20 @@ function prices(at) {
   return { unit: rate ? data.currency : 'min', minute, edge: at.insert_price ? at.insert_price / at.edges_per_insert : data.edge_cost * minute };
 }
 
-/** Parts per edge, times and cost of a part, whose edge is changed at the stated wear. */
-function part(at, found) {
+/** Parts per edge, times and cost of a part, if the logarithm of all lives shifts: see `plan` of advise.py. */
+function part(at, found, shift = 0) {
   const { minute, edge } = prices(at);
   const perMinute = at.feed * found.spindle_speed;
-  const parts = found.time * perMinute / data.bar_length;
+  const known = data.known.wear ? halfWidth(data.known.wear, { ...at, time: found.time }) / data.laws.wear.time : 0;
+  const lasting = found.time * Math.exp(shift - Math.max(data.life_spread, known)) * perMinute / data.bar_length;
+  const parts = lasting < 1 ? lasting : Math.floor(lasting * (1 + 1e-9));
   const cycle = (data.bar_length + data.approach) / perMinute + data.return_time;
   const withChange = cycle + at.edge_change_time / parts;
   const volume = Math.PI * data.diameter * at.depth_of_cut * data.bar_length / 1000;
-  return { parts, cycle_time: cycle, mean_removal_rate: volume / withChange, cost: minute * withChange + edge / parts };
+  return {
+    parts, minutes: parts * data.bar_length / perMinute, cycle_time: cycle, mean_removal_rate: volume / withChange,
+    cost: minute * withChange + edge / parts,
+  };
 }
 
 /** Results of settings: values, 95 % intervals of fitted laws, and whether a law is used outside its measured range. */
@@ -71,9 +77,12 @@ function results(at) {
   const halves = {};
   for (const name of ['thrust_force', 'power']) if (data.known[name]) halves[name] = halfWidth(data.known[name], at);
   if (data.known.wear) halves.tool_life = halfWidth(data.known.wear, { ...at, time: found.tool_life }) / data.laws.wear.time;
-  halves.parts = Math.max(data.life_spread, halves.tool_life ?? 0); // edges differ at least as much as the scenario says
   const intervals = {};
   for (const [name, half] of Object.entries(halves)) intervals[name] = [values[name] * Math.exp(-half), values[name] * Math.exp(half)];
+  if (data.known.wear) {
+    const half = halfWidth(data.known.wear, { ...at, time: found.time }, 0) / data.laws.wear.time;
+    intervals.cost = [part(at, found, half).cost, part(at, found, -half).cost];
+  }
   const extrapolated = Object.values(data.known).some((known) => extrapolates(known, { ...at, time: found.time }));
   return { values, intervals, extrapolated };
 }
@@ -88,8 +97,8 @@ const range = Object.fromEntries(data.sliders.map((slider) => [slider.name, [sli
 /** Speed and feed of least cost within limits, at the other settings; null if there are none. */
 function cheapest() {
   let best = null;
-  for (const feed of ratios(...range.feed, 81))
-    for (const speed of data.set_speed ? [data.set_speed] : ratios(...range.cutting_speed, 81)) {
+  for (const feed of data.feeds)
+    for (const speed of data.speeds) {
       const at = { ...settings, cutting_speed: speed, feed };
       const found = cut(at);
       if (found.worst > 1) continue;
@@ -221,6 +230,11 @@ function shown(value) {
   return Math.abs(value) >= 100 ? String(Math.round(value)) : String(Number(value.toPrecision(3)));
 }
 
+/** An amount of money, as advise.py prints it. */
+function money(value) {
+  return value >= 1 ? value.toFixed(2) : String(Number(value.toPrecision(3)));
+}
+
 function set(changes) {
   for (const [name, value] of Object.entries(changes)) {
     settings[name] = value;
@@ -238,22 +252,22 @@ function update() {
   const over = [['thrust force', values.thrust_force_share], ['power', values.power_share]].filter(([, share]) => share > 1);
   const verdict = document.getElementById('verdict');
   const costless = settings.insert_price && unit === 'min';
-  const cost = costless ? 'set an hourly rate for costs' : `${shown(values.cost)} ${unit} per part`;
+  const cost = costless ? 'set an hourly rate for costs' : `${money(values.cost)} ${unit} a part`;
   verdict.textContent = `${over.length ? `Above the limit: ${over.map(([name]) => name).join(', ')}` : 'Within limits'}`
-    + ` · life ${shown(values.tool_life)} min · ${cost}${extrapolated ? ' · * extrapolated: not measured there' : ''}`;
+    + ` · change after ${shown(values.parts)} parts · ${cost}${extrapolated ? ' · * extrapolated: not measured there' : ''}`;
   verdict.className = over.length ? 'bad' : '';
-  const percent = (share) => `, ${Math.round(100 * share)} % of limit`;
+  const percent = (name) => data.limits[name] === null ? '' : `, ${Math.round(100 * values[`${name}_share`])} % of limit`;
   const rows = [
-    ['thrust_force', 'thrust force', 'N', percent(values.thrust_force_share)],
-    ['power', 'power', 'kW', percent(values.power_share)],
+    ['thrust_force', 'thrust force', 'N', percent('thrust_force')],
+    ['power', 'power', 'kW', percent('power')],
     ['tool_life', 'tool life', 'min'],
-    ['time', 'cutting time to the change', 'min'],
-    ['parts', 'parts per edge', ''],
+    ['parts', 'change after', 'parts'],
+    ['minutes', 'cutting time to the change', 'min'],
     ['cycle_time', 'time per part', 'min'],
     ['removal_rate', 'removal rate', 'cm³/min'],
     ['mean_removal_rate', 'removal rate, changes included', 'cm³/min'],
     ['spindle_speed', 'spindle speed', 'rev/min'],
-    ...(costless ? [] : [['cost', 'cost per part', unit]]),
+    ...(costless ? [] : [['cost', 'cost of a part', unit]]),
   ];
   document.getElementById('results').replaceChildren(...rows.map(([name, label, of, note = '']) => {
     const row = document.createElement('tr');
@@ -262,8 +276,9 @@ function update() {
     head.scope = 'row';
     value.className = 'value';
     value.dataset.name = name;
-    value.textContent = `${shown(values[name])} ${of}${note}`.trim();
-    interval.textContent = intervals[name] ? intervals[name].map(shown).join(' to ') : '';
+    const form = name === 'cost' ? money : shown;
+    value.textContent = `${form(values[name])} ${of}${note}`.trim();
+    interval.textContent = intervals[name] ? intervals[name].map(form).join(' to ') : '';
     return row;
   }));
   const advice = document.getElementById('cheapest');
@@ -272,8 +287,8 @@ function update() {
     go.type = 'button';
     go.textContent = 'choose it';
     go.addEventListener('click', () => set({ cutting_speed: best.cutting_speed, feed: best.feed }));
-    advice.replaceChildren(`Cheapest within limits: ${best.cutting_speed.toFixed(0)} m/min, ${best.feed.toFixed(3)} mm/rev, `
-      + `${shown(best.cost)} ${unit} per part `, go);
+    advice.replaceChildren(`Cheapest within limits: ${shown(best.cutting_speed)} m/min, ${shown(best.feed)} mm/rev, `
+      + `${money(best.cost)} ${unit} a part `, go);
   } else advice.textContent = best ? 'An insert has a price in money: set an hourly rate.' : 'No speed and feed keep the limits.';
   drawMap(costless ? null : best);
 }

@@ -14,19 +14,20 @@ from typing import Any
 
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
-from turning_shop.advise import Advice, life_spread
+from turning_shop.advise import Advice, headline, life_spread, settings
 from turning_shop.prediction import BEYOND, Evidence
+from turning_shop.provenance import NO_LIMIT
 
 _HERE = Path(__file__).parent
 
 
-def render(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> str:
+def render(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> str:
     """Return the page as HTML, which needs no other file and no network.
 
     Args:
         scenario: The machine, material, limits and prices.
         evidence: Evidence for the laws, with the warnings.
-        advice: Returned by ``advise``; the page begins with the fixed parameters of least cost.
+        advice: Returned by ``advise``; the page begins with the first.
     """
     script = (_HERE / "page.js").read_text("utf-8")
     data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
@@ -36,7 +37,7 @@ def render(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> 
         work=html.escape(f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long"),
         criterion=f"{scenario.tool.wear_criterion:g}",
         warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
-        source=html.escape(evidence.source),
+        headline="".join(f"<p>{html.escape(line)}</p>" for line in headline(scenario, evidence, advice)),
         data=data.replace("<", "\\u003c"),
         script=script,
         # No script but this one runs, whatever a scenario is called.
@@ -48,8 +49,13 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
     """Return the data of ``page.js`` as JSON values."""
     material, machine, work, economics = scenario.material, scenario.machine, scenario.workpiece, scenario.economics
     laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
-    fixed = [each for each in advice if len(each.steps) == 1]
-    best = next(each.steps[0] for each in fixed if each.aim == "least cost")
+    speeds, feeds, _ = settings(scenario)
+    shown = ("cutting_speed", "feed", "wear")
+    chosen: list[dict[str, Any]] = [
+        {"aim": aim} | {name: float(getattr(plan.cuts, name)) for name in shown} for aim, plan, _ in advice
+    ]
+    best = chosen[0]
+    limits = {name: getattr(scenario.limits, name) for name in NO_LIMIT}
     criterion, depth, edges = scenario.tool.wear_criterion, work.depth_of_cut, economics.edges_per_insert
 
     def priced(name: str, label: str, unit: str, least: float) -> tuple[Any, ...]:
@@ -57,10 +63,10 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         return name, label, unit, 0.0, max(least, 3.0 * value), value
 
     sliders = (
-        ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, machine.cutting_speed_max, best.cutting_speed),
-        ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best.feed),
+        ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, scenario.cutting_speed_max, best["cutting_speed"]),
+        ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best["feed"]),
         ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
-        ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best.wear),
+        ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best["wear"]),
         ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
         priced("machine_rate", "machine", "money/h", 120.0),
         priced("operator_rate", "operator", "money/h", 120.0),
@@ -72,16 +78,15 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "laws": {name: {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
         "known": {
             name: known.model_dump(mode="json", include={"terms", "covariance", "scatter", "measured"})
-            | {
-                "quantile": known.quantile,
-                "reference_depth_of_cut": laws[name].reference_depth_of_cut,
-            }
+            | {"quantile": known.quantile, "reference_depth_of_cut": laws[name].reference_depth_of_cut}
             for name, known in evidence.laws.items()
         },
         "beyond": BEYOND,
         "life_spread": life_spread(scenario),
         "criterion": criterion,
-        "limits": {"thrust_force": scenario.limits.thrust_force, "power": scenario.limits.power},
+        "limits": {name: None if limit == NO_LIMIT[name] else limit for name, limit in limits.items()},
+        "speeds": speeds.ravel().tolist(),
+        "feeds": feeds.ravel().tolist(),
         "base_cutting_speed": scenario.base_cutting_speed or None,
         "idle_power_per_speed": scenario.spindle.idle_torque / (30.0 * work.diameter),
         "diameter": work.diameter,
@@ -91,6 +96,6 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "edge_cost": economics.edge_cost,
         "currency": economics.currency,
         "set_speed": scenario.control.initial_cutting_speed if scenario.control.action == "override" else None,
-        "advice": [{"aim": each.aim} | each.steps[0]._asdict() for each in fixed],
+        "advice": chosen,
         "sliders": [dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True)) for each in sliders],
     }

@@ -4,7 +4,6 @@ Three checks find quantities of rows and laws outside their plausible ranges; la
 rise; and rows far from the law of the others.
 """
 
-import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from scipy import optimize, stats
 
 from turning_shop import Values
 from turning_shop.fit import SETTINGS, Fit, rows_correlate
-from turning_shop.measurements import COLUMNS, Measurements
+from turning_shop.measurements import Measurements
 
 Columns = Mapping[str, Values]
 
@@ -66,8 +65,6 @@ SPARE_ROWS = 4
 """Rows beyond the fitted numbers that are needed to tell outliers."""
 SUBSETS = 500
 """Random subsets of rows from which the robust fit starts."""
-SLIPS = (10.0, 100.0, 1000.0, 60.0, 25.4, 1 / 10.0, 1 / 100.0, 1 / 1000.0, 1 / 60.0, 1 / 25.4)
-"""Factors by which a single cell may be wrong."""
 
 
 class Derived(NamedTuple):
@@ -190,15 +187,11 @@ class RobustFit(NamedTuple):
     """A law fitted so that a few wrong rows, wherever they lie, hardly count.
 
     Attributes:
-        exponents: By their names in ``PowerLaw``, without the coefficient.
         distance: Logarithm of each measured over predicted response [-], shape (rows,).
-        scale: Robust standard deviation of ``distance`` [-].
         outlying: Which rows are outliers, shape (rows,).
     """
 
-    exponents: dict[str, float]
     distance: Values
-    scale: float
     outlying: NDArray[np.bool_]
 
 
@@ -227,8 +220,7 @@ def robust_fit(fitted: Fit) -> RobustFit:
     distance = np.asarray(residual - design @ change)
     scale = 1.4826 * float(np.median(np.abs(distance))) * (1.0 + 5.0 / max(rows - count, 1))
     outlying = _outlying(residual, design, np.abs(distance) > SUSPECT * scale) & (np.abs(distance) > MIN_FAR)
-    exponents = {name: getattr(fitted.law, name) + float(slope) for name, slope in zip(fitted.exponents, change[1:], strict=True)}
-    return RobustFit(exponents, distance, scale, np.asarray(outlying))
+    return RobustFit(distance, np.asarray(outlying))
 
 
 def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -246,7 +238,7 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
 
 
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
-    """Yield a message for each row that lies far from a law, with the cell that is probably wrong."""
+    """Yield a message for each row that lies far from a law, which is probably wrong."""
     wrong = {name: robust[name].outlying & ~_of_unusual_edge(fits[name], robust[name]) for name in fits}
     for line in sorted({int(line) for name in fits for line in fits[name].lines[wrong[name]]}):
         rows = {name: int(np.flatnonzero(fitted.lines == line)[0]) for name, fitted in fits.items() if line in fitted.lines}
@@ -255,7 +247,7 @@ def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterat
             for name, row in rows.items()
             if wrong[name][row]
         )
-        yield f"line {line}: {shown}: {_slip(fits, robust, rows)}"
+        yield f"line {line}: {shown}: check its numbers"
 
 
 def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
@@ -274,27 +266,6 @@ def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> I
     for name, fitted in fits.items():
         if (odd := robust[name].outlying & _of_unusual_edge(fitted, robust[name])).any():
             yield f"{name}: all readings of an edge lie far from the law, in {name_lines(fitted.lines[odd])}: an unusual edge?"
-
-
-def _slip(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit], rows: Mapping[str, int]) -> str:
-    """Return the cell of a row that is probably wrong, and its factor; ``rows`` is the row's index in each law."""
-    best, least = "check its numbers", np.inf
-    columns: dict[str, tuple[Values, int]] = {}
-    for response, row in rows.items():
-        for name, values in {response: fits[response].measured, **fits[response].factors}.items():
-            columns.setdefault(name, (values, row))
-    for (name, (values, row)), slip in itertools.product(columns.items(), SLIPS):
-        others = np.delete(values, row)
-        if not 0.5 * others.min() <= values[row] / slip <= 2.0 * others.max():
-            continue
-        worst = 0.0
-        for response, at in rows.items():
-            sensitivity = 1.0 if name == response else -robust[response].exponents.get(name, 0.0)
-            distance = robust[response].distance[at] - sensitivity * np.log(slip)
-            worst = max(worst, abs(distance) / max(robust[response].scale, 0.05))
-        if worst < min(least, SUSPECT):
-            least, best = worst, f"is {name}, {values[row]:.4g} {COLUMNS[name].unit}, {_times(slip)} the true value?"
-    return best
 
 
 def _times(ratio: float) -> str:

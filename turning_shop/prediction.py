@@ -14,11 +14,9 @@ from scipy import stats
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 from turning_shop import Values, WorkshopError
-from turning_shop.fit import FACTORS, SETTINGS, Fit
+from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
 from turning_shop.whatif import Cuts
 
-LEVEL = 0.95
-"""Confidence level of all intervals of predictions [-]."""
 BEYOND = 0.01
 """Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
 PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
@@ -49,13 +47,13 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
         """Half the width of an interval over the standard deviation [-]."""
         return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.degrees))
 
-    def log_deviation(self, law: PowerLaw, factors: Mapping[str, Values]) -> Values:
-        """Return the standard deviation of the logarithm of one reading at values of the law's factors [-]."""
+    def log_deviation(self, law: PowerLaw, factors: Mapping[str, Values], scatter: float | None = None) -> Values:
+        """Return the standard deviation of the logarithm of one reading at values of the law's factors [-]; 0: of the law."""
         references = {"depth_of_cut": law.reference_depth_of_cut}
         logs = [np.log(factors[name] / references.get(name, 1.0)) for name in self.terms]
         at = np.stack(np.broadcast_arrays(np.ones_like(factors["feed"]), *logs), axis=-1)
         variance = np.einsum("...i,ij,...j", at, np.array(self.covariance), at)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + self.scatter**2))
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + (self.scatter if scatter is None else scatter) ** 2))
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""

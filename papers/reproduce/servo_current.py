@@ -166,7 +166,7 @@ def loaded_and_unloaded() -> tuple[float, CurrentReport]:
     current = np.array([phase[hold] for hold in holds]).ravel()
     load = np.repeat([float(force[hold].mean()) for hold in holds], samples)
     time = control.interval * np.arange(len(current), dtype=np.float64)
-    return drive.pole_pairs * speed / drive.screw_lead, analyse(time, current, load, "thrust_force")
+    return drive.pole_pairs * speed / drive.screw_lead, analyse(time, current, load)
 
 
 def characteristic_checks() -> Iterator[Check]:
@@ -263,7 +263,9 @@ def tables() -> Iterator[str]:
     yield from table(heads, [*rows, ["lag of the estimate [samples]", "", *(f"{delay:.1f}" for delay in DELAYS)]])
     yield ""
     yield "Phase current while the depth of cut rises to 3 mm and falls again."
-    yield from loaded_and_unloaded()[1].summary()
+    report = loaded_and_unloaded()[1]
+    holds = zip(report.load, *report.quantities.values(), strict=True)
+    yield from table(["thrust force [N]", *report.quantities], [[f"{value:.4g}" for value in hold] for hold in holds])
 
 
 def checks() -> Iterator[Check]:

@@ -1,20 +1,23 @@
 """``python -m turning_env advise``: what it recommends keeps the limits, and its numbers are those of a play."""
 
 import json
-from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from baselines import catalogue
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
+from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play
 from turning_shop import WorkshopError
-from turning_shop.advise import AIMS, Prices, advise, part_volume, summary
-from turning_shop.advise_play import Clock, best_rule, clocked, play_all
+from turning_shop.advise import AIMS, Prices, advise, headline, part_volume, plan, round_numbers
+from turning_shop.advise_play import best_rule, clocked, constant, play_all
 from turning_shop.prediction import Evidence
+from turning_shop.provenance import load
 from turning_shop.whatif import what_if
 
 ROOT = Path(__file__).parents[2]
@@ -26,21 +29,33 @@ EVEN = {
 MONEY = {"machine_rate": 60.0, "operator_rate": 30.0, "insert_price": 12.0, "edges_per_insert": 4.0, "currency": "CHF"}
 
 
-def test_recommendations_keep_the_limits() -> None:
-    scenario = Scenario()
-    found = advise(scenario, Evidence())
-    assert [(each.aim, len(each.steps) > 1) for each in found] == [(aim, kind) for aim in AIMS for kind in (False, True)]
-    for each in found:
-        for step in each.steps:
-            assert what_if(scenario, step.cutting_speed, step.feed, wear=step.wear * (1 - 1e-9)).within_limits
-        assert each.parts[1] < each.parts[0] < each.parts[2]
-    metal, cost, run = found[::2], found[2:4], found[4:]
-    assert metal[0].removal_rate == max(each.removal_rate for each in metal)
-    assert cost[0].cost <= min(each.cost for each in metal)
-    assert run[0].life[0] == max(each.life[0] for each in metal)
-    assert cost[1].cost <= cost[0].cost + 1e-9
+def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
+    scenario = Scenario.load({"economics": MONEY})
+    cost, metal = advise(scenario, Evidence())
+    assert (cost.aim, metal.aim) == (AIMS[0], AIMS[2])
+    for _, best, _ in (cost, metal):
+        cut = best.cuts
+        assert what_if(scenario, cut.cutting_speed, cut.feed, wear=cut.wear).within_limits
+        assert best.parts == int(best.parts) > 0
+        # nearly all edges last: the life of the one edge in forty
+        assert best.minutes <= cut.time * np.exp(-1.96 * scenario.tool.wear_factor_spread / scenario.material.wear.time)
+    assert cost.plan.cost <= metal.plan.cost
+    assert cost.plan.removal_rate <= metal.plan.removal_rate
+    assert [bound.limit for bound in cost.bounds] == ["limits.power, 7 kW", "limits.thrust_force, 1500 N"]
+    for bound in cost.bounds:
+        assert bound.without is not None
+        assert bound.without.cost < cost.plan.cost
+    first, *others = headline(scenario, Evidence(), [cost, metal])
+    assert first == f"Cut {cost.plan.where}: {cost.plan.cost:.2f} CHF a part"
+    assert "its law was not measured" in others[0]
     with pytest.raises(WorkshopError, match=r"limits\.thrust_force, 10 N"):
         advise(Scenario.load({"limits": {"thrust_force": 10.0}}), Evidence())
+
+
+def test_an_edge_that_lasts_no_part_is_changed_within_one() -> None:
+    found = plan(Scenario.load({"workpiece": {"bar_length": 5000.0}}), Evidence(), 150.0, 0.3, 0.3)
+    assert 0 < found.parts < 1
+    assert "min of cutting" in found.where
 
 
 def test_prices_are_money_only_with_a_rate() -> None:
@@ -50,76 +65,73 @@ def test_prices_are_money_only_with_a_rate() -> None:
         Prices.of(Scenario.load({"economics": {"insert_price": 3.0}}))
     with pytest.raises(ScenarioError, match="currency"):
         Scenario.load({"economics": {"currency": ""}})
-    dear = Scenario.load({"economics": MONEY | {"insert_price": 400.0}})
-    cheap = Scenario.load({"economics": MONEY})
-    assert advise(dear, Evidence())[2].life[0] > advise(cheap, Evidence())[2].life[0]
-    assert "CHF" in "\n".join(summary(cheap, advise(cheap, Evidence())))
+    dear, cheap = (Scenario.load({"economics": MONEY | {"insert_price": price}}) for price in (400.0, 12.0))
+    assert advise(dear, Evidence())[0].plan.minutes > advise(cheap, Evidence())[0].plan.minutes
+
+
+def test_what_a_file_does_not_state_is_said_and_its_limits_are_off(tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text("[limits]\npower = 9.0\n[workpiece]\ndiameter = 80.0\n")
+    (tmp_path / "priced.toml").write_text('base = "machine.toml"\n[economics]\nmachine_rate = 60.0\n')
+    scenario, evidence = load(tmp_path / "priced.toml")
+    assert (scenario.limits.power, scenario.limits.thrust_force) == (9.0, 1e6)
+    said = "\n".join(evidence.warnings)
+    assert "limits.thrust_force is off" in said
+    assert "workpiece.depth_of_cut 2.5" in said
+    assert "diameter" not in said
+    assert "power: the law was not measured" in said
+    wear, preset = scenario.material.wear, Scenario().material.wear
+    assert wear.time / wear.cutting_speed == pytest.approx(0.25)
+    assert wear(125, 0.3, 2.5, time=10) == pytest.approx(preset(125, 0.3, 2.5, time=10))
+    assert load("rough_turning") == (Scenario(), Evidence())
+
+
+@pytest.mark.parametrize(("low", "high"), [(120.0, 320.0), (0.06, 0.6), (0.1, 5000.0), (0.001, 0.0011)])
+def test_round_numbers_span_a_range(low: float, high: float) -> None:
+    found = round_numbers(low, high, 60)
+    assert (found[0], found[-1]) == (low, high)
+    assert 10 < len(found) <= 63
+    assert (np.diff(found) > 0).all()
 
 
 @pytest.mark.slow
 def test_every_number_is_that_of_a_play() -> None:
     scenario = Scenario.load(EVEN | {"economics": MONEY})
     prices = Prices.of(scenario)
-    for advice in advise(scenario, Evidence()):
-        episodes = play(partial(Clock, scenario, advice.steps, 1.0), clocked(scenario, advice), [1], tell=True)
+    for _, best, _ in advise(scenario, Evidence()):
+        episodes = play(as_factory(constant(scenario, best)), clocked(scenario, best), [1])
         cutting, time, removed = (float(episodes[name][0]) for name in ("engaged_time", "time", "removed"))
         parts = removed / part_volume(scenario)
         cycle = time / 60.0 / parts + scenario.machine.return_time  # plain bars have no return between them
         minutes = cycle + prices.change_time / parts
-        found = (advice.life[0], advice.parts[0], advice.part_time, advice.cycle_time, advice.removal_rate, advice.cost)
-        expected = (cutting / 60.0, parts, cutting / 60.0 / parts, cycle, part_volume(scenario) / minutes)
+        found = (best.minutes, best.parts, best.cycle_time, best.removal_rate, best.cost)
+        expected = (cutting / 60.0, parts, cycle, part_volume(scenario) / minutes)
         assert found == pytest.approx((*expected, prices.minute * minutes + prices.edge / parts), rel=0.03)
-        assert episodes["wear"][0] == pytest.approx(advice.steps[-1].wear, rel=0.03)
+        assert episodes["wear"][0] <= best.cuts.wear
         assert episodes["severe_overload_time"][0] == 0.0
 
 
-def test_a_clock_needs_no_shorter_interval_than_a_second() -> None:
-    quick = Scenario.load(EVEN | {"control": {"interval": 0.02, "sub_steps": 2}})
-    advice = advise(quick, Evidence())[0]
-    slow = clocked(quick, advice)
-    assert slow.control.interval == pytest.approx(1.0)
-    assert slow.control.interval / slow.control.sub_steps == pytest.approx(0.01)
-    short = slow.model_copy(update={"control": slow.control.model_copy(update={"time_limit": 0.2})})
-    at_once = short.model_copy(update={"control": short.control.model_copy(update={"interval": 0.02, "sub_steps": 2})})
-    one, other = (play(partial(Clock, quick, advice.steps, 1.0), each, [1], tell=True) for each in (short, at_once))
-    assert one["steps"][0] * 50 == other["steps"][0]
-    assert [one[name][0] for name in ("removed", "wear", "time")] == pytest.approx(
-        [other[name][0] for name in ("removed", "wear", "time")]
-    )
-
-
 @pytest.mark.slow
-def test_a_year_is_compared() -> None:
-    scenario = Scenario.load({"economics": MONEY})
-    found = advise(scenario, Evidence())
-    fixed, *others = play_all(scenario, found, [], "fixed_handbook", 1000.0, 2).years
-    assert [year.name for year in others] == ["schedule by time", "rule fixed_handbook"]
+def test_the_best_rule_and_an_agent_are_compared_with_fixed_parameters() -> None:
+    weaker = Scenario.load({"limits": {"power": 6.5}, "economics": MONEY})
+    best = advise(weaker, Evidence())[0].plan
+
+    def played(*agents: str, rule: str | None = None, **options: Any) -> Any:
+        return play_all(weaker, Evidence(), best, agents, rule, 2, **options).results
+
+    agent = str(ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
+    fixed, *others = played(agent)
+    assert [each.name for each in others] == ["rule predictive", "agent ppo-seed0"]
     assert fixed.saved.value == 0
-    assert fixed.cost.value > 1000 * 90  # the hours, and edges
-    for year in others:
-        assert year.saved.value == pytest.approx(fixed.cost.value - year.cost.value)
+    for each in others:
+        assert each.saved.value == pytest.approx(fixed.cost.value - each.cost.value)
+    assert others[0].saved.low > 0
+    whole, part = (played(rule="fixed_handbook", max_steps=steps)[1] for steps in (50_000, 200))
+    assert part.cost.value == pytest.approx(whole.cost.value, rel=0.15)  # of an edge that lasts longer, the used share counts
     with pytest.raises(WorkshopError, match="--rule nothing"):
-        play_all(scenario, found, [], "nothing", 1000.0, 2)
-
-
-@pytest.mark.slow
-def test_of_an_edge_that_lasts_too_long_to_play_its_used_share_counts() -> None:
-    scenario = Scenario.load(EVEN | {"economics": MONEY})
-    found = advise(scenario, Evidence())[2:4]
-    whole, part = (play_all(scenario, found, [], "fixed_handbook", 1000.0, 2, max_steps=n).years[2] for n in (50_000, 200))
-    assert part.cost.value == pytest.approx(whole.cost.value, rel=0.05)
-
-
-@pytest.mark.slow
-def test_the_best_rule_and_an_agent_save() -> None:
-    weaker = Scenario.load({"limits": {"power": 6.5}})
-    agent = ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx"
-    years = play_all(weaker, advise(weaker, Evidence()), [str(agent)], None, 1000.0, 2).years
-    assert [year.name for year in years[2:]] == ["rule predictive", "agent ppo-seed0"]
-    assert years[2].saved.low > 0
-    other = ROOT / "agents" / "RoughTurning-Override-v0" / "override" / "ppo-seed0.onnx"
+        played(rule="nothing")
+    other = str(ROOT / "agents" / "RoughTurning-Override-v0" / "override" / "ppo-seed0.onnx")
     with pytest.raises(WorkshopError, match=r"--agent .*ppo-seed0"):
-        play_all(weaker, advise(weaker, Evidence())[2:3], [str(other)], "fixed_handbook", 1000.0, 2)
+        played(other, rule="fixed_handbook")
 
 
 def test_an_override_gets_the_best_rule_that_is_tuned() -> None:
@@ -128,7 +140,12 @@ def test_an_override_gets_the_best_rule_that_is_tuned() -> None:
     assert best_rule(catalogue, other, other)[0] == "modified_fuzzy_override"  # omative is not tuned for it
 
 
-def test_the_command_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_json_and_keeps_files(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["advise", "rough_turning", "--seeds", "0", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["advice"]) == 2 * len(AIMS)
+    first, *_ = json.loads(capsys.readouterr().out)["advice"]
+    assert first["aim"] == "least cost"
+    assert first["bounds"][0]["without"]["cost"] < first["cost"]
     assert main(["advise", "batch_casting", "--seeds", "0"]) == 2
+    (tmp_path / "page.html").write_text("mine")
+    assert main(["advise", "rough_turning", "--seeds", "0", "--page", str(tmp_path / "page.html")]) == 2
+    assert (tmp_path / "page.html").read_text() == "mine"

@@ -141,27 +141,25 @@ def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
     covered = dict.fromkeys(("coefficient", *FACTORS["wear"]), 0)
     spreads = []
     for seed in range(TRIALS):
-        found = fit("wear", with_edges(spread, seed), BASE.material.wear, confidence=0.9)
+        found = fit("wear", with_edges(spread, seed), BASE.material.wear)
         assert found.edges is not None
         spreads.append(found.edges.spread)
         for name, estimate in found.estimates.items():
             covered[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
     for name, times in covered.items():
         # If edges do not differ, intervals allow for the possibility that they do, and are wider than need be.
-        assert 0.8 < times / TRIALS < (0.97 if spread else 1.01), name
+        assert 0.87 < times / TRIALS < (0.99 if spread else 1.01), name
     assert np.sqrt(np.mean(np.square(spreads))) == pytest.approx(spread, abs=0.01)
 
 
 def test_law_without_rows_stays_the_bases() -> None:
     measured = cuts(BASE.material.power)
-    found = calibrate(measured, BASE, strict=True)
+    found = calibrate(measured, BASE)
     assert found.material.power.hardness == pytest.approx(0.75)
     assert found.material.wear == BASE.material.wear
     assert found.kept == {"wear": "there is no column time", "thrust_force": "there is no column thrust_force"}
     measured.columns["thrust_force"] = np.full(40, np.nan)
     assert "no row has all of thrust_force, cutting_speed" in calibrate(measured, BASE).kept["thrust_force"]
-    with pytest.raises(WorkshopError, match="as --strict demands: thrust_force: no row has all of"):
-        calibrate(measured, BASE, strict=True)
     with pytest.raises(WorkshopError, match="no law can be fitted: wear: there is no column wear, time"):
         calibrate(table(cutting_speed=[1.0, 2.0], feed=0.3, depth_of_cut=2.0), BASE)
 

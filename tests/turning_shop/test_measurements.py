@@ -96,7 +96,8 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("fn", "feed"), ("Vorschub [mm/U]", "feed"), ("f, mm/rev", "feed"), ("vf [mm/min]", None), ("n [1/min]", None)),
         *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
-        *(("Ff [kN]", "thrust_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", None)),
+        *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
+        *(("SFM", "cutting_speed"), ("IPR", "feed"), ("Passivkraft", "back_force"), ("thrust force", "thrust_force")),
         *(("Insert", "edge"), ("Härte [%]", "hardness"), ("note, of mine", None), ("", None)),
     ],
 )
@@ -117,6 +118,44 @@ def test_workbooks_are_read(tmp_path: Path) -> None:
     assert found.columns["feed"].tolist() == [0.3, 0.4]
     assert found.columns["power"][0] == 4.5
     assert found.lines.tolist() == [2, 4]
+
+
+LOG = """Versuch 3, Halle 2
+
+SFM,IPR,DOC,VB,Ff,Fp,Fc,note
+,,in,um,lbf,lbf,lbf,
+500,.012,.1,100,30,40,300,good
+600,.016,.1,200,60,80,350,
+Mean,,,150,45,60,325,
+"""
+
+
+def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path) -> None:
+    found = read_measurements(reading(tmp_path, LOG))
+    assert found.columns["cutting_speed"] == pytest.approx([152.4, 182.88])
+    assert found.columns["feed"] == pytest.approx([0.3048, 0.4064])
+    assert found.columns["wear"] == pytest.approx([0.1, 0.2])
+    assert found.columns["thrust_force"] == pytest.approx([50 * 4.4482216, 100 * 4.4482216])
+    assert found.columns["power"] == pytest.approx(np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3)
+    for note in ("header in line 3", "units in line 4", "without 1 row of means", "resultant of feed_force and back_force"):
+        assert any(note in reading for reading in found.readings)
+    alone = read_measurements(reading(tmp_path, GOOD.replace("power", "Fp")))
+    assert "thrust_force" not in alone.columns
+    assert any("feed_force, which is not measured" in reading for reading in alone.readings)
+
+
+def test_endless_and_huge_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorkshopError, match="is larger than 50 MB"):
+        read_measurements(Path("/dev/zero"))
+    with pytest.raises(WorkshopError, match="more than 100000 rows"):
+        read_measurements(reading(tmp_path, HEADER + "100,0.3,2.5,0.2,4.5\n" * 100_001))
+    book = pytest.importorskip("openpyxl").Workbook(write_only=True)
+    sheet = book.create_sheet()
+    for _ in range(100_003):
+        sheet.append([1])
+    book.save(tmp_path / "cuts.xlsx")
+    with pytest.raises(WorkshopError, match="more than 100000 rows"):
+        read_measurements(tmp_path / "cuts.xlsx")
 
 
 def test_edges_have_any_name(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
@@ -13,8 +12,7 @@ from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.advise import advise, plan
 from turning_shop.page import render
-from turning_shop.prediction import predict, read_evidence
-from turning_shop.whatif import what_if
+from turning_shop.provenance import load
 
 pytestmark = pytest.mark.slow
 
@@ -23,6 +21,7 @@ MACHINE = """
 base = "rough_turning"
 [limits]
 power = 5.5
+thrust_force = 1500.0
 [spindle]
 base_speed = 400.0
 idle_torque = 3.0
@@ -55,7 +54,7 @@ def opened(browser: Browser, tmp_path: Path) -> Iterator[Open]:
     contexts, heard = [], []
 
     def go(scenario: Scenario, width: int = 1280, **settings: Any) -> Page:
-        evidence = read_evidence(scenario)
+        evidence = load(scenario.file or "rough_turning")[1]
         path = tmp_path / "page.html"
         path.write_text(render(scenario, evidence, advise(scenario, evidence)), "utf-8")
         context = browser.new_context(viewport={"width": width, "height": 800}, **settings)
@@ -79,16 +78,15 @@ def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float
     values = scenario.model_dump()
     values["economics"] |= {name: at[name] for name in values["economics"] if name in at}
     values["workpiece"]["depth_of_cut"] = at["depth_of_cut"]
-    evidence, scenario = read_evidence(scenario), Scenario.model_validate(values)
-    cuts = what_if(scenario, **{name: np.array([at[name]]) for name in ("cutting_speed", "feed", "hardness", "wear")})
-    known = predict(scenario, evidence, cuts, of_wear=True)
-    found = plan(scenario, evidence, "least cost", cuts, cuts.time)
-    names = ("thrust_force", "thrust_force_share", "power", "power_share", "time", "tool_life", "removal_rate", "spindle_speed")
-    numbers = {name: float(getattr(cuts, name)[0]) for name in names}
-    numbers |= {"parts": found.parts[0], "cycle_time": found.cycle_time}
-    numbers |= {"mean_removal_rate": found.removal_rate, "cost": found.cost}
-    intervals = {name: (known.low[name][0], known.high[name][0]) for name in ("thrust_force", "power", "tool_life")}
-    return numbers, intervals | {"parts": found.parts[1:]}, found.extrapolated
+    evidence, scenario = load(scenario.file or "rough_turning")[1], Scenario.model_validate(values)
+    found = plan(scenario, evidence, at["cutting_speed"], at["feed"], at["wear"], at["hardness"])
+    names = ("thrust_force", "thrust_force_share", "power", "power_share", "tool_life", "removal_rate", "spindle_speed")
+    numbers = {name: float(getattr(found.cuts, name)) for name in names}
+    numbers |= {name: float(getattr(found, name)) for name in ("parts", "minutes", "cycle_time", "cost")}
+    known = found.prediction
+    intervals = {name: (float(known.low[name]), float(known.high[name])) for name in ("thrust_force", "power", "tool_life")}
+    intervals["cost"] = float(found.cost_low), float(found.cost_high)
+    return numbers | {"mean_removal_rate": float(found.removal_rate)}, intervals, bool(known.extrapolated)
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
@@ -112,19 +110,19 @@ def test_the_numbers_are_those_of_python(settings: dict[str, float], scenario: S
 
 def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, opened: Open) -> None:
     page = opened(scenario)
-    advice = {each.aim: each for each in advise(scenario, read_evidence(scenario)) if len(each.steps) == 1}
-    assert page.evaluate("cheapest().cost") == pytest.approx(advice["least cost"].cost, rel=1e-6)
-    assert page.evaluate("results(settings).values.cost") == pytest.approx(advice["least cost"].cost, rel=1e-6)
-    page.get_by_role("button", name="longest run").click()
-    assert page.evaluate("results(settings).values.time") == pytest.approx(advice["longest run"].life[0], rel=1e-6)
+    least, *_, metal = (each.plan for each in advise(*load(scenario.file or "")))
+    assert page.evaluate("cheapest().cost") == pytest.approx(least.cost, rel=1e-6)
+    assert page.evaluate("results(settings).values.cost") == pytest.approx(least.cost, rel=1e-6)
+    page.get_by_role("button", name="most metal").click()
+    assert page.evaluate("results(settings).values.minutes") == pytest.approx(metal.minutes, rel=1e-6)
     page.get_by_role("button", name="choose it").click()
     assert page.evaluate("settings.feed - cheapest().feed") == 0
 
 
 def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, opened: Open) -> None:
     page = opened(scenario.model_copy(update={"name": "<i>plain</i>"}))
-    assert page.get_by_role("listitem").all_inner_texts() == list(read_evidence(scenario).warnings) != []
-    expect(page.get_by_role("status")).to_contain_text("</b>$ per part")
+    assert page.get_by_role("listitem").all_inner_texts() == list(load(scenario.file or "")[1].warnings) != []
+    expect(page.get_by_role("status")).to_contain_text("</b>$ a part")
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
 
 
@@ -144,7 +142,7 @@ def test_sliders_and_the_map_set_the_numbers(scenario: Scenario, opened: Open) -
 
 def test_without_prices_costs_are_minutes(opened: Open) -> None:
     page = opened(Scenario())
-    expect(page.get_by_role("status")).to_contain_text("min per part")
+    expect(page.get_by_role("status")).to_contain_text("min a part")
     assert page.locator(".warnings").is_hidden()
     page.locator("#insert_price").fill("12")
     expect(page.get_by_role("status")).to_contain_text("set an hourly rate")

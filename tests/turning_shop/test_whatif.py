@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.__main__ import main
 from turning_shop.plots import draw_map
+from turning_shop.prediction import Evidence
 from turning_shop.whatif import what_if
 
 BASE = Scenario()
@@ -43,7 +44,7 @@ def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth
     assert finished.wear_share == pytest.approx(1.0)
 
 
-WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150:180:15", "--feed", "0.2:0.4:0.1"]
+WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150", "165", "180", "--feed", "0.2", "0.3", "0.4"]
 
 
 def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,9 +72,7 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
     ("arguments", "message"),
     [
         (["--cutting-speed", "-1", "--feed", "0.3", "--wear", "0.2"], "-1 is outside the allowed range 0.1 to 5000 m/min"),
-        (["--cutting-speed", "100", "--feed", "0.1:0.2", "--wear", "0.2"], "neither a number nor LOW:HIGH:STEP"),
-        (["--cutting-speed", "100", "--feed", "0.2:0.1:0.1", "--wear", "0.2"], "must go up"),
-        (["--cutting-speed", "100", "--feed", "0.1:0.2:1e-9", "--wear", "0.2"], "more than 100000 numbers"),
+        (["--cutting-speed", "100", "--feed", "0.1:0.2", "--wear", "0.2"], "'0.1:0.2' is not a number"),
         (["--cutting-speed", "100", "--feed", "0.3"], "one of the arguments --time --wear is required"),
         (["--cutting-speed", "100", "--feed", "0.3", "--wear", "0.2", "--time", "1"], "not allowed with"),
     ],
@@ -85,7 +84,7 @@ def test_bad_options_are_refused(arguments: list[str], message: str, capsys: pyt
 
 
 def test_the_map_marks_where_most_metal_is_removed_and_labels_rates() -> None:
-    left, right = draw_map(BASE, 0.2).axes
+    left, right = draw_map(BASE, Evidence(), 0.2).axes
     (mark,) = [line for line in left.lines if line.get_marker() == "o"]
     speed, feed = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
     cuts = what_if(BASE, speed, feed, wear=0.2)

@@ -1,0 +1,80 @@
+"""Load a scenario for advice: limits that are not the user's are off, and what was not measured or stated is said."""
+
+import tomllib
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from turning_env.scenario import Scenario, presets
+from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.scenario import Source, flat
+from turning_env.scenario.sections import Material
+from turning_shop.fit import FACTORS
+from turning_shop.prediction import Evidence, read_evidence
+
+NO_LIMIT = {"thrust_force": 1e6, "power": 1e4}
+"""Limits [N], [kW] that count as none: the largest that a scenario may have."""
+ASKED = (
+    *("machine.cutting_speed_max", "machine.feed_max", "workpiece.diameter", "workpiece.bar_length", "workpiece.depth_of_cut"),
+    *("tool.wear_criterion", "economics.edge_change_time"),
+)
+"""Values on which advice depends."""
+TAYLOR = 0.25
+"""Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron (ISO groups P, M and K): speed factors
+for lives of 20 to 60 min in the catalogue Dormer Pramet 2024, p. 76; Mitsubishi's rule, 20 % more speed halves the life: 0.26."""
+CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogues for the ISO groups P, M and K"
+
+
+def load(source: Source) -> tuple[Scenario, Evidence]:
+    """Return a scenario and the evidence for its laws, whose warnings say what is neither stated by the user nor measured.
+
+    A preset counts as stated. In a file based on a preset, a limit of force or power that the file does not state is off, and a
+    law of wear that is the preset's gets the exponent of speed that catalogues state.
+    """
+    scenario = Scenario.load(source)
+    evidence = read_evidence(scenario)
+    if scenario.file is None:
+        return scenario, evidence
+    stated, preset = _stated(scenario.file)
+    own = {name for name, _ in flat(stated)}
+    warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
+    if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in ASKED if name not in own]:
+        warnings.append(f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}")
+    for name in FACTORS:
+        if name not in evidence.laws:
+            whose = "that of your files" if any(each.startswith(f"material.{name}.") for each in own) else f"that of {preset}"
+            warnings.append(f"{name}: the law was not measured; it is {whose}")
+    limits: dict[str, Any] = {name: none for name, none in NO_LIMIT.items() if f"limits.{name}" not in own}
+    warnings += [f"limits.{name} is off: your files do not state it" for name in limits]
+    update: dict[str, Any] = {"limits": scenario.limits.model_copy(update=limits)}
+    wear = scenario.material.wear
+    if "wear" not in evidence.laws and is_papers(wear):
+        update["material"] = scenario.material.model_copy(
+            update={"wear": with_speed_exponent(wear, wear.time / TAYLOR, scenario.control.initial_cutting_speed)}
+        )
+        warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {scenario.control.initial_cutting_speed:g} m/min")
+    return scenario.model_copy(update=update), evidence.model_copy(update={"warnings": tuple(warnings)})
+
+
+def is_papers(wear: PowerLaw) -> bool:
+    """Return whether a law of wear has the paper's Taylor exponent, 0.42, at which speed is cheap."""
+    paper = Material().wear
+    return (wear.cutting_speed, wear.time) == (paper.cutting_speed, paper.time)
+
+
+def with_speed_exponent(law: PowerLaw, exponent: float, cutting_speed: float) -> PowerLaw:
+    """Return a law with another exponent of cutting speed and the same response at one cutting speed [m/min]."""
+    scale = cutting_speed ** (law.cutting_speed - exponent)
+    return law.model_copy(update={"cutting_speed": exponent, "coefficient": law.coefficient * scale})
+
+
+def _stated(path: Path) -> tuple[dict[str, Any], str]:
+    """Return the values that a scenario file and the files of its bases state, and the preset below them."""
+    values = tomllib.loads(path.read_text("utf-8-sig"))
+    base = values.pop("base", "rough_turning")
+    for table in ("name", "calibration"):
+        values.pop(table, None)
+    if base in presets():
+        return values, base
+    below, preset = _stated(path.parent / base)
+    return {key: {**below.get(key, {}), **values.get(key, {})} for key in below | values}, preset
