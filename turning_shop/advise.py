@@ -64,7 +64,7 @@ class Plan(NamedTuple):
         parts: Parts per edge; a share of one if edges do not last a part.
         minutes: Cutting time of an edge [min].
         cycle_time: Time from part to part, without edge changes [min].
-        removal_rate: Metal per minute, edge changes included [cm3/min].
+        mean_removal_rate: Metal per minute, edge changes included [cm3/min].
         cost: Cost of a part, edges included.
         cost_low, cost_high: The 95 % interval of the cost, with as many parts per edge as then last, as far as the law of wear
             is known; NaN if it was not measured.
@@ -75,7 +75,7 @@ class Plan(NamedTuple):
     parts: Any
     minutes: Any
     cycle_time: Any
-    removal_rate: Any
+    mean_removal_rate: Any
     cost: Any
     cost_low: Any
     cost_high: Any
@@ -193,7 +193,7 @@ def round_numbers(low: float, high: float, count: int) -> Values:
 
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
-    aimed = -tried.removal_rate if aim == "most metal" else tried.cost
+    aimed = -tried.mean_removal_rate if aim == "most metal" else tried.cost
     possible = tried.cuts.within_limits & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
     if not possible.any():
         return None
@@ -206,7 +206,9 @@ def _bounds(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str, best:
     for name, unit in (("power", "kW"), ("thrust_force", "N")):
         lifted = tried._replace(cuts=tried.cuts._replace(**{f"{name}_share": np.zeros_like(tried.cuts.wear)}))
         without = _best(scenario, evidence, lifted, aim)
-        if without and (without.cost < best.cost * (1 - BINDS) or without.removal_rate > best.removal_rate * (1 + BINDS)):
+        if without and (
+            without.cost < best.cost * (1 - BINDS) or without.mean_removal_rate > best.mean_removal_rate * (1 + BINDS)
+        ):
             law = "its law was measured" if name in evidence.laws else "its law was not measured"
             yield Bound(f"limits.{name}, {getattr(limits, name):g} {unit}", law, without)
     speeds, feeds = (machine.cutting_speed_min, scenario.cutting_speed_max), (machine.feed_min, machine.feed_max)
@@ -285,7 +287,7 @@ def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iter
                 f"{best.cuts.thrust_force:.0f}",
                 f"{best.cuts.power:.1f}",
                 f"{best.cycle_time:.2f}",
-                f"{best.removal_rate:.1f}",
+                f"{best.mean_removal_rate:.1f}",
                 money(best.cost) + best.mark,
             )
             for aim, best, _ in found

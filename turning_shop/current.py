@@ -1,4 +1,4 @@
-"""Relate the current of a feed motor to its load: characteristic quantities, regression and hysteresis (servo current paper).
+"""Relate the current of a feed motor to its load: characteristic quantities and regression (servo current paper).
 
 The record is a current sampled at a constant rate and feed velocity while the load is held at one value after another. A phase
 current alternates, so its mean tells nothing of the load. Three quantities of each hold do [A]:
@@ -32,9 +32,6 @@ class Line(NamedTuple):
     """Load per ampere."""
     r_squared: float
     """Share of the load's variance that the line explains [-]."""
-    hysteresis: float | None
-    """Largest difference of the quantity between unloading and loading at the same load, over the quantity's range [-]; None if
-    the load is not raised from hold to hold and then lowered."""
 
 
 class CurrentReport(NamedTuple):
@@ -93,15 +90,4 @@ def _rms(values: Values) -> float:
 def _line(values: Values, loads: Values) -> Line:
     """Return the line of the loads over a quantity of the same holds."""
     found = stats.linregress(values, loads)
-    return Line(float(found.intercept), float(found.slope), float(found.rvalue**2), _hysteresis(values, loads))
-
-
-def _hysteresis(values: Values, loads: Values) -> float | None:
-    """Return the largest difference between unloading and loading, over the range of values; None without either."""
-    top = int(loads.argmax())
-    changes = np.diff(loads)
-    if top in (0, len(loads) - 1) or (changes[:top] <= 0.0).any() or (changes[top:] >= 0.0).any():
-        return None
-    covered = loads[top:] >= loads[0]
-    loading = np.interp(loads[top:][covered], loads[: top + 1], values[: top + 1])
-    return float(np.abs(values[top:][covered] - loading).max() / np.ptp(values))
+    return Line(float(found.intercept), float(found.slope), float(found.rvalue**2))

@@ -40,7 +40,7 @@ def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
         # nearly all edges last: the life of the one edge in forty
         assert best.minutes <= cut.time * np.exp(-1.96 * scenario.tool.wear_factor_spread / scenario.material.wear.time)
     assert cost.plan.cost <= metal.plan.cost
-    assert cost.plan.removal_rate <= metal.plan.removal_rate
+    assert cost.plan.mean_removal_rate <= metal.plan.mean_removal_rate
     assert [bound.limit for bound in cost.bounds] == ["limits.power, 7 kW", "limits.thrust_force, 1500 N"]
     for bound in cost.bounds:
         assert bound.without is not None
@@ -103,7 +103,7 @@ def test_every_number_is_that_of_a_play() -> None:
         parts = removed / part_volume(scenario)
         cycle = time / 60.0 / parts + scenario.machine.return_time  # plain bars have no return between them
         minutes = cycle + prices.change_time / parts
-        found = (best.minutes, best.parts, best.cycle_time, best.removal_rate, best.cost)
+        found = (best.minutes, best.parts, best.cycle_time, best.mean_removal_rate, best.cost)
         expected = (cutting / 60.0, parts, cycle, part_volume(scenario) / minutes)
         assert found == pytest.approx((*expected, prices.minute * minutes + prices.edge / parts), rel=0.03)
         assert episodes["wear"][0] <= best.cuts.wear

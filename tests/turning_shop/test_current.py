@@ -29,12 +29,6 @@ def test_every_quantity_gives_the_torque_back(alternating: bool, share: float) -
     for name, line in found.lines.items():
         assert line.slope == pytest.approx(1.0 / (share * PER_TORQUE), rel=0.01), name
         assert line.intercept == pytest.approx(-IDLE / PER_TORQUE, rel=0.02), name
-        assert line.hysteresis == pytest.approx(0.0, abs=1e-3), name
-
-
-def test_hysteresis_is_the_gap_over_the_range() -> None:
-    assert analyse(*record(UP_AND_DOWN, 0.3)).lines["rms"].hysteresis == pytest.approx(0.1, rel=0.01)
-    assert analyse(*record((0.0, 1.0, 2.0, 3.0))).lines["rms"].hysteresis is None
 
 
 def test_noise_adds_to_the_root_mean_square_but_hardly_to_peak_and_filtered_value() -> None:

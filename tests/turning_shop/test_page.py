@@ -82,11 +82,11 @@ def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float
     found = plan(scenario, evidence, at["cutting_speed"], at["feed"], at["wear"], at["hardness"])
     names = ("thrust_force", "thrust_force_share", "power", "power_share", "tool_life", "removal_rate", "spindle_speed")
     numbers = {name: float(getattr(found.cuts, name)) for name in names}
-    numbers |= {name: float(getattr(found, name)) for name in ("parts", "minutes", "cycle_time", "cost")}
+    numbers |= {name: float(getattr(found, name)) for name in ("parts", "minutes", "cycle_time", "mean_removal_rate", "cost")}
     known = found.prediction
     intervals = {name: (float(known.low[name]), float(known.high[name])) for name in ("thrust_force", "power", "tool_life")}
     intervals["cost"] = float(found.cost_low), float(found.cost_high)
-    return numbers | {"mean_removal_rate": float(found.removal_rate)}, intervals, bool(known.extrapolated)
+    return numbers, intervals, bool(known.extrapolated)
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
