@@ -7,19 +7,96 @@ The same command resumes an interrupted training, and does nothing if training i
 (Schulman et al. 2017, arXiv 1707.06347.)
 """
 
+import math
 import sys
 from functools import partial
 from typing import Any
 
+import numpy as np
 import torch
 from optuna.distributions import FloatDistribution, IntDistribution
 from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Feedforward
 from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
+
+
+class LeanPPO(PPO):
+    """Stable-Baselines3's PPO without its Python loops over environments and its statistics of minibatches (docs/training.md).
+
+    Samples of a rollout lie in one tensor, which is shuffled once per epoch.
+    """
+
+    def collect_rollouts(self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int) -> bool:
+        """Fill the buffer; the value of its last observation is added to a truncated episode's last reward."""
+        policy: Any = self.policy
+        policy.set_training_mode(False)
+        rollout_buffer.reset()
+        callback.on_rollout_start()
+        for _ in range(n_rollout_steps):
+            observations: Any = self._last_obs
+            with torch.no_grad():
+                actions, values, log_probabilities = policy(torch.from_numpy(observations))
+            found: Any = env.step(actions.clamp(-1.0, 1.0).numpy())
+            self._last_obs, rewards, ended, infos = found
+            self.num_timesteps += env.num_envs
+            callback.on_step()
+            done = np.flatnonzero(ended).tolist()
+            self.ep_info_buffer.extend(infos[i]["episode"] for i in done)  # type: ignore[union-attr]
+            if truncated := [i for i in done if infos[i]["TimeLimit.truncated"]]:
+                rewards[truncated] += self.gamma * self._values(np.stack([infos[i]["terminal_observation"] for i in truncated]))
+            starts: Any = self._last_episode_starts
+            rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, log_probabilities)
+            self._last_episode_starts = ended
+        rollout_buffer.compute_returns_and_advantage(torch.from_numpy(self._values(self._last_obs)), ended)
+        callback.on_rollout_end()
+        return True
+
+    def _values(self, observations: Any) -> Any:
+        """Return the values of observations, shape (n,)."""
+        with torch.no_grad():
+            return self.policy.predict_values(torch.from_numpy(observations)).flatten().numpy()
+
+    def train(self) -> None:
+        """Update the policy with the buffer."""
+        policy: Any = self.policy
+        optimizer, layers = policy.optimizer, policy.mlp_extractor
+        self._update_learning_rate(optimizer)
+        clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
+        buffer = self.rollout_buffer
+        columns = [buffer.observations, buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns]
+        tensors = [torch.from_numpy(each).flatten(0, 1).reshape(each.shape[0] * each.shape[1], -1) for each in columns]
+        samples, sizes = torch.cat(tensors, dim=1), [each.shape[1] for each in tensors]
+        for _ in range(self.n_epochs):
+            for batch in samples[torch.randperm(len(samples))].split(self.batch_size):
+                observations, actions, *rest = batch.split(sizes, dim=1)  # type: ignore[no-untyped-call]
+                before, advantages, returns = (each.flatten() for each in rest)
+                advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+                deviations = (actions - policy.action_net(layers.policy_net(observations))) * torch.exp(-policy.log_std)
+                constant = policy.log_std.sum() + 0.5 * sizes[1] * math.log(2.0 * math.pi)
+                log_ratio = -0.5 * deviations.square().sum(dim=1) - constant - before
+                ratio = log_ratio.exp()
+                policy_loss = -torch.min(advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)).mean()
+                value_loss = torch.nn.functional.mse_loss(policy.value_net(layers.value_net(observations)).flatten(), returns)
+                loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * policy.log_std.sum()
+                optimizer.zero_grad()
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
+                optimizer.step()
+        self._n_updates += self.n_epochs
+        for name, value in (
+            ("policy_gradient_loss", policy_loss),
+            ("value_loss", value_loss),
+            ("approx_kl", (ratio - 1.0 - log_ratio).mean()),
+            ("clip_fraction", ((ratio - 1.0).abs() > clip).float().mean()),
+            ("std", policy.log_std.exp().mean()),
+        ):
+            self.logger.record(f"train/{name}", value.item())
 
 
 def settings(run: Run) -> dict[str, Any]:
@@ -40,7 +117,9 @@ def settings(run: Run) -> dict[str, Any]:
             "net_arch": p["hidden_layers"],
             "activation_fn": ACTIVATIONS[p["activation"]],
             "log_std_init": p["initial_log_deviation"],
+            "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
+        "stats_window_size": max(100, p["num_envs"]),
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
         "device": "cpu",
@@ -49,7 +128,7 @@ def settings(run: Run) -> dict[str, Any]:
 
 def new_model(run: Run, vec_env: VecEnv) -> PPO:
     """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
-    model = PPO("MlpPolicy", vec_env, **settings(run))
+    model = LeanPPO("MlpPolicy", vec_env, **settings(run))
     means = run.parameters.get("initial_actions", [])
     last_layer: Any = model.policy.action_net
     with torch.no_grad():
@@ -69,7 +148,7 @@ SEARCH = {
     "initial_log_deviation": FloatDistribution(-2.0, 0.0),
 }
 
-ALGORITHM = Algorithm("ppo", "PPO", PPO, new_model, network, SEARCH)
+ALGORITHM = Algorithm("ppo", "PPO", LeanPPO, new_model, network, SEARCH)
 
 
 main = partial(command_line, ALGORITHM)
