@@ -99,7 +99,7 @@ class Search:
         # What the trials depend on, except the rule's name: a journal's trials of other tasks are ignored.
         about = json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, seeds])
         self._study = optuna.create_study(
-            storage=_open(journal),
+            storage=open_journal(journal),
             study_name=hashlib.sha256(about.encode()).hexdigest(),
             direction="maximize",
             load_if_exists=True,
@@ -209,7 +209,7 @@ def cut_off_half_line(path: Path) -> None:
         lock.release()
 
 
-def _open(path: Path) -> JournalStorage:
+def open_journal(path: Path) -> JournalStorage:
     """Open a journal; start a damaged one anew."""
     path.parent.mkdir(parents=True, exist_ok=True)
     cut_off_half_line(path)

@@ -57,19 +57,11 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
     return figure
 
 
-def _level(text: str) -> tuple[str, float]:
-    """Return the name and the return [s] of ``NAME=VALUE``.
-
-    Raises:
-        ValueError: the text has another form.
-    """
+def named_level(text: str) -> tuple[str, float]:
+    """Return the name and the return [s] of ``NAME=VALUE``."""
     name, separator, value = text.rpartition("=")
-    try:
-        level = float(value)
-    except ValueError:
-        level = math.nan
-    if not (separator and name and math.isfinite(level)):
-        raise ValueError(f"--level is {text!r}, but must be NAME=VALUE with a return in s")
+    if not (separator and name and math.isfinite(level := float(value))):
+        raise ValueError
     return name, level
 
 
@@ -82,12 +74,11 @@ def main(arguments: list[str] | None = None) -> int:
     out_help = "picture to write: PNG, SVG or PDF, by its suffix; or JSON, the curves themselves (default: %(default)s)"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help)
     level_help = "draw a horizontal line at this return [s]"
-    parser.add_argument("--level", action="append", default=[], metavar="NAME=VALUE", help=level_help)
+    parser.add_argument("--level", action="append", default=[], type=named_level, metavar="NAME=VALUE", help=level_help)
     parser.add_argument("--against", choices=list(AXES), default="steps", help="horizontal axis (default: %(default)s)")
     again_help = "say that the runs repeat the trainings of the agents' files with the same settings"
     parser.add_argument("--again", action="store_true", help=again_help)
     parsed = parser.parse_args(arguments)
-    levels = dict(map(_level, parsed.level))
     found = read(parsed.sources, parsed.against, parsed.again)
     if parsed.out.suffix == ".json":
         if parsed.against != "steps":
@@ -95,7 +86,7 @@ def main(arguments: list[str] | None = None) -> int:
         found.write(parsed.out)
     else:
         with style.for_print():
-            style.save(draw(curves(found.trainings), levels, parsed.against), parsed.out)
+            style.save(draw(curves(found.trainings), dict(parsed.level), parsed.against), parsed.out)
     print(f"{parsed.out}: {found.env_id}, scenario {found.scenario.name}")
     return 0
 

@@ -70,15 +70,17 @@ class LeanPPO(PPO):
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
         columns = [buffer.observations, buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns]
-        tensors = [torch.from_numpy(each).flatten(0, 1).reshape(each.shape[0] * each.shape[1], -1) for each in columns]
-        samples, sizes = torch.cat(tensors, dim=1), [each.shape[1] for each in tensors]
+        samples: Any = torch.cat(
+            [torch.from_numpy(each).reshape(buffer.buffer_size * buffer.n_envs, -1) for each in columns], dim=1
+        )
+        entries = buffer.observations.shape[-1]
         for _ in range(self.n_epochs):
             for batch in samples[torch.randperm(len(samples))].split(self.batch_size):
-                observations, actions, *rest = batch.split(sizes, dim=1)  # type: ignore[no-untyped-call]
-                before, advantages, returns = (each.flatten() for each in rest)
+                observations, actions = batch[:, :entries], batch[:, entries:-3]
+                before, advantages, returns = batch[:, -3:].unbind(dim=1)
                 advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
                 deviations = (actions - policy.action_net(layers.policy_net(observations))) * torch.exp(-policy.log_std)
-                constant = policy.log_std.sum() + 0.5 * sizes[1] * math.log(2.0 * math.pi)
+                constant = policy.log_std.sum() + 0.5 * actions.shape[1] * math.log(2.0 * math.pi)
                 log_ratio = -0.5 * deviations.square().sum(dim=1) - constant - before
                 ratio = log_ratio.exp()
                 policy_loss = -torch.min(advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)).mean()

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,10 @@ from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 from turning_env.files import digest_of_files, exclusive_lock, replace_file
+from turning_env.scoring.family import play_family
+from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START
+from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
 SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars."""
@@ -230,6 +233,18 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         replace_file(run.policy, model.save)
         run.checkpoint.unlink(missing_ok=True)
         return run.policy
+
+
+def play_agent(run: Run, actor: Actor, episodes: int) -> Episodes:
+    """Play a run's agent on the first tuning seeds, or on all jobs of its family's split ``validation``.
+
+    Raises:
+        ValueError: the family has no such split.
+    """
+    make = partial(ActorPolicy, actor)
+    if run.family:
+        return play_family(run.family, "validation", range(run.family.held_out_jobs), make)
+    return play(make, run.scenario, tuning_seeds(episodes))
 
 
 def load_actor(run: Run) -> Actor:

@@ -86,8 +86,6 @@ def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytes
         ([unbegun, *never], f"no episode has ended yet in the training in {unbegun}"),
         ([old, *never], f"{old} holds no learning_curve.csv"),
         ([tmp_path, *never], "holds no training run"),
-        ([first, *never, "--level", "=3"], "--level is '=3', but must be NAME=VALUE"),
-        ([first, *never, "--level", "predictive=nan"], "--level is 'predictive=nan', but must be NAME=VALUE"),
         ([first, "--out", str(tmp_path / "never.gif")], "its suffix must be .png or .svg or .pdf"),
     ):
         assert curves.main([*map(str, arguments)]) == 2

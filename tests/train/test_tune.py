@@ -1,13 +1,10 @@
-import subprocess
-import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
-import optuna
 import pytest
-from optuna.trial import FrozenTrial, TrialState
+from optuna.trial import FrozenTrial
 
 from tests.train.small import PARAMETERS, SCENARIO
 from train import tune
@@ -30,10 +27,10 @@ def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> tune.Eval
     return tune.Evaluation(1e5 * setting["learning_rate"], 0.06 if setting["learning_rate"] > 1.5e-3 else 0.04)
 
 
-def search(folder: Path, trials: int, parallel: int = 1, evaluate: Any = learning_rate_matters, **options: Any) -> FrozenTrial:
+def search(folder: Path, trials: int, parallel: int = 1, evaluate: Any = learning_rate_matters) -> FrozenTrial:
     """Tune without training."""
     task = tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder)
-    return tune.search(task, trials, Workers(AtOnce()), parallel, evaluate=evaluate, **options)
+    return tune.search(task, trials, Workers(AtOnce()), parallel, evaluate=evaluate)
 
 
 def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,51 +78,3 @@ def test_the_command_trains_plays_and_prints_a_table(tmp_path: Path, capsys: pyt
     assert tune.main(arguments) == 0  # a finished trial is not repeated
     assert capsys.readouterr().out.splitlines() == [command, result, *table]
     assert [path.stat().st_mtime_ns for path in policies] == before
-
-
-OTHER = "import sys; from pathlib import Path; from tests.train.test_tune import search; "
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("storage", ["sqlite:///FOLDER/trials.db", "FOLDER/new/trials.log"])
-def test_processes_share_a_study(storage: str, tmp_path: Path) -> None:
-    """One goes on with the other's trials, and then both at the same time, whichever of these is quicker."""
-    storage = storage.replace("FOLDER", str(tmp_path))
-
-    def other(trials: int) -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(
-            [sys.executable, "-c", f"{OTHER}search(Path({str(tmp_path)!r}), {trials}, 2, storage={storage!r})"]
-        )
-
-    def trials() -> list[optuna.trial.FrozenTrial]:
-        return optuna.load_study(study_name=None, storage=tune.open_storage(storage)).get_trials(deepcopy=False)
-
-    search(tmp_path, 4, 2, storage=storage)
-    assert len(trials()) == 4
-    both = other(12)
-    search(tmp_path, 12, 2, storage=storage)
-    assert both.wait() == 0
-    found = trials()
-    assert [trial.number for trial in found] == list(range(len(found)))
-    assert 12 <= len(found) <= 14  # each completes the trials that it began
-    assert {trial.state for trial in found} <= {TrialState.COMPLETE, TrialState.PRUNED}
-    assert len({tuple(trial.params.values()) for trial in found}) == len(found)
-
-
-@pytest.mark.parametrize(
-    ("storage", "message"),
-    [
-        ("sqlite://nonsense:words/", "a study cannot be kept there: it is not the URL of a database"),
-        ("cuneiform:///tablet", "a study cannot be kept in cuneiform:///tablet: Can't load plugin"),
-        ("mysql://me:secret@localhost/trials", "a study cannot be kept in mysql://me:***@localhost/trials: "),
-        ("FOLDER/text", "a study cannot be kept in FOLDER/text: "),
-    ],
-)
-def test_bad_storages_are_refused(storage: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "text").write_text("This is no list of trials, however one reads it.\n" * 100)
-    arguments = ["--algorithm", "sac", "--runs", str(tmp_path / "runs"), "--storage", storage.replace("FOLDER", str(tmp_path))]
-    assert tune.main(arguments) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("error: ")
-    assert message.replace("FOLDER", str(tmp_path)) in told
-    assert "secret" not in told
