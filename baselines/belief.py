@@ -29,6 +29,7 @@ from turning_env.observation import read
 from turning_env.physics.quantities import layout
 from turning_env.scenario.plan import Columns
 from turning_env.scenario.scenario import flat, nested
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 Float32s = NDArray[np.float32]
@@ -165,10 +166,26 @@ def _begin(belief: Belief, env: Any, mask: NDArray[np.bool_], infos: dict[str, A
             belief.assign(index, number, partial(_nominal, env, number))
 
 
-def _joined(space: Any) -> Any:
+def with_belief(space: Any) -> Any:
     """Return an observation space with the entries of a belief behind its own."""
     limit = np.full(len(ENTRIES), LIMIT, np.float32)
     return Box(np.concatenate([space.low, -limit]), np.concatenate([space.high, limit]), dtype=np.float32)
+
+
+class BeliefPolicy(Policy):
+    """A policy that is shown a belief behind the observations."""
+
+    def __init__(self, policy: Policy, belief: Belief) -> None:
+        self._policy, self._belief = policy, belief
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Forget the estimates, and clear the policy's memory, of the environments in the mask, shape (num_envs,)."""
+        self._belief.reset(mask)
+        self._policy.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        """Return the policy's actions, shape (num_envs, actions), for observations, shape (num_envs, entries)."""
+        return self._policy.act(np.concatenate([observations, self._belief.observe(observations)], axis=1))
 
 
 class BeliefObservation(gymnasium.Wrapper[Float32s, Float32s, Float32s, Float32s], RecordConstructorArgs):
@@ -185,7 +202,7 @@ class BeliefObservation(gymnasium.Wrapper[Float32s, Float32s, Float32s, Float32s
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
         self._belief = _belief_of(env, 1)
-        self.observation_space = _joined(env.observation_space)
+        self.observation_space = with_belief(env.observation_space)
 
     def reset(self, **options: Any) -> tuple[Float32s, dict[str, Any]]:
         """Start an episode; arguments are the environment's."""
@@ -216,7 +233,7 @@ class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic 
         super().__init__(env)
         self._belief = _belief_of(env, env.num_envs)
         self._all, self._ended = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
-        self.single_observation_space = _joined(env.single_observation_space)
+        self.single_observation_space = with_belief(env.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Float32s, dict[str, Any]]:

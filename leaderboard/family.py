@@ -12,6 +12,7 @@ from baselines.catalogue import RULES, spec
 from baselines.oracles.perfect_state import PerfectState
 from leaderboard.policies import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.result import FamilySplit, ResultError, Task
+from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
 from turning_env.action import towards
 from turning_env.observation import read
@@ -95,7 +96,7 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
 
 def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     """Return an agent, or a policy of one's own code, as it plays a family's task."""
-    plays = _Plays(family_of(task), _split(task), found.make, "nominal", forgets)
+    plays = _Plays(family_of(task), _split(task), found, "nominal", forgets)
     return found.model_copy(update={"forgets": forgets, "compute": plays})
 
 
@@ -110,8 +111,8 @@ class _Plays:
 
     family: Family
     split: str
-    policy: str | PolicyFactory
-    """A controller's name, or a function that makes a policy for all jobs."""
+    policy: str | PolicySpec
+    """A controller's name, or an agent that plays all jobs."""
     knows: str
     forgets: bool
 
@@ -128,7 +129,7 @@ class _Plays:
 
         make: PolicyFactory
         if not isinstance(name, str):
-            return play_family(family, self.split, seeds, remembering(name), "told", on_step)
+            return play_family(family, self.split, seeds, remembering(informed(name, scenarios)), "told", on_step)
         if not (name in (NOMINAL_OPTIMUM, CAUSAL) or RULES[name].together):
             return play_jobs(family, self.split, seeds, lambda job: remembering(spec(name, job.scenario, base).make), on_step)
         if name == NOMINAL_OPTIMUM:

@@ -12,7 +12,7 @@ import numpy as np
 
 from leaderboard.result import ResultError, Task, tell_once
 from train.agents import onnx_policy
-from train.agents.agent_file import ONNX_SUFFIX, check_fits
+from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
 from train.agents.onnx_policy import LIMITS, TooSlow
 from turning_env import Scenario
 from turning_env.scoring.adapt import as_factory
@@ -227,7 +227,7 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     if task.of_family:
         return family.agent(spec, task, forgets)
     check_fits(spec, task.scenario)
-    return spec
+    return spec.model_copy(update={"make": informed(spec, task.scenario)})
 
 
 def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:

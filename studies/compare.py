@@ -26,15 +26,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
-from train.actor import ActorPolicy
+from train.agents.agent_file import informed
 from train.run import HYPERPARAMETERS, Run, hyperparameters
-from train.training import SEEDS, train
+from train.training import SEEDS, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
 from turning_env.scoring.family import play_family, truthful
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
 from turning_env.scoring.workers import spread, workers
@@ -186,7 +186,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
         run = Run.plan(variant.algorithm, study.task, home, seed, runs / name, command, study.settings | variant.settings)
-        make: PolicyFactory = partial(ActorPolicy, algorithm.actor(train(run, algorithm)))
+        spec = load_agent(train(run, algorithm).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
     if isinstance(home, Family):
@@ -202,9 +202,8 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ())):
         if variant.policy:
             spec = _controller(variant, scenario)
-            make = spec.make
             kept.append(spec.identity)
-        seeds = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes)
+        seeds, make = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes), informed(spec, scenario)
         episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))
     return Played(episodes, seconds)
 

@@ -1,4 +1,4 @@
-"""Plot learning curves: mean return of each algorithm over environment steps or time, over its training seeds.
+"""Plot learning curves: mean return of each algorithm over environment steps, over its training seeds.
 
     python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out curves.png --level predictive=-75
     python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out my-agents/learning_curves.json
@@ -25,10 +25,8 @@ from turning_env.console import described, exits
 from turning_env.scoring.statistics import CONFIDENCE
 from turning_render import plot_style as style
 
-AXES = {"steps": "environment steps", "wall_time": "training time [s]"}
 
-
-def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) -> Figure:
+def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
     """Return a figure with a line per algorithm and per level; call it within ``style.for_print``."""
     if len(found) > len(style.LINES):
         raise ValueError(f"{len(found)} algorithms do not fit on one figure: at most {len(style.LINES)}")
@@ -49,7 +47,7 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float], against: str) 
     axes.set_ylabel(
         f"mean return per training episode [s]\n{CONFIDENCE:.0%} interval; linear up to ±{linear:g}, logarithmic beyond"
     )
-    axes.set_xlabel(AXES[against])
+    axes.set_xlabel("environment steps")
     axes.xaxis.set_major_formatter(EngFormatter())
     axes.set_xlim(left=0.0)
     axes.grid()
@@ -75,18 +73,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help)
     level_help = "draw a horizontal line at this return [s]"
     parser.add_argument("--level", action="append", default=[], type=named_level, metavar="NAME=VALUE", help=level_help)
-    parser.add_argument("--against", choices=list(AXES), default="steps", help="horizontal axis (default: %(default)s)")
     again_help = "say that the runs repeat the trainings of the agents' files with the same settings"
     parser.add_argument("--again", action="store_true", help=again_help)
     parsed = parser.parse_args(arguments)
-    found = read(parsed.sources, parsed.against, parsed.again)
+    found = read(parsed.sources, parsed.again)
     if parsed.out.suffix == ".json":
-        if parsed.against != "steps":
-            raise ValueError(f"{parsed.out} would hold curves over steps: leave out --against {parsed.against}")
         found.write(parsed.out)
     else:
         with style.for_print():
-            style.save(draw(curves(found.trainings), dict(parsed.level), parsed.against), parsed.out)
+            style.save(draw(curves(found.trainings), dict(parsed.level)), parsed.out)
     print(f"{parsed.out}: {found.env_id}, scenario {found.scenario.name}")
     return 0
 

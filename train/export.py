@@ -33,6 +33,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
+from baselines.belief import VectorBeliefObservation
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file
 from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
@@ -40,8 +41,8 @@ from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import HYPERPARAMETERS, Run, family_of, trained_on
 from train.training import load_actor
-from turning_env import FAMILY_ID, IDS, RoughTurningVectorEnv, Scenario
-from turning_env.batch.driver import action_space, observation_space
+from turning_env import FAMILY_ID, IDS, Scenario
+from turning_env.batch.driver import action_space
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
@@ -201,7 +202,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         seed=run.seed,
         env_id=run.env_id,
         scenario=run.scenario,
-        observation_space=Space.of(observation_space(run.scenario, agent_file.context_size(run.env_id, run.parameters))),
+        observation_space=Space.of(agent_file.seen_space(run.env_id, run.scenario, run.parameters)),
         action_space=Space.of(action_space(run.scenario)),
         parameters=run.parameters,
         trained_steps=run.parameters["steps"],
@@ -210,20 +211,20 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
     )
 
 
-def _environments(about: Metadata) -> RoughTurningVectorEnv:
+def _environments(about: Metadata) -> Any:
     """Return ``NUM_ENVS`` environments like those of an agent's training."""
-    return vector_env(family_of(about.env_id, about.parameters) or about.scenario, NUM_ENVS, AutoresetMode.SAME_STEP)
+    env = vector_env(family_of(about.env_id, about.parameters) or about.scenario, NUM_ENVS, AutoresetMode.SAME_STEP)
+    return VectorBeliefObservation(env) if about.parameters.get("belief") is True else env
 
 
-def largest_differences(original: Policy, policy: Policy, env: RoughTurningVectorEnv) -> tuple[float, float]:
+def largest_differences(original: Policy, policy: Policy, env: Any) -> tuple[float, float]:
     """Return the largest differences between the actions of two policies of ``NUM_ENVS`` environments.
 
     Both see the same observations and keep their own memories. The first difference is on observations sampled from the
     observation space, the second in episodes on tuning seeds in which the original acts.
     """
     generator = np.random.default_rng(0)
-    box = env.single_observation_space
-    assert isinstance(box, Box)
+    box: Box = env.single_observation_space
     observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
     largest = [0.0, 0.0]
     for played in (False, True):

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from optuna.distributions import FloatDistribution
-from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -80,7 +79,7 @@ class Adaptation(BaseCallback):
             self.logger.record(f"overload/{name}", value)
 
 
-def new_model(run: Run, vec_env: VecEnv) -> PPO:
+def new_model(run: Run, vec_env: VecEnv) -> ppo.LeanPPO:
     """Return an untrained PPO model, and set the initial multiplier."""
     assert isinstance(vec_env, AllowanceVecEnv)
     vec_env.multiplier = run.parameters["initial_multiplier"]
@@ -98,7 +97,7 @@ SEARCH = ppo.SEARCH | {
 }
 
 ALGORITHM = Algorithm(
-    *("lagrangian_ppo", "Lagrangian PPO", PPO, new_model, ppo.network, SEARCH),
+    *("lagrangian_ppo", "Lagrangian PPO", ppo.LeanPPO, new_model, ppo.network, SEARCH),
     vec_env=AllowanceVecEnv,
     callbacks=lambda run: [Adaptation(run)],
     columns=columns,

@@ -31,7 +31,7 @@ class Training(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     first: float
-    """Environment steps, or training time [s], of its first value."""
+    """Environment steps of its first value."""
     last: float
     mean_return: list[float] = Field(min_length=1)
     """Mean return [s] at equal distances from ``first`` to ``last``."""
@@ -39,7 +39,7 @@ class Training(BaseModel):
     """Whether the agent's file comes from an earlier training with the same settings."""
 
     @classmethod
-    def of(cls, run: Run, against: str = "steps", again: bool = False) -> Self:
+    def of(cls, run: Run, again: bool = False) -> Self:
         """Return the learning curve of a run.
 
         Raises:
@@ -48,7 +48,7 @@ class Training(BaseModel):
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
-        x = [row[against] for row in rows]
+        x = [row["steps"] for row in rows]
         returns = np.interp(np.linspace(x[0], x[-1], POINTS), x, [row["mean_return"] for row in rows])
         return cls(first=x[0], last=x[-1], mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns], again=again)
 
@@ -97,7 +97,7 @@ class Curve(NamedTuple):
     again: bool
     """Whether some were trained again: see ``Training``."""
     x: Floats
-    """Environment steps, or training time [s]."""
+    """Environment steps."""
     mean: Floats
     """Mean return over training seeds [s]."""
     low: Floats
@@ -105,7 +105,7 @@ class Curve(NamedTuple):
     high: Floats
 
 
-def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -> Trainings:
+def read(sources: Sequence[Path], again: bool = False) -> Trainings:
     """Return the learning curves of files and of run folders, which take the place of curves of the same name in the files.
 
     Raises:
@@ -116,8 +116,6 @@ def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -
     runs: dict[str, Run] = {}
     for source in sources:
         if source.suffix == ".json":
-            if against != "steps":
-                raise ValueError(f"{source} holds learning curves over steps: give run folders for --against {against}")
             held, known = Trainings.read(source), in_files
             task, new = (held.env_id, held.scenario), held.trainings
         else:
@@ -126,7 +124,7 @@ def read(sources: Sequence[Path], against: str = "steps", again: bool = False) -
             if run.parameters != first.parameters:
                 raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
             task = (run.env_id, ScenarioId.of(run.scenario))
-            new = {f"{run.algorithm}-seed{run.seed}": Training.of(run, against, again)}
+            new = {f"{run.algorithm}-seed{run.seed}": Training.of(run, again)}
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))

@@ -128,7 +128,7 @@ def settings(run: Run) -> dict[str, Any]:
     }
 
 
-def new_model(run: Run, vec_env: VecEnv) -> PPO:
+def new_model(run: Run, vec_env: VecEnv) -> LeanPPO:
     """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
     model = LeanPPO("MlpPolicy", vec_env, **settings(run))
     means = run.parameters.get("initial_actions", [])

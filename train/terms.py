@@ -1,15 +1,16 @@
 """The terms of a training: an agent's inputs beside the present observation, and its charges for edges.
 
-The same three hyperparameters mean the same for every algorithm that has them:
+The same hyperparameters mean the same for every algorithm that has them:
 
+    belief = true            # what the optimisers' filter has estimated from the observations (baselines/belief.py)
     position = true          # readings of the tool's position along the bar (DistanceTracker in train/analytic_actor.py)
     frames = 4               # number of successive observations, with their positions
     life_price = "marginal"  # "flat": the environment's; "marginal": p(D); "end": the whole edge at its end
 
-The trained agent needs nothing else at run time: position and earlier observations are part of its actor and of its file.
+Position and earlier observations are part of the trained agent and of its file. Who plays an agent with a belief computes that
+for it, from nominal models and observations (``train.agents.agent_file.informed``).
 """
 
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -18,18 +19,19 @@ from typing import Any, Self
 import numpy as np
 import torch
 from gymnasium.spaces import Box
+from gymnasium.vector import VectorWrapper
+from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from baselines.belief import VectorBeliefObservation
 from baselines.models.edge_value import USED_LIVES, worth
 from train.actor import Actor
-from train.agents.agent_file import context_size
+from train.agents.agent_file import seen_space
 from train.analytic_actor import DistanceTracker, NoTracker, TargetCommands
 from train.model_gain import edge_price
 from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.batch.driver import observation_space
 from turning_env.vector_env import info_at_end_of_step
 
 
@@ -46,8 +48,9 @@ class ShapedVecEnv(RoughTurningVecEnv):
     difference, this would not change.
     """
 
-    def __init__(self, life_price: str, scenario: Scenario, num_envs: int, reward_scale: float = 1.0) -> None:
-        super().__init__(scenario, num_envs, reward_scale)
+    def __init__(self, life_price: str, scenario: Scenario, *others: Any) -> None:
+        """``others``: further arguments of ``RoughTurningVecEnv``."""
+        super().__init__(scenario, *others)
         self._price = edge_price(scenario)
         self._used_lives = np.concatenate([[0.0], USED_LIVES])
         self._potentials = self._price * self._used_lives
@@ -93,39 +96,34 @@ class View:
         return seen, torch.cat([state, seen[:, self._entries :]], dim=1)
 
 
-class ViewVecEnv(VecEnvWrapper):
-    """Environments that return the agent's inputs."""
+class ViewObservation(VectorWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
+    """Vector environments with SAME_STEP that return the agent's inputs."""
 
-    def __init__(self, venv: VecEnv, view: View) -> None:
-        super().__init__(venv, Box(-np.inf, np.inf, (view.entries,), np.float32))
-        self._view, self._memory = view, torch.zeros(venv.num_envs, view.memory_size)
+    def __init__(self, env: Any, view: View) -> None:
+        super().__init__(env)
+        self._view, self._memory = view, torch.zeros(env.num_envs, view.memory_size)
+        self.single_observation_space = Box(-np.inf, np.inf, (view.entries,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the class's members, which the library's class keeps and which cannot be pickled."""
-        return {name: value for name, value in vars(self).items() if name != "class_attributes"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self.class_attributes = dict(inspect.getmembers(type(self)))
-
-    def reset(self) -> NDArray[np.float32]:
-        """Return first observations, shape (num_envs, entries)."""
+    def reset(self, **options: Any) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start episodes in all environments; arguments are the environments'."""
+        observations, infos = self.env.reset(**options)
         self._memory[:] = 0.0
-        observations: Any = self.venv.reset()
-        return self._seen(observations)
+        return self._seen(observations), infos
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        found: Any = self.venv.step_wait()
-        observations, rewards, ended, infos = found
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
+        """Run one step in every environment."""
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        ended = terminated | truncated
         if ended.any():
-            last, memory = observations.copy(), self._memory
-            indices = np.flatnonzero(ended)
-            last[indices] = [infos[index]["terminal_observation"] for index in indices]
+            last, final, memory = observations.copy(), infos["final_obs"].copy(), self._memory
+            last[ended] = np.stack(final[ended])
             seen = self._seen(last)
-            for index in indices:
-                infos[index]["terminal_observation"] = seen[index]
+            for index in np.flatnonzero(ended):
+                final[index] = seen[index]
+            infos = infos | {"final_obs": final}
             self._memory = torch.where(torch.from_numpy(ended).unsqueeze(1), 0.0, memory)
-        return self._seen(observations), rewards, ended, infos
+        return self._seen(observations), rewards, terminated, truncated, infos
 
     def _seen(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         seen, self._memory = self._view(torch.from_numpy(observations), self._memory)
@@ -160,16 +158,18 @@ class Terms:
     """
 
     scenario: Scenario
+    entries: int
+    """Number of entries of an observation, with those of a family's nominal model and of a belief."""
+    of_family: bool = False
+    belief: bool = False
     position: bool = False
     frames: int = 1
     life_price: str = "flat"
-    context: int = 0
-    """Number of observation entries that tell a family's nominal model."""
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
             raise ValueError(f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}")
-        if self.context and (self.position or self.life_price != "flat"):
+        if self.of_family and (self.position or self.life_price != "flat"):
             raise ValueError("position and life_price other than flat are computed for one scenario, not for a family's jobs")
         if not 1 <= self.frames <= 100:
             raise ValueError(f"frames is {self.frames}, but must be 1 to 100")
@@ -177,9 +177,9 @@ class Terms:
     @classmethod
     def of(cls, run: Run) -> Self:
         """Return the terms of a run."""
-        names = ("position", "frames", "life_price")
-        known = {name: run.parameters[name] for name in names if name in run.parameters}
-        return cls(run.scenario, **known, context=context_size(run.env_id, run.parameters))
+        known = {name: run.parameters[name] for name in ("belief", "position", "frames", "life_price") if name in run.parameters}
+        (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
+        return cls(run.scenario, entries, run.family is not None, **known)
 
     def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
         """Return the function that makes training environments, from that of the algorithm."""
@@ -190,13 +190,14 @@ class Terms:
         """The view of the agent; None: plain observations."""
         if not self.position and self.frames == 1:
             return None
-        (entries,) = observation_space(self.scenario, self.context).shape or (0,)
-        return View(self.scenario, entries, self.position, self.frames)
+        return View(self.scenario, self.entries, self.position, self.frames)
 
-    def shown(self, vec_env: VecEnv) -> VecEnv:
-        """Return environments that return the agent's inputs."""
-        return ViewVecEnv(vec_env, self._view) if self._view else vec_env
+    def shown(self, env: Any) -> Any:
+        """Return vector environments that return the agent's inputs."""
+        if self.belief:
+            env = VectorBeliefObservation(env)
+        return ViewObservation(env, self._view) if self._view else env
 
     def actor(self, actor: Actor) -> Actor:
-        """Return the actor on plain observations for one on the inputs of ``shown``."""
+        """Return the actor on observations for one on the inputs of ``shown``."""
         return ViewActor(actor, self._view) if self._view else actor

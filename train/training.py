@@ -14,7 +14,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from tqdm import tqdm
 
 from train.actor import Actor, ActorPolicy
-from train.agents.agent_file import trained_policy
+from train.agents.agent_file import informed, trained_policy
 from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, trained_on, warn_of_pickle
 from train.terms import Terms
 from turning_env import FAMILY_ID, IDS, Scenario
@@ -43,6 +42,8 @@ SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars."""
 SEEDS = TUNING_START // SEED_STRIDE
 """Training seeds are below this number."""
+VALIDATION = "validation"
+"""Split of a family on which agents are compared during development."""
 CURVE_ROWS = 200
 """Approximate number of rows of a learning curve."""
 
@@ -83,7 +84,7 @@ class Algorithm:
         """Load the finished agent from a ``policy.zip`` of your own."""
         model: Any = self.model.load(path, device="cpu")
         actor = self.network(model.policy)
-        if terms := getattr(model, "terms", None):  # a file of before has none
+        if terms := getattr(model, "terms", None):
             actor = terms.actor(actor)
         return actor.eval()
 
@@ -178,11 +179,14 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         ValueError: the hyperparameters cannot be used.
     """
     try:
-        terms = Terms(run.scenario) if algorithm.own_terms else Terms.of(run)
-        vec_env = terms.charged(algorithm.vec_env)(
-            run.family or run.scenario, run.parameters["num_envs"], run.parameters["reward_scale"]
+        terms = None if algorithm.own_terms else Terms.of(run)
+        vec_env = (terms.charged(algorithm.vec_env) if terms else algorithm.vec_env)(
+            run.family or run.scenario,
+            run.parameters["num_envs"],
+            run.parameters["reward_scale"],
+            *([terms.shown] if terms else []),
         )
-        model: Any = algorithm.new_model(run, terms.shown(vec_env))
+        model: Any = algorithm.new_model(run, vec_env)
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
         raise ValueError(f"{algorithm.name} cannot be made with these hyperparameters: {error!r}") from error
@@ -235,18 +239,6 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         return run.policy
 
 
-def play_agent(run: Run, actor: Actor, episodes: int) -> Episodes:
-    """Play a run's agent on the first tuning seeds, or on all jobs of its family's split ``validation``.
-
-    Raises:
-        ValueError: the family has no such split.
-    """
-    make = partial(ActorPolicy, actor)
-    if run.family:
-        return play_family(run.family, "validation", range(run.family.held_out_jobs), make)
-    return play(make, run.scenario, tuning_seeds(episodes))
-
-
 def load_actor(run: Run) -> Actor:
     """Return the actor of one of your own finished trainings. It is a pickle, which can run code: never load a stranger's.
 
@@ -269,6 +261,20 @@ def load_agent(folder: Path) -> PolicySpec:
     actor = load_actor(run)
     digest = digest_of_files(folder, folder.rglob("*"))
     return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
+
+
+def play_agent(folder: Path, episodes: int) -> Episodes:
+    """Play the finished agent of a run's folder on the first tuning seeds, or on all jobs of its family's split ``VALIDATION``.
+
+    Raises:
+        ValueError: as ``load_actor``, or the family has no such split.
+    """
+    run, agent = Run.read(folder), load_agent(folder)
+    if run.family is None:
+        return play(informed(agent, run.scenario), run.scenario, tuning_seeds(episodes))
+    jobs = range(run.family.held_out_jobs)
+    scenarios = [run.family.job(number, VALIDATION).scenario for number in jobs]
+    return play_family(run.family, VALIDATION, jobs, informed(agent, scenarios))
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to resume from the last checkpoint")

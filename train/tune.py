@@ -105,7 +105,7 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
     for seed in range(task.seeds):
         run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
         try:
-            episodes.append(play_agent(run, algorithm.actor(train(run, algorithm, wait=True)), NUM_EPISODES))
+            episodes.append(play_agent(train(run, algorithm, wait=True).parent, NUM_EPISODES))
         except ValueError as error:
             return str(error)
     returns, severe, engaged = (

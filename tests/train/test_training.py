@@ -12,6 +12,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import export, ppo, training
+from train.agents.agent_file import informed
 from train.run import Run, hyperparameters
 from train.terms import Terms
 from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
@@ -33,7 +34,7 @@ class Interruption(BaseCallback):
 
 
 NUM_ENVS = 6
-TERMS = {"position": True, "frames": 3, "life_price": "marginal"}
+TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal"}
 
 
 @pytest.mark.slow
@@ -80,9 +81,9 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
     """The agent in a run's folder acts on plain observations as its model on what it was shown, with memory and resets."""
     loaded = training.load_agent(run.folder)
     assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command")
-    policy, plain = loaded.make(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
-    terms = Terms(SCENARIO) if algorithm.own_terms else Terms.of(run)
-    shown = terms.shown(RoughTurningVecEnv(SCENARIO, NUM_ENVS))
+    policy, plain = informed(loaded, SCENARIO)(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
+    wrapper = (lambda env: env) if algorithm.own_terms else Terms.of(run).shown
+    shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=wrapper)
     for each in (plain, shown):
         each.seed(7)
     observations, seen, state, starts = plain.reset(), shown.reset(), None, np.ones(NUM_ENVS, np.bool_)

@@ -12,20 +12,22 @@ import hashlib
 import json
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
+from baselines.belief import Belief, BeliefPolicy, with_belief
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
-from turning_env.scoring.policy import PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
 """Pattern of agents' names, which also name files."""
@@ -77,7 +79,7 @@ class Metadata(BaseModel):
         if self.env_id not in (*IDS, FAMILY_ID):
             raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
         for name, box in (
-            ("observation_space", observation_space(self.scenario, context_size(self.env_id, self.parameters))),
+            ("observation_space", seen_space(self.env_id, self.scenario, self.parameters)),
             ("action_space", action_space(self.scenario)),
         ):
             if getattr(self, name) != Space.of(box):
@@ -118,18 +120,37 @@ class Metadata(BaseModel):
             ) from error
 
 
-def context_size(env_id: str, parameters: Mapping[str, Any]) -> int:
-    """Return the number of entries of an observation that tell the nominal model, which a family's agent names.
+def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
+    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief.
 
     Raises:
-        ValueError: a family's agent does not name them.
+        ValueError: a family's agent does not name the entries of its nominal model.
     """
-    if env_id != FAMILY_ID:
-        return 0
     try:
-        return len(parameters["context"]["names"])
+        context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
         raise ValueError(f"parameters must have context.names, as env_id is {FAMILY_ID!r}") from error
+    space: Any = observation_space(scenario, context)
+    box: Box = with_belief(space) if parameters.get("belief") is True else space
+    return box
+
+
+def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
+    """Return the function that makes an agent which is also shown its belief, if its parameters name one.
+
+    Args:
+        agent: the agent. If the nominal model of its training was wrong, the belief expects errors of the laws.
+        scenarios: scenario that it plays, or those of its environments.
+    """
+    if agent.parameters.get("belief") is not True:
+        return agent.make
+
+    def believing(num_envs: int) -> Policy:
+        played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
+        learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
+        return BeliefPolicy(agent.make(num_envs), Belief([each.nominal() for each in played], learns_laws))
+
+    return believing
 
 
 def _from_json(text: str) -> Any:
