@@ -93,9 +93,22 @@ class Belief:
         self._filter = LoadFilter(scenarios, len(scenarios), self._errors)
         self._models: dict[int, tuple[list[float], Model]] = {}
         self._entries = len(layout(scenarios[0]))
-        shared, names = flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})), _leaves(scenarios[0])
+        self._shared = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})))
+        self._names = list(_leaves(scenarios[0]))
         self._leaves = np.array([list(_leaves(scenario).values()) for scenario in scenarios]).T
-        self._scenario: Any = Columns(nested((dict(shared) | dict(zip(names, self._leaves, strict=True))).items()))
+        self._scenario = self._columns()
+
+    def _columns(self) -> Any:
+        """Return the nominal models, whose numbers are views of ``_leaves``."""
+        return Columns(nested((self._shared | dict(zip(self._names, self._leaves, strict=True))).items()))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the views, which a copy must have of its own numbers."""
+        return {name: value for name, value in vars(self).items() if name != "_scenario"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._scenario = self._columns()
 
     def assign(self, env_index: int, number: int, scenario: Callable[[], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates; models are kept by their number."""

@@ -196,6 +196,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
             kept.append(catalogue.RULES[variant.policy].version)
             found = partial(_play_jobs, variant, home, split, jobs)
         else:
+            make = informed(spec, [home.job(number, split).scenario for number in jobs])
             found = partial(play_family, home, split, jobs, make)
         return Played({study.task: _cached(runs, kept, found)}, seconds)
     episodes = {}
