@@ -1,7 +1,7 @@
 """Export trained agents as ONNX files, which play without PyTorch: see ``train/agents/agent_file.py``.
 
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
-    python -m train.export my_model.zip --normalization vecnormalize.pkl --env RoughTurning-v0 --name mine --out my-agents
+    python -m train.export my_model.zip --env RoughTurning-v0 --name mine --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
@@ -18,13 +18,11 @@ import os
 import re
 import shlex
 import sys
-import timeit
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -56,7 +54,6 @@ MAX_DIFFERENCE = 2e-5
 """Largest difference between an agent's action and its file's in episodes: rounding in single precision."""
 MAX_SAMPLED_DIFFERENCE = 1e-3
 """Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
-TIMED_CALLS = 2_000
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
 
 
@@ -88,14 +85,12 @@ class _Agent:
         except ValueError as error:
             raise ValueError(f"{self.source} cannot be exported: {error}") from error
         replace_file(path, lambda partial: partial.write_bytes(content))
-        single, observation = OnnxPolicy(session, file.memory_size, 1), np.zeros((1, entries), np.float32)
         return {
             "path": str(path),
             "digest": file.digest,
             "size": len(content),
             "observations": 2 * NUM_ENVS * STEPS,
             "largest_difference": max(sampled, difference),
-            "latency": median(timeit.repeat(lambda: single.act(observation), number=1, repeat=TIMED_CALLS)),
         }
 
 
@@ -109,8 +104,7 @@ def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
 
     Returns:
         ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
-        agent and of the file, and the number of compared ``observations``; ``latency``, the median time of a call with one
-        observation [s].
+        agent and of the file, and the number of compared ``observations``.
 
     Raises:
         ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
@@ -159,12 +153,12 @@ def _of_run(folder: Path, name: str | None) -> _Agent:
     return _Agent(f"the agent in {folder}", metadata(run, name), load_actor(run))
 
 
-def _of_file(path: Path, run: Run, name: str | None, seed: int | None, normalization: Path | None) -> _Agent:
+def _of_file(path: Path, run: Run, name: str | None, seed: int | None) -> _Agent:
     """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
     if path.suffix == ONNX_SUFFIX:
         return _Agent(str(path), _foreign(run, path, name, seed), None)
     try:
-        algorithm, steps, actor = sb3_actor(path, run.scenario, normalization)
+        algorithm, steps, actor = sb3_actor(path, run.scenario)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
     return _Agent(
@@ -270,9 +264,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files.add_argument("--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)")
     files.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
     files.add_argument("--seed", type=int, help="training seed (default: the one in a name such as me-seed3.zip, else 0)")
-    files.add_argument(
-        "--normalization", type=Path, metavar="FILE", help="VecNormalize statistics with which the agent was trained"
-    )
     parsed = parser.parse_args(arguments)
     if parsed.seed is not None and parsed.seed < 0:
         parser.error(f"--seed is {parsed.seed}, but must be 0 or more")
@@ -282,14 +273,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     agents: dict[Path, _Agent] = {}
     for path in (source for given in parsed.agents for source in _sources(given)):
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
-            agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.normalization)
+            agent = _of_file(path, elsewhere, parsed.name, parsed.seed)
         elif not path.is_dir():
             raise ValueError(
                 f"{path} holds no agent: give a folder of training runs, or a file that ends in .zip or {ONNX_SUFFIX}"
             )
         else:
             agent = _of_run(path, parsed.name)
-            if given := [name for name in ("env", "scenario", "seed", "normalization") if getattr(parsed, name) is not None]:
+            if given := [name for name in ("env", "scenario", "seed") if getattr(parsed, name) is not None]:
                 raise ValueError(f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own")
         target = parsed.out / f"{agent.about.label}{ONNX_SUFFIX}"
         if target in agents:
@@ -297,8 +288,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         agents[target] = agent
     for target, agent in tqdm(agents.items(), unit="agent", disable=None, leave=False):
         exported = agent.write(target)
-        us, difference = 1e6 * exported["latency"], exported["largest_difference"]
-        line = f"{us:.0f} us per call, largest difference {difference:.1e} on {exported['observations']} observations"
+        line = f"largest difference {exported['largest_difference']:.1e} on {exported['observations']} observations"
         tqdm.write(json.dumps(exported) if parsed.json else f"{exported['path']}: {exported['size']} bytes, {line}")
     return 0
 

@@ -13,11 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import onnx
 import torch
 from onnx import compose, helper, inliner
-from stable_baselines3.common.vec_env import VecNormalize
 
 from train.actor import Actor
 from train.agents import agent_file
@@ -26,7 +24,6 @@ from train.agents.network import tried
 from train.recurrent_ppo import RecurrentActor
 from train.run import warn_of_pickle
 from turning_env import Scenario
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scoring.onnx_session import first_line
 
@@ -212,29 +209,12 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
     return torch.nn.Sequential(actor.features_extractor, *layers)
 
 
-class Normalized(Actor):
-    """An actor behind the scaling of observations with which ``VecNormalize`` trained it."""
-
-    def __init__(self, actor: Actor, statistics: Any) -> None:
-        super().__init__()
-        self.actor, self.memory_size, self.limit = actor, actor.memory_size, float(statistics.clip_obs)
-        mean, variance = statistics.obs_rms.mean, statistics.obs_rms.var
-        self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
-        self.register_buffer("scale", torch.tensor(1.0 / np.sqrt(variance + statistics.epsilon), dtype=torch.float32))
-
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        scaled = ((observation - self.mean) * self.scale).clamp(-self.limit, self.limit)  # type: ignore[operator]
-        action: tuple[torch.Tensor, torch.Tensor] = self.actor(scaled, memory)
-        return action
-
-
-def sb3_actor(path: Path, scenario: Scenario, normalization: Path | None = None) -> tuple[str, int, Actor]:
+def sb3_actor(path: Path, scenario: Scenario) -> tuple[str, int, Actor]:
     """Return the algorithm, the trained steps and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
 
     Args:
         path: PPO, A2C, SAC, TQC, TD3, or RecurrentPPO of one LSTM layer.
         scenario: on which it was trained, with the observations and actions of ``RoughTurningEnv``.
-        normalization: a file of ``VecNormalize.save``, if observations were normalised.
 
     Raises:
         ValueError: the file holds no such model, or one for other observations or actions; says which.
@@ -259,13 +239,4 @@ def sb3_actor(path: Path, scenario: Scenario, normalization: Path | None = None)
             raise ValueError(f"was trained on the {what} space {mine}, but that of scenario {scenario.name!r} is {its}")
     network = _network(name, model.policy)
     actor: Actor = network if isinstance(network, Actor) else ModuleActor(network)
-    if normalization is not None:
-        warn_of_pickle(normalization)
-        try:
-            statistics = VecNormalize.load(str(normalization), RoughTurningVecEnv(scenario, 1))
-        except OSError:
-            raise
-        except Exception as error:  # as above
-            raise ValueError(f"is normalised by {normalization}, which cannot be read: {error}") from error
-        actor = Normalized(actor, statistics) if statistics.norm_obs else actor
     return name.lower(), int(model.num_timesteps), actor.eval()
