@@ -74,7 +74,8 @@ def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
         FolderTaken: Another process holds a lock.
         OSError: The folder cannot be made or opened.
     """
-    with _opened(folder) as handle:
+    folder.mkdir(parents=True, exist_ok=True)
+    with _opened(folder, os.O_RDONLY) as handle:
         if not _lock(handle, shared=False, wait=wait):
             raise FolderTaken(f"another process works in {folder}: wait until it has finished, or choose another folder")
         _remove_partial_files(folder)
@@ -88,7 +89,8 @@ def shared_lock(folder: Path) -> Iterator[None]:
     Raises:
         OSError: The folder cannot be made or opened.
     """
-    with _opened(folder) as handle:
+    folder.mkdir(parents=True, exist_ok=True)
+    with _opened(folder, os.O_RDONLY) as handle:
         if _lock(handle, shared=False, wait=False):
             _remove_partial_files(folder)
         _lock(handle, shared=True, wait=True)
@@ -97,24 +99,17 @@ def shared_lock(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def file_lock(path: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a file against other processes, without locking its folder; make the file if it is missing.
-
-    ``wait``: wait for other processes instead of raising an error.
-
-    Raises:
-        FolderTaken: Another process holds the lock.
-        OSError: The file cannot be made or opened.
-    """
-    with _opened(path, is_file=True) as handle:
+    """Lock a file, not its folder, as ``exclusive_lock`` locks a folder; make the file if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _opened(path, os.O_RDONLY | os.O_CREAT) as handle:
         if not _lock(handle, shared=False, wait=wait):
             raise FolderTaken(f"another process works with {path}: wait until it has finished")
         yield
 
 
 @contextmanager
-def _opened(path: Path, is_file: bool = False) -> Iterator[int]:
-    (path.parent if is_file else path).mkdir(parents=True, exist_ok=True)
-    handle = os.open(path, os.O_RDONLY | (os.O_CREAT if is_file else 0), 0o666)
+def _opened(path: Path, flags: int) -> Iterator[int]:
+    handle = os.open(path, flags, 0o666)
     try:
         yield handle
     finally:

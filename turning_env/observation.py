@@ -143,7 +143,7 @@ class Reading(NamedTuple):
     """Measured wear of the edge that was taken out last [mm], 0 before the first change; NaN if edges are not inspected."""
 
 
-def _in_range(position: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+def _in_range(position: NDArray[np.float64], low: Any, high: Any) -> NDArray[np.float64]:
     return np.asarray(low * exp(0.5 * (position + 1.0) * log(high / low)))
 
 
@@ -151,47 +151,45 @@ def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     return deviation / DEVIATION_SCALE + 1.0
 
 
+_CONTROLLED = slice(OBS.cutting_speed, OBS.commanded_feed + 1)
+
+
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     """Convert observations of shape (environments, entries) back to physical units."""
-    columns = dict(zip(layout(scenario), np.asarray(observation, np.float64).T, strict=True))
+    rows = np.asarray(observation, np.float64).T
+    columns = dict(zip(layout(scenario), rows, strict=True))
+    unknown = np.full(rows.shape[1], np.nan)
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
-
-    load = _ratio(columns["power"]) * limits.power / machine.rated_power
-    cutting_speed = _in_range(columns["cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max)
-    feed = _in_range(columns["feed"], machine.feed_min, machine.feed_max)
+    lows, highs = (
+        np.array([[getattr(machine, f"cutting_speed_{end}")], [getattr(machine, f"feed_{end}")]] * 2) for end in ("min", "max")
+    )
+    cutting_speed, feed, commanded_cutting_speed, commanded_feed = _in_range(rows[_CONTROLLED], lows, highs)
     power = _ratio(columns["power"]) * limits.power
-    if scenario.spindle.reading == "torque":
-        power = power * capacity_at(scenario, cutting_speed)
-    unknown = np.full(len(power), np.nan)
+    thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown
     if scenario.sensors.force == "servo_current":
         p = _parameters(scenario)
         feed_velocity = cutting_speed * p.revolutions_per_metre[0] * feed
         servo_current = _ratio(columns["thrust_force"]) * steady_current(p, 0, limits.thrust_force, 0.0)
         thrust_force = np.maximum(force_from_current(p, 0, servo_current, feed_velocity), 0.0)
-    else:
-        servo_current, thrust_force = unknown, _ratio(columns["thrust_force"]) * limits.thrust_force
+    reference = columns.get("roughness_reference", unknown)
     return Reading(
-        power=power,
-        load=load,
+        power=power * capacity_at(scenario, cutting_speed) if scenario.spindle.reading == "torque" else power,
+        load=power / machine.rated_power,
         thrust_force=thrust_force,
         servo_current=servo_current,
         cutting_speed=cutting_speed,
         feed=feed,
-        commanded_cutting_speed=_in_range(
-            columns["commanded_cutting_speed"], machine.cutting_speed_min, machine.cutting_speed_max
-        ),
-        commanded_feed=_in_range(columns["commanded_feed"], machine.feed_min, machine.feed_max),
+        commanded_cutting_speed=commanded_cutting_speed,
+        commanded_feed=commanded_feed,
         cutting_time=expm1(columns["cutting_time"]),
         nominal_wear=columns["nominal_wear"] * scenario.tool.wear_criterion,
         power_ratio=_ratio(columns["power_ratio"]),
         force_ratio=_ratio(columns["force_ratio"]),
         cutting=columns["cutting"] > 0.5,
-        roughness_reference=(
-            _in_range(columns["roughness_reference"], surface.reference_min, surface.reference_max)
-            if "roughness_reference" in columns
-            else unknown
-        ),
-        probed_depth=_ratio(columns["probed_depth"]) * scenario.workpiece.depth_of_cut if "probed_depth" in columns else unknown,
+        roughness_reference=_in_range(reference, surface.reference_min, surface.reference_max)
+        if reference is not unknown
+        else unknown,
+        probed_depth=_ratio(columns.get("probed_depth", unknown)) * scenario.workpiece.depth_of_cut,
         spindle_heat=columns.get("spindle_heat", unknown),
         removed_wear=columns.get("removed_wear", unknown) * scenario.tool.wear_criterion,
     )

@@ -13,8 +13,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ from turning_env.files import digest_of_files, file_lock
 
 _LOG = logging.getLogger("turning_env")
 _PACKAGE = Path(__file__).parents[1]
+_COMPILED = ("numerics", "physics", "batch")
+"""Folders with functions that are compiled into entries, beside ``observation.py`` and an entry's own folder."""
 _NAME = "machine_code-"
 INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
 """Options of overloads that are compiled into their callers."""
@@ -77,45 +79,20 @@ class Entry:
         anew = folder is None or not any(folder.rglob(f"*.{name}-*.nbi"))
         if anew:
             _LOG.warning("compiling %s, or waiting for another process that does ...", name)
-        with ExitStack() as stack:
-            if folder is not None:
-                with suppress(OSError):
-                    stack.enter_context(file_lock(folder / f".{name}.lock", wait=True))
-            compiled = self._decorated(folder)
+        with file_lock(folder / f".{name}.lock", wait=True) if folder else nullcontext():
+            config: Any = numba.config
+            before = config.CACHE_DIR
             try:
-                result = compiled(*arguments)
-            except Exception as error:  # damaged files can raise anything
-                full = isinstance(error, OSError)
-                if folder is None or (anew and not full):
-                    raise
-                _LOG.warning("machine code cannot be %s %s (%s)", "kept in" if full else "read from", folder, error)
-                for path in folder.rglob(f"*.{name}-*"):
-                    path.unlink(missing_ok=True)
-                compiled = self._decorated(None if full else folder)
-                result = compiled(*arguments)
-            self._compiled = compiled
-            if self._function.__globals__.get(name) is self:
-                self._function.__globals__[name] = compiled  # callers in the function's module need no wrapper
+                config.CACHE_DIR = str(folder or before)
+                self._compiled = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(self._function)
+            finally:
+                config.CACHE_DIR = before
+            result = self._compiled(*arguments)
+        if self._function.__globals__.get(name) is self:
+            self._function.__globals__[name] = self._compiled  # callers in the function's module need no wrapper
         if anew:
             _LOG.warning("... which took %.0f s", time.perf_counter() - started)
         return result
-
-    def _decorated(self, folder: Path | None) -> Any:
-        jit = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)
-        with _cache_folder(folder):
-            return jit(self._function)
-
-
-@contextmanager
-def _cache_folder(folder: Path | None) -> Iterator[None]:
-    """Let functions that are decorated meanwhile keep their machine code in a folder."""
-    config: Any = numba.config
-    before = config.CACHE_DIR
-    try:
-        config.CACHE_DIR = str(folder or before)
-        yield
-    finally:
-        config.CACHE_DIR = before
 
 
 @functools.cache
@@ -125,7 +102,8 @@ def machine_code_folder(sources: Path) -> Path | None:
     It is in the sources' ``__pycache__`` or, if that is read-only, in the user's cache; ``NUMBA_CACHE_DIR`` names another place.
     Machine code in a read-only ``__pycache__``, as of a container image, is copied.
     """
-    digests = "".join(digest_of_files(folder, files)[:12] for folder, files in _compiled_sources(sources))
+    compiled = [_PACKAGE / "observation.py", *(path for name in _COMPILED for path in (_PACKAGE / name).glob("*.py"))]
+    digests = digest_of_files(_PACKAGE, compiled)[:12] + digest_of_files(sources, sources.glob("*.py"))[:12]
     own = f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:12]}"
     named: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -147,12 +125,3 @@ def machine_code_folder(sources: Path) -> Path | None:
             return folder
     _LOG.warning("compiled code cannot be kept in %s; NUMBA_CACHE_DIR names another folder", " or ".join(map(str, places)))
     return None
-
-
-def _compiled_sources(entries: Path) -> Iterator[tuple[Path, list[Path]]]:
-    """Yield folders with the files whose functions are compiled: of this package, and of an entry's own folder."""
-    files = [_PACKAGE / "observation.py"]
-    for name in ("numerics", "physics", "batch"):
-        files += (_PACKAGE / name).glob("*.py")
-    yield _PACKAGE, files
-    yield entries, list(entries.glob("*.py"))

@@ -51,22 +51,6 @@ class Entry(NamedTuple):
     present: Callable[[Scenario], bool] = lambda scenario: True
 
 
-def _motor_heats(s: Scenario) -> bool:
-    return bool(s.spindle.short_time_load > 1.0)
-
-
-def _holds_roughness(s: Scenario) -> bool:
-    return s.control.aim == "roughness"
-
-
-def _probes(s: Scenario) -> bool:
-    return s.sensors.probe
-
-
-def _inspects(s: Scenario) -> bool:
-    return s.sensors.inspects_edges
-
-
 Q = Quantity
 
 STATE = (
@@ -257,10 +241,22 @@ OBSERVATION = (
     Entry("power_ratio", "measured power: `5 * (power / predicted power - 1)`", _LOW, _HIGH),
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
-    Entry("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO, _motor_heats),
-    Entry("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0, _holds_roughness),
-    Entry("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH, _probes),
-    Entry("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO, _inspects),
+    Entry(
+        *("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
+        present=lambda s: s.spindle.short_time_load > 1.0,
+    ),
+    Entry(
+        *("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
+        present=lambda s: s.control.aim == "roughness",
+    ),
+    Entry(
+        *("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
+        present=lambda s: s.sensors.probe,
+    ),
+    Entry(
+        *("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
+        present=lambda s: s.sensors.inspects_edges,
+    ),
 )
 """Observation entries in order. Entries of some scenarios only come last."""
 

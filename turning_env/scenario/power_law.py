@@ -15,15 +15,7 @@ from turning_env.numerics.functions import exp, log
 from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
-    [
-        ("log_coefficient", np.float64),
-        ("cutting_speed", np.float64),
-        ("feed", np.float64),
-        ("depth_of_cut", np.float64),
-        ("time", np.float64),
-        ("wear", np.float64),
-        ("hardness", np.float64),
-    ]
+    [(name, np.float64) for name in ("log_coefficient", "cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness")]
 )
 
 

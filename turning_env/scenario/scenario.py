@@ -216,7 +216,7 @@ class Scenario(Section):
 
         Raises:
             ScenarioError: the preset or file does not exist, the file is not TOML, a key is unknown, a value is out of range, or
-                scenarios are based on one another in a circle. The message names file, field, value and what is allowed.
+                a scenario is based on itself. The message names file, field, value and what is allowed.
             TypeError: ``source`` is none of the four.
         """
         if isinstance(source, Scenario):
@@ -225,15 +225,15 @@ class Scenario(Section):
             raise TypeError(f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}")
         try:
             if isinstance(source, Mapping):
-                return cls._from_values(dict(source), "scenario", "custom", Path(), ())
+                return cls._from_values(dict(source), "scenario", "custom", Path())
             return cls._read(source)
         except RecursionError as error:
             what = "the dict" if isinstance(source, Mapping) else source
-            raise ScenarioError(f"{what} is nested too deep to be a scenario") from error
+            raise ScenarioError(f"{what} is based on itself, or nested too deep to be a scenario") from error
 
     @classmethod
-    def _read(cls, source: str | os.PathLike[str], below: tuple[str, ...] = ()) -> "Scenario":
-        """Return the scenario of a preset or a file. The scenarios ``below`` are based on it, each on the next."""
+    def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
+        """Return the scenario of a preset or a file."""
         preset = source if isinstance(source, str) and source in presets() else None
         path: Any = _PRESETS / f"{preset}.toml" if preset else Path(source)
         try:
@@ -243,39 +243,30 @@ class Scenario(Section):
             text: bytes = path.read_bytes()
         except OSError as error:
             raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
-        key, shown = preset or str(path.resolve()), f"preset {preset}" if preset else str(path)
-        if key in below:
-            circle = " on ".join((*below[below.index(key) :], key))
-            raise ScenarioError(f"scenarios are based on one another in a circle: {circle}")
+        shown = f"preset {preset}" if preset else str(path)
         try:
             values = tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
         except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
             comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
             advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
             raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
-        name, folder = (preset, None) if preset else (name_of_file(path), path.parent)
-        loaded = cls._from_values(values, shown, name, folder, (*below, key))
+        loaded = cls._from_values(values, shown, preset or name_of_file(path), path.parent)
         if not preset:
             vars(loaded)[_SOURCE] = path
         return loaded
 
     @classmethod
-    def _from_values(
-        cls, values: dict[str, Any], source: str, name: str, folder: Path | None, below: tuple[str, ...]
-    ) -> "Scenario":
-        """Return the scenario of a table. A base's path is relative to ``folder``; without a folder, the base is a preset."""
+    def _from_values(cls, values: dict[str, Any], source: str, name: str, folder: Any) -> "Scenario":
+        """Return the scenario of a table. A base's path is relative to ``folder``."""
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
-            if isinstance(base, str) and base in presets():
-                above = cls._read(base, below)
-            elif isinstance(base, str) and folder is not None and base.endswith(".toml"):
-                try:
-                    above = cls._read(folder / base, below)
-                except ScenarioError as error:
-                    raise ScenarioError(f"{source}: base: {error}") from error
-            else:
-                instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
+            if not isinstance(base, str) or (base not in presets() and not base.endswith(".toml")):
+                instead = names_instead(str(base), presets(), _ALL_PRESETS)
                 raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
+            try:
+                above = cls._read(base if base in presets() else folder / base)
+            except ScenarioError as error:
+                raise ScenarioError(f"{source}: base: {error}") from error
             values = _merged(above.model_dump(exclude={"name"}), values)
             calibration = above.calibration if calibration is None else calibration
         try:

@@ -54,9 +54,7 @@ class Tool(Section):
     wear_criterion: float = quantity(0.3, 0.01, 5, "mm", "flank wear at which the edge is worn out (tool-life criterion)")
     wear_rule: Literal["equivalent_time", "clock_time"] = "equivalent_time"
     """Accumulation of wear under changing parameters; "clock_time" is the grid search paper's rule."""
-    wear_factor_spread: float = quantity(
-        0.10, 0, 1, "-", "log standard deviation of wear from insert to insert (grid search paper, tests T1 to T9)"
-    )
+    wear_factor_spread: float = quantity(0.10, 0, 1, "-", "log standard deviation of wear of inserts (grid search paper, tests)")
     edge_strength: float = quantity(2690, 1, 1e6, "N", "median thrust force that breaks the edge (grid search paper, test T9)")
     edge_strength_spread: float = quantity(0.12, 0, 1, "-", "log standard deviation of the edge strength (assumption)")
 
@@ -109,12 +107,8 @@ class Machine(Section):
     feed_max: float = quantity(0.60, 0.001, 10, "mm/rev", "highest feed")
     feed_time_constant: float = quantity(0.13, 0, 60, "s", "time constant of the feed drive (measured, roughness control paper)")
     spindle_time_constant: float = quantity(0.4, 0, 60, "s", "time constant of the spindle drive (assumption)")
-    chip_lag: float = quantity(
-        0, 0, 100, "rev", "lag of force and power behind feed and depth: a chip needs a revolution to reach its thickness"
-    )
-    command_delay: float = quantity(
-        0, 0, 60, "s", "dead time until the drives follow a command, at most 4 control intervals (measured on LinuxCNC: docs)"
-    )
+    chip_lag: float = quantity(0, 0, 100, "rev", "lag of force and power behind the cut: a chip thickens over a revolution")
+    command_delay: float = quantity(0, 0, 60, "s", "dead time of the drives, at most 4 control intervals (of LinuxCNC)")
     rated_power: float = quantity(7.5, 0.001, 1e4, "kW", "spindle power at a load of 100 % (assumption)")
     return_time: float = quantity(0.1, 0, 1e3, "min", "time from the end of a pass to the start of the next (assumption)")
 
@@ -130,16 +124,10 @@ class Machine(Section):
 class Spindle(Section):
     """The spindle's motor: its torque over speed, idling, and short-time overload. The defaults are neutral."""
 
-    base_speed: float = quantity(
-        0, 0, 1e5, "rev/min", "speed up to which the rated torque holds; above it the rated power does; 0: it does at every speed"
-    )
-    max_speed: float = quantity(
-        0, 0, 1e6, "rev/min", "highest speed; with the diameter it limits the cutting speed; 0: unlimited"
-    )
+    base_speed: float = quantity(0, 0, 1e5, "rev/min", "speed up to which the rated torque holds, above it the power; 0: none")
+    max_speed: float = quantity(0, 0, 1e6, "rev/min", "highest speed, which limits the cutting speed by the diameter; 0: none")
     idle_torque: float = quantity(0, 0, 1e5, "N m", "torque of the idling spindle, which adds to that of the cut")
-    short_time_load: float = quantity(
-        1, 1, 5, "-", "load that is allowed until the motor is hot, over the load that is always allowed"
-    )
+    short_time_load: float = quantity(1, 1, 5, "-", "load allowed until the motor is hot, over that always allowed")
     thermal_time_constant: float = quantity(10, 0.1, 1e4, "min", "time constant of the motor's heating (assumption)")
     reading: Literal["power", "torque"] = "power"
     """Meaning of the load that the control reads. "power": share of rated power; "torque": share of the torque that the motor
@@ -178,9 +166,7 @@ class Workpiece(Section):
     """Highest cutting speeds of these sections [m/min], where the spindle's limit counts. Empty: the machine's highest."""
     depth_bar_spread: float = quantity(0.25, 0, 20, "mm", "standard deviation of depth of cut from bar to bar")
     depth_along_spread: float = quantity(0.30, 0, 20, "mm", "standard deviation of depth of cut along a bar")
-    depth_correlation_length: float = quantity(
-        25, 0.1, 1e5, "mm", "correlation length of the depth of cut along a bar (assumption)"
-    )
+    depth_correlation_length: float = quantity(25, 0.1, 1e5, "mm", "correlation length of depth of cut along a bar (assumption)")
     depth_ripple: float = quantity(0, 0, 0.5, "-", "amplitude of the depth's ripple over the depth (run-out)")
     depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "period of the depth's ripple")
     support: Literal["rigid", "chuck", "tailstock"] = "rigid"
@@ -220,9 +206,7 @@ class Workpiece(Section):
 class Control(Section):
     """The policy's actions and the length of an episode."""
 
-    interval: float = quantity(
-        1.0, 0.001, 3600, "s", "control interval, the time of one step; with parts, a step lasts as long as its part"
-    )
+    interval: float = quantity(1.0, 0.001, 3600, "s", "control interval: time of a step, except of one that is a whole part")
     sub_steps: int = quantity(10, 1, 10000, "sub-steps", "integration steps per step; with parts, per pass")
     action: Literal["incremental", "set_point", "override", "part"] = "incremental"
     """Meaning of an action. "incremental": changes of the logarithms of speed and feed; "set_point": -1 to 1 maps linearly to
@@ -288,33 +272,21 @@ class Mismatch(Section):
     skin_hardness: float = quantity(1, 0.1, 10, "-", "hardness of the skin over that of the metal beneath")
     skin_wear: float = quantity(1, 0.1, 10, "-", "wear of an edge in skin over wear in metal of the same hardness")
     wear_factor: float = quantity(1, 0.1, 10, "-", "mean wear of the inserts over nominal")
-    initial_wear: float = quantity(
-        0, 0, 5, "mm", "flank wear of every edge at its start, where the nominal model has a fresh edge"
-    )
+    initial_wear: float = quantity(0, 0, 5, "mm", "flank wear of every edge at its start, where the nominal model has none")
     power_bias: float = quantity(0, -0.9, 10, "-", "measured over true power, less 1")
-    force_bias: float = quantity(
-        0, -0.9, 10, "-", "measured over true thrust force (or servo current, if that is measured), less 1"
-    )
+    force_bias: float = quantity(0, -0.9, 10, "-", "measured over true thrust force (or servo current, if measured), less 1")
 
 
 class Economics(Section):
     """Prices in machine time, which the reward counts: money divided by the machine's hourly rate; and money, for ``advise``."""
 
-    reference_removal_rate: float = quantity(
-        115, 0.001, 1e5, "cm3/min", "removal rate that just pays for machine time (assumption)"
-    )
+    reference_removal_rate: float = quantity(115, 0.001, 1e5, "cm3/min", "removal rate that pays for machine time (assumption)")
     edge_cost: float = quantity(3, 0, 1e4, "min", "price of one edge (assumption)")
     edge_change_time: float = quantity(2, 0, 1e4, "min", "time to change an edge (adaptive part programming paper, tau_I)")
     breakage_downtime: float = quantity(10, 0, 1e5, "min", "further time lost when an edge breaks (assumption)")
-    unplanned_stop: float = quantity(
-        3, 0, 1e4, "min", "further time lost when a worn-out edge is changed without a command (assumption)"
-    )
-    roughness_price: float = quantity(
-        10, 0, 1e4, "-", "price of a relative deviation of Ra of 1, in s of machine time per s (assumption)"
-    )
-    overload_price: float = quantity(
-        10, 0, 1e4, "-", "price of a relative excess of 1 over a limit, in s of machine time per s (assumption)"
-    )
+    unplanned_stop: float = quantity(3, 0, 1e4, "min", "further time lost when a worn-out edge is changed unasked (assumption)")
+    roughness_price: float = quantity(10, 0, 1e4, "-", "price of a relative deviation of Ra of 1 [s/s] (assumption)")
+    overload_price: float = quantity(10, 0, 1e4, "-", "price of a relative excess of 1 over a limit [s/s] (assumption)")
     currency: str = "EUR"
     """Unit of money of the prices below, 1 to 8 characters."""
     machine_rate: float = quantity(0, 0, 1e9, "money/h", "hourly rate of the machine; 0: advice counts machine time, not money")

@@ -10,24 +10,10 @@ from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory, PolicySpec
 from turning_env.vector_env import RoughTurningVectorEnv
 
-SUMS = (
-    "reward_metal",  # [s]
-    "reward_time",  # [s]
-    "reward_edge",  # [s]
-    "reward_overload",  # [s]
-    "reward_breakage",  # [s]
-    "reward_roughness",  # [s]
-    "time",  # [s]
-    "engaged_time",  # [s]
-    "stopped_time",  # [s]
-    "removed",  # [cm3]
-    "passes",  # [-]
-    "edges_used",  # [-]
-    "edges_broken",  # [-]
-    "roughness_deviation",  # [s]
-    "overload_time",  # [s]
-    "severe_overload_time",  # [s]
-)
+_REWARDS = tuple(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness"))  # [s]
+_TIMES = ("time", "engaged_time", "stopped_time")  # [s]
+_COUNTS = ("removed", "passes", "edges_used", "edges_broken")  # [cm3], [-], [-], [-]
+SUMS = (*_REWARDS, *_TIMES, *_COUNTS, "roughness_deviation", "overload_time", "severe_overload_time")  # the last three in [s]
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
 """The fields of an episode: return [s], steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
@@ -73,10 +59,7 @@ def play(
         ValueError: the policy's actions have the wrong shape or are not finite.
     """
     num_envs = len(seeds)
-    if isinstance(scenario, RoughTurningVectorEnv):
-        env = scenario
-    else:
-        env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP) if isinstance(scenario, Scenario) else scenario
     observations, infos = env.reset(seed=list(seeds))
     policy = make_policy(num_envs)
     episodes: Episodes = {name: np.zeros(num_envs) for name in EPISODE_FIELDS}

@@ -99,7 +99,7 @@ def test_a_file_may_be_based_on_files(toml, tmp_path):
     assert (scenario.name, scenario.material) == ("mine", Scenario.load("ck45").material)
     assert (scenario.limits.power, scenario.limits.thrust_force, scenario.tool.wear_criterion) == (9.0, 900.0, 0.2)
     (tmp_path / "steel.toml").write_text("base = 'shop/lathe.toml'\n")
-    with pytest.raises(ScenarioError, match=r"in a circle: .*lathe.toml on .*steel.toml on .*lathe.toml$"):
+    with pytest.raises(ScenarioError, match=r"mine.toml is based on itself, or nested too deep"):
         toml("base = 'shop/lathe.toml'\n")
     (tmp_path / "steel.toml").write_text("[limits]\npower = -1\n")
     with pytest.raises(ScenarioError, match=r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside"):
