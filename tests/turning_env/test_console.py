@@ -36,12 +36,6 @@ def test_exception_becomes_a_line_and_a_status(
     assert (printed.out, printed.err) == ("", f"{message}\n")
 
 
-@pytest.mark.parametrize("error", [ZeroDivisionError(), ModuleNotFoundError(name="turning_env.nothing")])
-def test_other_exceptions_are_raised(error: Exception) -> None:
-    with pytest.raises(type(error)):
-        exits(ValueError)(raising(error))()
-
-
 def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     @dataclass
     class Pair:

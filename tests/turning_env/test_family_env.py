@@ -81,11 +81,3 @@ def test_it_is_made_by_gymnasium_copied_and_described():
         vector_too = copied(vector)
         action = actions(3)[0]
         assert np.array_equal(other.step(action)[0], vector_too.step(action)[0])
-
-
-def test_episodes_of_a_seed_visit_other_jobs():
-    env = FamilyVectorEnv(2, BRIEF, autoreset_mode=AutoresetMode.DISABLED)
-    env.reset(seed=[4, 4])
-    numbers = [env.reset(options={"reset_mask": np.array([True, False])})[1]["job"].tolist() for _ in range(5)]
-    assert [second for _, second in numbers] == [4] * 5
-    assert len({first for first, _ in numbers}) == 5

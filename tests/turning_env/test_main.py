@@ -30,13 +30,6 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
     assert (bar_length["unit"], bar_length["minimum"], bar_length["maximum"]) == ("mm", 1, 1e5)
 
 
-def test_cuts_beyond_the_machine_are_predicted_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["whatif", "rough_turning", "--wear", "0.1", "--cutting-speed", "500", "--feed", "0.05", "--csv"]) == 0
-    said = capsys.readouterr().err
-    assert "--cutting-speed 500 is outside the machine's 50 to 200 m/min" in said
-    assert "--feed 0.05 is outside the machine's 0.06 to 0.6 mm/rev" in said
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixture[str]) -> None:

@@ -35,9 +35,6 @@ def steps(scenario, actions, seed=0):
     return infos
 
 
-# --- override ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("override", "feed"), [(-1.0, 0.004), (0.0, 0.4), (7.0, 0.8)])
 def test_the_override_scales_the_programmed_feed(override, feed):
     info = steps(OVERRIDE, [[override]] * 200)[-1]
@@ -57,19 +54,6 @@ def test_the_depth_steps_along_the_bar_and_the_job_ends_with_it():
     profile = OVERRIDE.workpiece.depth_profile
     volume = math.pi * OVERRIDE.workpiece.diameter * OVERRIDE.workpiece.bar_length * sum(profile) / len(profile) / 1000
     assert sum(info["removed"] for info in infos) == pytest.approx(volume, rel=2e-3)
-
-
-def test_force_follows_the_chip_with_a_lag_of_turns():
-    servo = {"feed_time_constant": 0.0, "chip_lag": 1.0}
-    flat = changed(OVERRIDE, workpiece={"depth_profile": [2.0], "approach": 0.0}, machine=servo)
-    infos = steps(flat, [[0.0]] * 100)
-    final = infos[-1]["power"]
-    for count in (3, 8, 20):
-        turns = infos[count - 1]["spindle_speed"] * count * flat.control.interval / 60
-        assert infos[count - 1]["power"] == pytest.approx(final * (1 - math.exp(-turns / flat.machine.chip_lag)), rel=1e-3)
-
-
-# --- roughness --------------------------------------------------------------------------------------------------------
 
 
 def test_roughness_follows_the_force_and_its_deviation_is_charged():
@@ -101,9 +85,6 @@ def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
     assert np.median(many) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.1)  # even on a log scale
 
 
-# --- shift ------------------------------------------------------------------------------------------------------------
-
-
 def test_an_edge_is_changed_on_command_and_charged_whole():
     infos = steps(SHIFT, [[0, 0, -1]] * 30 + [[0, 0, 0.01]] + [[0, 0, 0]] * 5)
     economics, change = SHIFT.economics, infos[30]
@@ -124,9 +105,6 @@ def test_a_worn_edge_is_changed_unannounced_which_takes_longer():
     assert first["edges_broken"] == 0
     assert not first["terminated"]
     assert first["used_life"] == 0
-
-
-# --- batch ------------------------------------------------------------------------------------------------------------
 
 
 def test_inspection_tells_the_wear_of_the_edge_that_was_taken_out():
@@ -173,8 +151,6 @@ def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
 
 
-# --- servo current ----------------------------------------------------------------------------------------------------
-
 SENSED = changed(UNDISTURBED, control={"interval": 1}, sensors={"force": "servo_current"}, feed_drive={"ripple": 0.0})
 
 
@@ -187,10 +163,6 @@ def test_the_current_is_linear_in_the_force_and_not_zero_without():
     expected = torque * (info["thrust_force"] + friction) / motor + drive.no_load_current_rate * info["feed_velocity"]
     assert info["measured_servo_current"] == pytest.approx(expected, rel=1e-12)
     assert info["measured_thrust_force"] == 0.0
-    air = steps(changed(SENSED, workpiece={"approach": 1000.0}), [[0.0, 0.0]])[0]
-    assert air["measured_servo_current"] == pytest.approx(
-        torque * friction / motor + drive.no_load_current_rate * air["feed_velocity"]
-    )
 
 
 @pytest.mark.parametrize("name", ["radial_force", "torque", "roughness"])

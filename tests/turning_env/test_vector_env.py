@@ -126,16 +126,6 @@ def test_bad_arguments_are_refused():
         RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
 
 
-def test_what_was_returned_stays_as_it_was():
-    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.SAME_STEP)
-    env.reset(seed=0)
-    answers = [env.step(actions) for actions in fixed_actions(40, 2)]
-    env = RoughTurningVectorEnv(2, SHORT_LIVED, AutoresetMode.SAME_STEP)
-    env.reset(seed=0)
-    for answer, actions in zip(answers, fixed_actions(40, 2), strict=True):
-        assert_same_answers(answer, env.step(actions))
-
-
 def test_threads_share_the_work_and_change_nothing():
     num_envs = (MIN_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
     alone, shared = (RoughTurningVectorEnv(num_envs, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))

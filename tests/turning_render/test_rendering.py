@@ -98,16 +98,6 @@ def test_a_batch_is_drawn_as_single_environments():
         assert np.array_equal(frame, rendered(SHORT_LIVED, 6 + index, actions[:, index]).render())
 
 
-def test_loads_are_drawn_although_a_step_is_longer_than_a_bar():
-    env = RoughTurningEnv("paper", render_mode="rgb_array")
-    env.reset(seed=3)
-    strip = np.s_[216:272, 76:926]
-    before = env.render()[strip]
-    for _ in range(3):
-        env.step((0.0, 0.0))
-    assert (env.render()[strip] != before).sum() > 100
-
-
 def test_as_many_environments_are_drawn_as_asked():
     envs = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_envs=2)
     envs.reset(seed=0)

@@ -40,9 +40,3 @@ def test_a_broken_edge_pays_what_is_left_and_the_downtime():
     info = first_interval(changed(SCENARIO, tool={"edge_strength": 100}))
     assert info["broken"]
     assert info["reward_breakage"] == pytest.approx(-60 * (4 + 2) * (1 - info["used_life"]) - 60 * 7)
-
-
-def test_air_costs_time_alone():
-    info = first_interval(changed(SCENARIO, workpiece={"approach": 1000}, control={"interval": 1}))
-    terms = {name: value for name, value in info.items() if name.startswith("reward_") and value}
-    assert terms == {"reward_time": pytest.approx(-1)}

@@ -10,8 +10,6 @@ from papers import verification
 from papers.verification import COLLAPSE_TIME, TESTS, VerificationTest
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
-from turning_env.physics.failure import chip
-from turning_env.physics.records import block_records
 
 
 @pytest.mark.parametrize("test", TESTS, ids=lambda test: test.name)
@@ -50,21 +48,3 @@ def test_edges_chip_at_a_constant_hazard_rate() -> None:
         chipped |= env.step(np.zeros((num_envs, 2), np.float32))[4]["broken"]
         env.reset(options={"reset_mask": chipped}) if chipped.any() else None
     assert chipped.mean() == pytest.approx(1.0 - math.exp(-0.5 * minutes), abs=0.035)
-
-
-def test_the_hazard_grows_with_load_and_wear() -> None:
-    chipping = {"chipping_rate": 2.0, "chipping_load_exponent": 3.0, "chipping_wear_exponent": 1.5}
-    state, p, scratch = (records[0] for records in block_records(changed(UNDISTURBED, edge_failure=chipping)))
-    work = scratch.work
-    state.edge_strength[0] = 2000.0
-    used = {}
-    for force, wear, engaged in ((2000.0, 0.3, 0.1), (1000.0, 0.3, 0.1), (2000.0, 0.15, 0.1), (2000.0, 0.3, 0.0)):
-        state.chipping_margin[0], state.thrust_force[0] = 1.0, force
-        work.log_wear[0], work.engaged[0] = math.log(wear), engaged
-        chip(state, work, 0, p)
-        used[force, wear, engaged] = 1.0 - state.chipping_margin[0]
-    assert list(used.values()) == pytest.approx([0.2, 0.2 / 2**3, 0.2 / 2**1.5, 0.0], rel=1e-9)
-    assert work.broken[0] == 0
-    work.engaged[0] = 10.0
-    chip(state, work, 0, p)
-    assert work.broken[0] == 1

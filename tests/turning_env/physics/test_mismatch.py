@@ -36,17 +36,6 @@ def test_the_nominal_predictions_know_nothing_of_the_mismatch(mismatch):
     assert untold.thrust_force / untold.force_ratio == pytest.approx(told.thrust_force / told.force_ratio, rel=1e-6)
 
 
-def test_a_harder_mismatch_is_harder_throughout():
-    varied = changed(STEADY, workpiece={"hardness_bar_spread": 0.08, "hardness_along_spread": 0.05})
-    nominal, harder = steps(varied, 20), steps(with_mismatch(varied, hardness_factor=1.2), 20)
-    assert harder["hardness"] == pytest.approx(1.2 * nominal["hardness"], rel=1e-12)
-    material = STEADY.material
-    wear = harder["wear"][1:] / nominal["wear"][1:]
-    assert wear == pytest.approx(1.2**material.wear.hardness, rel=1e-9)
-    power = 1.2**material.power.hardness * wear**material.power.wear
-    assert harder["power"][1:] / nominal["power"][1:] == pytest.approx(power, rel=1e-9)
-
-
 def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
     share = SKIN["skin_thickness"] / STEADY.workpiece.depth_of_cut
     nominal, skinned = steps(STEADY, 20), steps(with_mismatch(**SKIN), 20)

@@ -28,12 +28,6 @@ def test_noise_is_relative_unbiased_and_independent():
     assert abs(np.corrcoef(power[1:], power[:-1])[0, 1]) < 0.05
 
 
-def test_measurements_never_fall_below_zero():
-    noisy = infos(changed(BRISK, sensors={"power_noise": 1.0, "force_noise": 1.0}), 100)
-    assert min(info["measured_power"] for info in noisy) == 0.0
-    assert min(info["measured_thrust_force"] for info in noisy) == 0.0
-
-
 def test_measurements_lag_behind_the_process():
     lagged = infos(changed(BRISK, sensors={"power_time_constant": 2.0, "force_time_constant": 4.0}), 3)
     for seconds, info in enumerate(lagged, start=1):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.turning_env.playing import HOT_SPINDLE, UNDISTURBED, changed, fixed_actions, play
+from tests.turning_env.playing import UNDISTURBED, changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
 from turning_env.action import set_point_action
 
@@ -62,14 +62,6 @@ def test_the_highest_speed_limits_the_cutting_speed_by_the_diameter(diameter):
     assert cut(scenario, 60.0)["cutting_speed"][1:] == pytest.approx(60.0, rel=1e-6)
 
 
-def test_passes_of_parts_heed_the_highest_speed():
-    batch = Scenario.load("batch_casting")
-    highest = 1000 * 150 / (math.pi * batch.workpiece.diameter)
-    scenario = changed(batch, spindle={"max_speed": highest}, control={"initial_cutting_speed": 100.0})
-    record = play(RoughTurningEnv(scenario), 0, np.ones((2, 10), np.float32))
-    assert record["commanded_cutting_speed"][1:] == pytest.approx(150.0)
-
-
 @pytest.mark.parametrize(
     ("spindle", "field"), [({"max_speed": 300.0}, "initial_cutting_speed"), ({"idle_torque": 1e4}, "idle_torque")]
 )
@@ -94,14 +86,3 @@ def test_short_overload_is_allowed_until_the_motor_is_hot():
     never = cut(changed(base, spindle={"short_time_load": 1.0}), 4 * BASE, 5)
     assert never["cost_power"][1:] == pytest.approx(1.25 / 1.01 - 1)
     assert (never["spindle_heat"] == 0.0).all()
-
-
-def test_the_motor_cools_while_an_edge_is_changed():
-    record = play(RoughTurningEnv(HOT_SPINDLE), 3, fixed_actions(120, 1, HOT_SPINDLE)[:, 0])
-    before, after = record["spindle_heat"][:-1], record["spindle_heat"][1:]
-    stopped = (record["stopped_time"][1:] > 0.0) & (before > 1.0)
-    assert stopped.any()
-    seconds = record["time"][1:] - record["stopped_time"][1:]  # at work, when it heats again
-    warmer = record["spindle_load"].max() ** 2 * (1 - np.exp(-seconds / 18))
-    assert (after[stopped] <= (before * np.exp(-record["stopped_time"][1:] / 18) + warmer)[stopped]).all()
-    assert (after[stopped] < 0.5 * before[stopped]).all()

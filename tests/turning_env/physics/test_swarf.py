@@ -36,12 +36,3 @@ def test_inside_the_window_and_by_default_chips_break() -> None:
     """The ends of the window belong to it, whatever the rounding of actions."""
     for feed, depth, swarf in ((0.2 * (1 - 1e-7), 2.5, WINDOW), (0.4 * (1 + 1e-7), 2.5, WINDOW), (0.15, 1.5, {})):
         assert not episodes(UNDISTURBED, feed, depth, **swarf)["stopped_time"].any()
-
-
-def test_stops_do_not_outlast_an_episode_that_ends_by_the_clock() -> None:
-    shift = changed(
-        Scenario.load("shift"), control={"time_limit": 20.0}, swarf=WINDOW | {"tangle_rate": 10.0, "tangle_time": 7.0}
-    )
-    played = play(lambda _: FixedParameters(shift, 125.0, 0.1), shift, range(8))
-    assert (played["stopped_time"] > 0.0).all()
-    assert played["time"] == pytest.approx(20.0 * 60.0, abs=shift.control.interval)

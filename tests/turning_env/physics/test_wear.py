@@ -1,13 +1,10 @@
 """Used life and wear, as functions and in the environment."""
 
-import math
-
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.turning_env.playing import UNDISTURBED, changed, play
+from tests.turning_env.playing import UNDISTURBED, changed
 from turning_env import RoughTurningEnv, Scenario
 
 RULES = ("equivalent_time", "clock_time")
@@ -51,25 +48,3 @@ def test_clock_time_reproduces_the_published_second_interval():
         assert info["wear"] == pytest.approx(0.157219, abs=1e-6)
         *_, info = env.step(set_points(speed, feed))
         assert info["wear"] == pytest.approx(total_wear, abs=2e-5)
-
-
-@pytest.mark.parametrize("rule", RULES)
-def test_tertiary_wear_follows_its_law(rule):
-    """Integrated over the used life D by equivalent time, over the law's wear W0 by clock time: dW/dW0 = exp(r (W - W_t))."""
-    begin, rate = 0.15, 5.0
-    failure = {"tertiary_wear": begin, "tertiary_rate": rate}
-    scenario = changed(SCENARIOS[rule], edge_failure=failure, control={"interval": 1, "sub_steps": 20})
-    record = play(RoughTurningEnv(scenario), 0, np.ones((500, 2), np.float32))
-    end = int(np.flatnonzero(record["terminated"])[0])
-    minutes = record["cutting_time"][end]
-    law = WEAR_LAW(200.0, 0.6, 2.5)
-    if rule == "equivalent_time":
-        wear = WEAR_CRITERION * np.linspace(0.0, 1.0, 100_001) ** WEAR_LAW.time
-        expected = (WEAR_CRITERION / law) ** (1 / WEAR_LAW.time) * np.exp(-rate * np.maximum(wear - begin, 0.0)).mean()
-    else:
-        fresh = begin + (1.0 - math.exp(-rate * (WEAR_CRITERION - begin))) / rate
-        expected = (fresh / law) ** (1 / WEAR_LAW.time)
-    assert minutes == pytest.approx(expected, rel=2e-3)
-    assert minutes < 0.8 * (WEAR_CRITERION / law) ** (1 / WEAR_LAW.time)
-    early = (record["wear"][:end] < begin) & (record["wear"][:end] > 0.0)
-    assert record["wear"][:end][early] == pytest.approx(law * record["cutting_time"][:end][early] ** WEAR_LAW.time)

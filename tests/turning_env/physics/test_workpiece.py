@@ -5,7 +5,6 @@ import pytest
 
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_env.physics.workpiece import MIN_DEPTH_SHARE
 from turning_render.fields import Fields
 
 WORKPIECE = Scenario().workpiece
@@ -48,10 +47,3 @@ def test_fields_are_continuous_in_a_bar_and_jump_between_bars():
     assert within_bars[0].max() < steepest * 1.5 * WORKPIECE.hardness_along_spread / WORKPIECE.hardness_correlation_length
     assert within_bars[1].max() < steepest * WORKPIECE.depth_along_spread / WORKPIECE.depth_correlation_length
     assert (np.median(jumps[:, between_bars], axis=1) > 10 * np.median(within_bars, axis=1)).all()
-
-
-def test_depth_never_falls_below_its_floor():
-    rough_blank = changed(Scenario(), workpiece={"depth_bar_spread": 5.0})
-    depth = fields(rough_blank, np.arange(0, 100 * WORKPIECE.bar_length, 50.0))[1]
-    assert depth.min() == MIN_DEPTH_SHARE * WORKPIECE.depth_of_cut
-    assert depth.max() > WORKPIECE.depth_of_cut

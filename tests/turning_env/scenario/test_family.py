@@ -82,13 +82,6 @@ def test_jobs_are_as_released_on_every_processor(split):
     assert digest_of_jobs(split) == JOBS[split], "jobs have changed: the family needs a new version"
 
 
-def test_the_context_is_standardised_by_training_jobs():
-    context = SHOP.context(SHOP.draw("train", 0))
-    assert abs(context.mean(axis=0)).max() < 0.1
-    assert context.std(axis=0).max() < 1.1
-    assert len(context) == CHUNK
-
-
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
     assert families() == ("shop",)
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
