@@ -85,6 +85,33 @@ def test_what_a_file_does_not_state_is_said_and_its_limits_are_off(tmp_path: Pat
     assert load("rough_turning") == (Scenario(), Evidence())
 
 
+@pytest.mark.parametrize(
+    ("kc", "mc", "start", "feed", "makers"),
+    [
+        (1775.0, 0.24, 200.0, 0.4, (150, 230)),  # 42CrMo4 (P6): alloy steel, AC8025P, Sumitomo 2019-2020, p. 13
+        (2150.0, 0.20, 150.0, 0.4, (100, 180)),  # 304 (M14): roughing, CA6515, Kyocera 2016-2017, p. 214
+        (1350.0, 0.28, 200.0, 0.5, (190, 270)),  # GG25 (K16): 200 at 0.5 and 270 at 0.3 mm/rev, K325, DGI Supply, turning, p. 5
+    ],
+)
+def test_with_catalogue_laws_the_advice_lies_in_the_makers_range(
+    kc: float, mc: float, start: float, feed: float, makers: tuple[float, float]
+) -> None:
+    time, taylor = 0.5, 0.25  # a life of 15 min at the start value, 0.25 mm/rev and 2.5 mm
+    wear = {"cutting_speed": time / taylor, "feed": 0.3, "depth_of_cut": 0.15, "time": time}
+    wear |= {"coefficient": 0.3 / (start ** (time / taylor) * 0.25**0.3 * 15**time)}
+    power = {"coefficient": kc * 2.5 / 60e3, "cutting_speed": 1.0, "feed": 1 - mc, "depth_of_cut": 1.0, "wear": 0.0}
+    scenario = Scenario.load({
+        "machine": {"cutting_speed_min": 60.0, "cutting_speed_max": 450.0, "feed_min": 0.1, "feed_max": feed},
+        "limits": {"power": 20.0, "thrust_force": 1e6},
+        "workpiece": {"diameter": 80.0, "bar_length": 150.0, "depth_of_cut": 2.0},
+        "economics": {"machine_rate": 55.0, "operator_rate": 30.0, "insert_price": 9.5, "edge_change_time": 1.5},
+        "material": {"wear": wear, "power": power},
+    })  # fmt: skip
+    cut = advise(scenario, Evidence())[0].plan.cuts
+    assert makers[0] <= cut.cutting_speed <= makers[1]
+    assert cut.feed == feed
+
+
 @pytest.mark.parametrize(("low", "high"), [(120.0, 320.0), (0.06, 0.6), (0.1, 5000.0), (0.001, 0.0011)])
 def test_round_numbers_span_a_range(low: float, high: float) -> None:
     found = round_numbers(low, high, 60)
