@@ -27,7 +27,7 @@ from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
 from turning_env.numerics.functions import log
 from turning_env.observation import read
 from turning_env.physics.quantities import layout
-from turning_env.scenario.plan import Columns
+from turning_env.scenario.plan import unchecked
 from turning_env.scenario.scenario import flat, nested
 from turning_env.scoring.policy import Actions, Observations, Policy
 
@@ -100,7 +100,7 @@ class Belief:
 
     def _columns(self) -> Any:
         """Return the nominal models, whose numbers are views of ``_leaves``."""
-        return Columns(nested((self._shared | dict(zip(self._names, self._leaves, strict=True))).items()))
+        return unchecked(nested((self._shared | dict(zip(self._names, self._leaves, strict=True))).items()))
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the views, which a copy must have of its own numbers."""

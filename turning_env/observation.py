@@ -155,15 +155,15 @@ _CONTROLLED = slice(OBS.cutting_speed, OBS.commanded_feed + 1)
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
-    """Convert observations of shape (environments, entries) back to physical units."""
+    """Convert observations of shape (environments, entries) to physical units. The scenario can hold arrays (``plan.py``)."""
     rows = np.asarray(observation, np.float64).T
     columns = dict(zip(layout(scenario), rows, strict=True))
     unknown = np.full(rows.shape[1], np.nan)
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
-    lows, highs = (
-        np.array([[getattr(machine, f"cutting_speed_{end}")], [getattr(machine, f"feed_{end}")]] * 2) for end in ("min", "max")
-    )
-    cutting_speed, feed, commanded_cutting_speed, commanded_feed = _in_range(rows[_CONTROLLED], lows, highs)
+    ranges = np.broadcast_arrays(machine.cutting_speed_min, machine.feed_min, machine.cutting_speed_max, machine.feed_max)
+    lows, highs = np.reshape(ranges, (2, 2, -1))
+    controlled = _in_range(rows[_CONTROLLED].reshape(2, 2, -1), lows, highs)
+    (cutting_speed, feed), (commanded_cutting_speed, commanded_feed) = controlled
     power = _ratio(columns["power"]) * limits.power
     thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown
     if scenario.sensors.force == "servo_current":

@@ -56,7 +56,7 @@ class Jobs:
 
     def _drawn(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         draw = self.family.draw(self.split, chunk)
-        records = parameter_records(draw.true, CHUNK)
+        records = parameter_records(draw.true, CHUNK, draw.nominal)
         for name in CHOICES:
             if (records[name] != self._shared[name][0]).any():
                 raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")

@@ -1,6 +1,6 @@
 """The table of parameters: all that the transition reads of a scenario, each declared once.
 
-``parameter_records`` of ``records.py`` takes the values also from many scenarios at once (``scenario.plan.Columns``).
+``parameter_records`` of ``records.py`` takes the values also from many scenarios at once (``scenario/plan.py``).
 """
 
 from collections.abc import Callable

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from turning_env.physics import parameters, quantities
 from turning_env.physics.parameters import Parameter
 from turning_env.physics.quantities import AT_END, WIDTH
+from turning_env.scenario import Scenario
 
 
 def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
@@ -63,15 +64,15 @@ def new_records(dtype: np.dtype[Any], count: int) -> Any:
     return np.zeros(count, dtype)
 
 
-def parameter_records(scenario: Any, count: int = WIDTH) -> Any:
+def parameter_records(scenario: Scenario, count: int = WIDTH, nominal: Scenario | None = None) -> Any:
     """Return the parameters of blocks with ``count`` environments, a multiple of ``WIDTH``: shape (blocks,).
 
-    The scenario's numbers can be arrays of ``count`` numbers.
+    The numbers of the scenario and of its ``nominal`` model can be arrays of ``count`` numbers (``scenario/plan.py``).
     """
     records = new_records(PARAMETERS, count // WIDTH)
     for parameter, value in _values(scenario):
         _fill(records[parameter.name], value)
-    for parameter, value in _values(scenario.nominal()):
+    for parameter, value in _values(nominal or scenario.nominal()):
         if parameter.name in parameters.NOMINAL:
             _fill(records["nominal"][parameter.name], value)
     return records
@@ -83,12 +84,12 @@ def numbers_of(records: Any) -> NDArray[np.float64]:
     return numbers.reshape(len(records), _NUMBERS, WIDTH)
 
 
-def block_records(scenario: Any) -> tuple[Any, Any, Any]:
+def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
     """Return states, parameters and scratch of one block of environments of a scenario, each an array of one record."""
     return new_records(STATE, 1), parameter_records(scenario), new_records(SCRATCH, 1)
 
 
-def _values(scenario: Any) -> Iterator[tuple[Parameter, Any]]:
+def _values(scenario: Scenario) -> Iterator[tuple[Parameter, Any]]:
     sections = (section for name, section in scenario if name not in ("name", "material", "nominal_model"))
     fields = {name: value for section in sections for name, value in section}
     for parameter in parameters.PARAMETERS:

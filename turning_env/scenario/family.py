@@ -28,7 +28,7 @@ from pydantic import ValidationError, model_validator
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
-from turning_env.scenario.plan import MIDDLE, USED_LIVES, Columns, Loads, Plan, features, plan_of
+from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
 from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
 from turning_env.scenario.section import Section, names_instead
 
@@ -207,8 +207,10 @@ class Job(NamedTuple):
 class Draw:
     """Some jobs of a split. Arrays have shape (jobs,)."""
 
-    true: Columns
-    """The true scenarios; ``true.nominal()`` are the nominal models."""
+    true: Scenario
+    """The true scenarios, with arrays of numbers (``plan.py``)."""
+    nominal: Scenario
+    """The nominal models, likewise."""
     plan: Plan
     fields: tuple[Values, Values]
     """Nominal and true values by dotted names."""
@@ -218,7 +220,7 @@ class Draw:
     """Context before standardisation."""
 
 
-def makes_sense(true: Columns, plan: Plan) -> NDArray[np.bool_]:
+def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
     """Return which jobs make sense, shape (jobs,).
 
     * By the nominal model some set point is within the limits at every wear, and an edge lasts 4 to 60 min at the best one.
@@ -371,9 +373,10 @@ class Family(Section):
     def _base(self) -> Values:
         return dict(flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"})))
 
-    def columns(self, fields: Values, nominal: Columns | None = None) -> Columns:
-        """Return scenarios with these fields by dotted names, and the base's others; ``nominal``: their nominal models."""
-        return Columns(nested((self._base | fields).items()), nominal)
+    def columns(self, fields: Values) -> Scenario:
+        """Return scenarios, with arrays of numbers, that have these fields by dotted names, and the base's others."""
+        columns: Scenario = unchecked(nested((self._base | fields).items()))
+        return columns
 
     def draw(self, split: str, chunk: int) -> Draw:
         """Return the jobs with the numbers from ``CHUNK * chunk`` on.
@@ -432,7 +435,8 @@ class Family(Section):
             for name, value in nominal_fields.items()
         }
         nominal = self.columns(nominal_fields)
-        return Draw(self.columns(true_fields, nominal), plan, (nominal_fields, true_fields), rows, features(nominal, plan))
+        fields, context = (nominal_fields, true_fields), features(nominal, plan)
+        return Draw(self.columns(true_fields), nominal, plan, fields, rows, context)
 
 
 def _one(value: Any, i: int) -> Any:

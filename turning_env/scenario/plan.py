@@ -1,18 +1,17 @@
 """The best set points by the laws of a scenario, for many scenarios at once, and the numbers that describe them to a policy.
 
-A scenario is given by ``Columns``: sections like those of ``Scenario`` whose numbers are arrays of shape (scenarios,).
+Many scenarios are one ``Scenario`` whose numbers can be arrays of shape (scenarios,).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.functions import exp, hypotenuse, log
-from turning_env.scenario.power_law import PowerLaw, log_response
+from turning_env.scenario.power_law import log_response
 from turning_env.scenario.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -27,55 +26,15 @@ _GRID = 20
 """Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
 
 
-class Section(SimpleNamespace):
-    """A section of columns. Iteration gives names and values, as for sections of ``Scenario``."""
-
-    log_coefficient = PowerLaw.log_coefficient
-
-    def __iter__(self) -> Iterator[tuple[str, Any]]:
-        return iter(vars(self).items())
+def unchecked(values: dict[str, Any], section: Any = Scenario) -> Any:
+    """Return a scenario of nested values, which are not checked: its numbers can be arrays of shape (scenarios,)."""
+    kinds = {name: field.annotation for name, field in section.model_fields.items()}
+    inner = {name: unchecked(value, kinds[name]) if isinstance(value, dict) else value for name, value in values.items()}
+    return section.model_construct(**inner)
 
 
-class Columns(Section):
-    """Many scenarios: a section per subject, with arrays of shape (scenarios,) for values that differ, and numbers for others."""
-
-    def __init__(self, values: dict[str, Any], nominal: "Columns | None" = None) -> None:
-        def section(table: dict[str, Any]) -> Section:
-            return Section(**{key: section(value) if isinstance(value, dict) else value for key, value in table.items()})
-
-        super().__init__(**vars(section(values)))
-        vars(self)["nominal_model"] = nominal
-
-    def nominal(self) -> "Columns":
-        """Return the nominal models."""
-        return vars(self)["nominal_model"] or self
-
-    @property
-    def cutting_speed_max(self) -> Any:
-        """See ``Scenario``."""
-        reached = self._circumference * self.spindle.max_speed
-        return np.minimum(self.machine.cutting_speed_max, np.where(reached > 0.0, reached, np.inf))
-
-    @property
-    def feed_range(self) -> tuple[Any, Any]:
-        """See ``Scenario``."""
-        machine, swarf = self.machine, self.swarf
-        tangle = np.asarray(swarf.tangle_rate) > 0.0
-        low = np.where(tangle, np.maximum(machine.feed_min, swarf.chip_feed_min), machine.feed_min)
-        return low, np.where(tangle, np.minimum(machine.feed_max, swarf.chip_feed_max), machine.feed_max)
-
-    @property
-    def base_cutting_speed(self) -> Any:
-        """See ``Scenario``."""
-        return self._circumference * self.spindle.base_speed
-
-    @property
-    def _circumference(self) -> Any:
-        return np.pi * self.workpiece.diameter / 1000.0  # [m]
-
-
-def columns_of(scenarios: Sequence[Scenario]) -> Columns:
-    """Return scenarios as columns; values that all have stay as they are. Their nominal models are left out."""
+def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
+    """Return scenarios as one of arrays; values that all have stay as they are. Their nominal models are left out."""
 
     def joined(values: list[Any]) -> Any:
         first = values[0]
@@ -83,10 +42,12 @@ def columns_of(scenarios: Sequence[Scenario]) -> Columns:
             return {name: joined([value[name] for value in values]) for name in first}
         return first if all(value == first for value in values) else np.array(values)
 
-    return Columns(joined([scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]))
+    dumps = [scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]
+    together: Scenario = unchecked(joined(dumps))
+    return together
 
 
-def log_wear_at(s: Columns, used_life: float) -> Any:
+def log_wear_at(s: Scenario, used_life: float) -> Any:
     """Return the logarithm of the flank wear [mm] at a used share of an edge's life."""
     return log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
 
@@ -101,7 +62,7 @@ class Loads:
         life_rate: edges used up per minute [1/min].
     """
 
-    def __init__(self, s: Columns, count: int) -> None:
+    def __init__(self, s: Scenario, count: int) -> None:
         shares = np.linspace(0.0, 1.0, _GRID)
         self._s = s
         self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
@@ -136,7 +97,7 @@ class Loads:
         return over
 
 
-def log_response_at(s: Columns, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
+def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
     """Return the logarithm of a response at 1 m/min and 1 mm/rev, to an edge of a used life (0: the law has no wear)."""
     work, law = s.workpiece, getattr(s.material, law_name)
     depth = work.depth_of_cut + deviations * hypotenuse(work.depth_bar_spread, work.depth_along_spread)
@@ -161,7 +122,7 @@ class Plan:
     """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
 
 
-def plan_of(s: Columns, count: int) -> Plan:
+def plan_of(s: Scenario, count: int) -> Plan:
     """Return the set points with the most metal per minute, less the price of the used life, within the limits."""
     loads = Loads(s, count)
     price = _wide(s.economics.edge_cost + s.economics.edge_change_time)  # [min]
@@ -190,7 +151,7 @@ def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
     return np.broadcast_to(low + shares * (high - low), (count, len(shares)))
 
 
-def features(s: Columns, plan: Plan) -> dict[str, Array]:
+def features(s: Scenario, plan: Plan) -> dict[str, Array]:
     """Return the numbers that describe nominal models to a policy, shape (scenarios,) each, not standardised."""
     material, work, machine = s.material, s.workpiece, s.machine
     speed, feed, life = plan.speed[:, MIDDLE], plan.feed[:, MIDDLE], plan.life[:, MIDDLE]

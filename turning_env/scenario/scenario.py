@@ -11,6 +11,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+import numpy as np
 import tomli_w
 from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
 
@@ -93,7 +94,7 @@ NominalModel = Annotated[
 
 
 class Scenario(Section):
-    """Everything that defines an episode, except its seed and the actions."""
+    """Everything that defines an episode, except its seed and the actions. Properties also work on arrays (``plan.py``)."""
 
     name: str = "rough_turning"
     """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
@@ -316,25 +317,26 @@ class Scenario(Section):
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
     @property
-    def cutting_speed_max(self) -> float:
+    def cutting_speed_max(self) -> Any:
         """The highest cutting speed that the machine's range and the spindle's highest speed allow at the diameter [m/min]."""
-        return min(self.machine.cutting_speed_max, self._circumference * self.spindle.max_speed or math.inf)
+        reached = self._circumference * self.spindle.max_speed
+        return np.minimum(self.machine.cutting_speed_max, np.where(np.equal(reached, 0.0), np.inf, reached))
 
     @property
-    def feed_range(self) -> tuple[float, float]:
+    def feed_range(self) -> tuple[Any, Any]:
         """Lowest and highest feed of the machine at which chips break, if they can tangle [mm/rev]."""
         machine, swarf = self.machine, self.swarf
-        if swarf.tangle_rate == 0.0:
-            return machine.feed_min, machine.feed_max
-        return max(machine.feed_min, swarf.chip_feed_min), min(machine.feed_max, swarf.chip_feed_max)
+        tangle = np.greater(swarf.tangle_rate, 0.0)
+        low = np.maximum(machine.feed_min, np.where(tangle, swarf.chip_feed_min, 0.0))
+        return low, np.minimum(machine.feed_max, np.where(tangle, swarf.chip_feed_max, np.inf))
 
     @property
-    def base_cutting_speed(self) -> float:
+    def base_cutting_speed(self) -> Any:
         """The cutting speed at the spindle's base speed [m/min]."""
         return self._circumference * self.spindle.base_speed
 
     @property
-    def _circumference(self) -> float:
+    def _circumference(self) -> Any:
         return math.pi * self.workpiece.diameter / 1000.0  # [m]
 
     @property

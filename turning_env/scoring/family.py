@@ -63,7 +63,7 @@ class Truthful(Family):
         told = {name: true[name] if name.startswith(self.right) else value for name, value in nominal.items()}
         columns = self.columns(told)
         plan = plan_of(columns, len(numbers))
-        return replace(draw, true=self.columns(true, columns), plan=plan, fields=(told, true), features=features(columns, plan))
+        return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=features(columns, plan))
 
 
 def truthful(family: Family, right: str = "") -> Truthful:
