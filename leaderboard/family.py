@@ -15,6 +15,7 @@ from leaderboard.result import FamilySplit, ResultError, Task
 from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
 from turning_env.action import towards
+from turning_env.family_env import Context
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Family, Job
@@ -89,14 +90,15 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
         found = PolicySpec(name=CAUSAL, version=4, kind="oracle")
     else:
         found = spec(name, family.job(0).scenario, Scenario.load(family.base))
+    right = "" if name == CAUSAL else _RIGHT[knows]
+    plays = FamilyPlay(family if right is None else truthful(family, right), _split(task), name, forgets)
     kind = found.kind if knows == "nominal" else "oracle"
-    plays = _Plays(family, _split(task), name, knows, forgets)
     return found.model_copy(update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays})
 
 
 def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     """Return an agent, or a policy of one's own code, as it plays a family's task."""
-    plays = _Plays(family_of(task), _split(task), found, "nominal", forgets)
+    plays = FamilyPlay(family_of(task), _split(task), found, forgets)
     return found.model_copy(update={"forgets": forgets, "compute": plays})
 
 
@@ -106,39 +108,41 @@ def _split(task: Task) -> str:
 
 
 @dataclass(frozen=True)
-class _Plays:
+class FamilyPlay:
     """Plays episodes of a family: the ``compute`` of a ``PolicySpec``."""
 
     family: Family
+    """The family, with the nominal models that the policy knows."""
     split: str
     policy: str | PolicySpec
     """A controller's name, or an agent that plays all jobs."""
-    knows: str
     forgets: bool
 
-    def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-        right = "" if self.policy == CAUSAL else _RIGHT[self.knows]
-        family = self.family if right is None else truthful(self.family, right)
-        jobs = [family.job(seed, self.split) for seed in seeds]
+    @property
+    def context(self) -> Context:
+        """Return the context of the observations: controllers are built from the nominal models, agents are told them."""
+        return "hidden" if isinstance(self.policy, str) else "told"
+
+    def make(self, jobs: Sequence[Job]) -> PolicyFactory:
+        """Return what makes the policy that plays these jobs, one in each environment; most controllers play one."""
         scenarios = [job.scenario for job in jobs]
-        base = Scenario.load(family.base)
-        name = self.policy
-
-        def remembering(make: PolicyFactory) -> PolicyFactory:
-            return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
-
         make: PolicyFactory
-        if not isinstance(name, str):
-            return play_family(family, self.split, seeds, remembering(informed(name, scenarios)), "told", on_step)
-        if not (name in (NOMINAL_OPTIMUM, CAUSAL) or RULES[name].together):
-            return play_jobs(family, self.split, seeds, lambda job: remembering(spec(name, job.scenario, base).make), on_step)
-        if name == NOMINAL_OPTIMUM:
+        if not isinstance(self.policy, str):
+            make = informed(self.policy, scenarios)
+        elif self.policy == NOMINAL_OPTIMUM:
             make = lambda num_envs: FixedNominalOptimum(jobs)  # noqa: E731
-        elif name == CAUSAL:
+        elif self.policy == CAUSAL:
             make = lambda num_envs: PerfectState(scenarios, num_envs)  # noqa: E731
         else:
-            make = remembering(spec(name, scenarios, base).make)
-        return play_family(family, self.split, seeds, make, "hidden", on_step, tell=name == CAUSAL)
+            base = Scenario.load(self.family.base)
+            make = spec(self.policy, scenarios if RULES[self.policy].together else scenarios[0], base).make
+        return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
+
+    def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        if isinstance(self.policy, str) and self.policy in RULES and not RULES[self.policy].together:
+            return play_jobs(self.family, self.split, seeds, lambda job: self.make([job]), on_step)
+        make = self.make([self.family.job(seed, self.split) for seed in seeds])
+        return play_family(self.family, self.split, seeds, make, self.context, on_step, tell=self.policy == CAUSAL)
 
 
 class FixedNominalOptimum(Policy):

@@ -1,6 +1,5 @@
 """Recorded trajectories of policies on the same few seeds, thinned to a screen's resolution."""
 
-from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
@@ -9,7 +8,7 @@ from pydantic import Field, model_validator
 
 from leaderboard.result import Part
 from turning_env import RoughTurningEnv, Scenario
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 SCHEMA: Literal["rough-turning/trajectories/4"] = "rough-turning/trajectories/4"
 SERIES = (
@@ -71,12 +70,20 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     """
     # After a whole part the tool may be in air, so the part's means are recorded.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
-    names = [reported.get(name, name) for name in SERIES]
-    minutes, *columns = (np.array(values) for values in play_trajectory(spec.make, scenario, seed, names).values())
-    whole = {"minutes": minutes} | dict(zip(SERIES, columns, strict=True))
+    env, policy = RoughTurningEnv(scenario), spec.make(1)
+    observation, _ = env.reset(seed=seed)
+    policy.reset(np.ones(1, np.bool_))
+    rows: list[tuple[float, ...]] = []
+    elapsed, ended = 0.0, False
+    while not ended:
+        observation, _, terminated, truncated, info = env.step(policy.act(observation[None])[0])
+        elapsed += info["time"] / 60.0
+        rows.append((elapsed, *(info[reported.get(name, name)] for name in SERIES)))
+        ended = terminated or truncated
+    whole = dict(zip(("minutes", *SERIES), np.array(rows).T, strict=True))
     steps = kept(whole, scenario)
     series = {name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]] for name, values in whole.items()}
-    return Trajectory(policy=spec, seed=seed, steps=len(minutes), series=series)
+    return Trajectory(policy=spec, seed=seed, steps=len(rows), series=series)
 
 
 def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
@@ -95,28 +102,3 @@ def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDAr
         seen = metal if metal.size else group
         chosen |= {int(seen[np.argmin(load[seen])]), int(seen[np.argmax(load[seen])])}
     return np.array(sorted(chosen))
-
-
-def play_trajectory(make: PolicyFactory, scenario: Scenario, seed: int, names: Sequence[str]) -> dict[str, list[float]]:
-    """Play one episode.
-
-    Returns:
-        ``minutes``, the machine time elapsed, and each of ``names`` in ``info``, at the end of every step.
-
-    Raises:
-        ValueError: an action has the wrong shape or is not finite.
-    """
-    env = RoughTurningEnv(scenario)
-    policy = make(1)
-    observation, _ = env.reset(seed=seed)
-    policy.reset(np.ones(1, np.bool_))
-    series: dict[str, list[float]] = {name: [] for name in ("minutes", *names)}
-    elapsed, ended = 0.0, False
-    while not ended:
-        observation, _, terminated, truncated, info = env.step(policy.act(observation[None])[0])
-        elapsed += info["time"] / 60.0
-        series["minutes"].append(elapsed)
-        for name in names:
-            series[name].append(info[name])
-        ended = terminated or truncated
-    return series

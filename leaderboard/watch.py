@@ -1,6 +1,7 @@
 """Film a policy, or two with the same seed side by side, or show one in a window.
 
-python -m leaderboard.watch --env RoughTurning-v0 --policy rescaled_grid_search --beside grid_search --out cut.mp4
+python -m leaderboard.watch --policy rescaled_grid_search --beside grid_search --out cut.mp4
+python -m leaderboard.watch --env RoughTurning-Family-v0 --policy self_tuning --seed 3 --every 10 --out job.mp4
 """
 
 import argparse
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from leaderboard.__main__ import positive
+from leaderboard.family import FamilyPlay, family_task
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
-from turning_env import IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
@@ -35,19 +37,23 @@ class Show:
 
     Args:
         spec: the policy.
-        env_id: of the environment.
-        scenario: of the environment.
-        seed: determines the edge and the bars.
+        task: whose first seed, or job of a family, it plays.
         render_mode: "rgb_array" or "human".
 
     Attributes:
+        env: the environment.
         ended: whether the episode has ended.
     """
 
-    def __init__(self, spec: PolicySpec, env_id: str, scenario: Scenario, seed: int, render_mode: str) -> None:
-        self._label = spec.label
-        self.env: Any = gymnasium.make(env_id, scenario=scenario, render_mode=render_mode)
-        self._policy = spec.make(1)
+    def __init__(self, spec: PolicySpec, task: Task, render_mode: str) -> None:
+        self._label, (seed,) = spec.label, task.seeds
+        source: dict[str, Any] = {"scenario": task.scenario}
+        make = spec.make
+        if isinstance(play := spec.compute, FamilyPlay):
+            source = {"family": play.family, "split": play.split, "context": play.context}
+            make = play.make([play.family.job(seed, play.split)])
+        self.env: Any = gymnasium.make(task.env_id, **source, render_mode=render_mode)
+        self._policy = make(1)
         self._observation, _ = self.env.reset(seed=seed)
         self._policy.reset(np.ones(1, np.bool_))
         self.ended = False
@@ -89,12 +95,15 @@ def _watch(options: argparse.Namespace) -> None:
         raise ResultError("--human shows one policy: give --out to see two beside each other")
     if not options.human and options.out.suffix not in _WRITERS:
         raise ResultError(f"{options.out} must end in one of {', '.join(_WRITERS)}")
-    scenario = Scenario.load(options.scenario or IDS[options.env])
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    task = Task(env_id=options.env, scenario=scenario, seeds=[options.seed])
-    specs = [policy(name, task) for name in names]
-    mode = "human" if options.human else "rgb_array"
-    shows = [Show(spec, options.env, scenario, options.seed, mode) for spec in specs]
+    if options.env == FAMILY_ID:
+        task = family_task(options.scenario or "shop", options.split or "train", max(options.seed, 0) + 1)
+        task = task.model_copy(update={"seeds": [options.seed]})
+    elif options.split:
+        raise ResultError(f"--split is of {FAMILY_ID}, not of {options.env}")
+    else:
+        task = Task(env_id=options.env, scenario=Scenario.load(options.scenario or IDS[options.env]), seeds=[options.seed])
+    shows = [Show(policy(name, task), task, "human" if options.human else "rgb_array") for name in names]
     try:
         if options.human:
             for _ in steps(shows, options.steps, 1):
@@ -207,13 +216,17 @@ _WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m leaderboard.watch", **described(__doc__))
-    parser.add_argument("--env", choices=IDS, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
-    parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own preset")
+    ids = [*IDS, FAMILY_ID]
+    parser.add_argument("--env", choices=ids, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
+    parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
+    parser.add_argument("--split", metavar="NAME", help="split of a family (default: train)")
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--policy", metavar="NAME", help="a rule-based controller")
     who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
     parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
-    parser.add_argument("--seed", type=int, default=0, help="determines the edge and the bars (default: 0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="determines the edge and the bars, or is the job's number (default: 0)"
+    )
     parser.add_argument("--steps", type=positive, metavar="N", help="at most so many steps (default: the episode)")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")

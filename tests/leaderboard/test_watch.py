@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 from PIL import Image
 
 from leaderboard.watch import main
-from turning_env import Scenario
+from tests.train import onnx_agents
+from tests.turning_env.test_family_env import BRIEF
+from turning_env import FAMILY_ID, Family, Scenario
 
 AGENT = "agents/RoughTurning-v0/rough_turning/ppo-seed0.onnx"
 HEIGHT, WIDTH = 670, 960
@@ -46,6 +49,30 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
     assert not np.array_equal(both[:, :WIDTH], alone)
 
 
+@pytest.mark.slow
+def test_policies_are_watched_on_a_job_of_a_family(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
+    agent = onnx_agents.write_of_family(tmp_path / "agents", Family.load(BRIEF), 0)
+    job = [
+        "--env",
+        FAMILY_ID,
+        "--scenario",
+        str(tmp_path / "brief.toml"),
+        "--split",
+        "unseen_jobs",
+        "--out",
+        str(tmp_path / "job.png"),
+    ]
+    pictures = []
+    for seed in ("1", "2"):
+        for rule in ("rescaled_grid_search", "self_tuning"):  # built from one job, and from all
+            assert main([*job, "--agent", str(agent), "--beside", rule, "--seed", seed, "--steps", "3"]) == 0
+            pictures.append((tmp_path / "job.png").read_bytes())
+    assert len(set(pictures)) == 4
+    assert main([*job, "--policy", "self_tuning", "--seed", "100000"]) == 2
+    assert "100001 seeds asked for, but the split 'unseen_jobs'" in capsys.readouterr().err
+
+
 def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     assert main([*short, "--policy", "fixed_handbook", "--steps", "2", "--human"]) == 0
@@ -59,6 +86,7 @@ def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, ca
     [
         (["--policy", "causal"], "causal cannot be watched: only what acts on observations can"),
         (["--policy", "grid_search", "--seed", "-1"], "seed -1"),
+        (["--policy", "grid_search", "--split", "train"], "--split is of RoughTurning-Family-v0"),
         (["--policy", "grid_search", "--out", "cut.avi"], "cut.avi must end in one of .mp4, .gif, .png"),
     ],
 )
