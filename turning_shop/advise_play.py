@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from turning_env import IDS
 from turning_env.action import set_point_action
 from turning_env.extras import provided
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play, play_spec
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
-from turning_env.scoring.score import shipped
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 from turning_shop import WorkshopError, aligned
@@ -27,6 +25,8 @@ from turning_shop.prediction import Evidence
 
 FIXED = "fixed parameters"
 """The advice, whose edge is changed by plan."""
+RULES = "predictive", "omative", "modified_fuzzy_override"
+"""Rules that lead the leaderboards within the limits, of speed and feed and of overrides."""
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the advised feed, of which the first is used that keeps the scenario's limits often enough."""
 LONGEST = 600.0
@@ -167,18 +167,10 @@ def play_all(
 
 
 def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
-    """Return name and rule, to play ``own``: the best of those that are tuned for the scenario or need no tuning.
-
-    Feasible rules are ranked by their return on the leaderboard of the id most like the scenario. So no seed that is played
-    here affects the choice.
-    """
-    usual = "RoughTurning-Override-v0" if scenario.control.action == "override" else "RoughTurning-v0"
-    env_id = next((env_id for env_id, preset in IDS.items() if preset == scenario.name), usual)
-    allowed = Scenario.load(IDS[env_id]).limits.overload_allowance
-    for each in sorted(shipped(env_id), key=lambda each: -float(each.returns.mean())):
-        if each.kind == "rule" and severe_share(each.severe.ravel(), each.engaged.ravel()) <= allowed:
-            with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
-                return each.name, catalogue.spec(each.name, own, scenario)
+    """Return name and rule, to play ``own``: the first of ``RULES`` that is tuned for the scenario or needs no tuning."""
+    for name in RULES:
+        with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
+            return name, catalogue.spec(name, own, scenario)
     raise ValueError(f"no rule that ships can play {scenario.name!r}")
 
 

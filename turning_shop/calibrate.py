@@ -23,8 +23,8 @@ from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
 from turning_shop.measurements import COLUMNS, Measurements
-from turning_shop.plausibility import RobustFit, law_problems, outliers, robust_fit, row_problems, unusual_edges
-from turning_shop.prediction import BEYOND, Evidence, evidence_of, read_evidence
+from turning_shop.plausibility import law_problems, outliers, robust_fit, row_problems, unusual_edges
+from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers
 
 WIDE = 0.5
@@ -45,7 +45,6 @@ class Calibration:
 
     Attributes:
         fits: Fitted laws by predicted response.
-        robust: The same laws, fitted so that a few wrong rows hardly count.
         kept: Laws kept from the base, with the reason.
         material: The fitted and the kept laws.
         problems: Implausible values, if the calibration was forced.
@@ -54,7 +53,6 @@ class Calibration:
     """
 
     fits: dict[str, Fit]
-    robust: dict[str, RobustFit]
     kept: dict[str, str]
     material: Material
     problems: tuple[str, ...]
@@ -73,7 +71,7 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
 
     Args:
         measurements: Returned by ``read_measurements``.
-        base: Scenario with the laws to start from and the ranges for which extrapolation is warned of.
+        base: Scenario with the laws to start from, and the wear criterion.
         force: Go on with measurements and laws that cannot be true.
 
     Raises:
@@ -111,8 +109,8 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
     except ValidationError as error:
         detail = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise WorkshopError(f"the fitted laws are no material: {detail}") from error
-    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements, base), *_extrapolations(fits, base))
-    return Calibration(fits, robust, kept, material, tuple(problems), warnings, measurements.readings)
+    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements))
+    return Calibration(fits, kept, material, tuple(problems), warnings, measurements.readings)
 
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
@@ -128,7 +126,7 @@ def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit
     return replace(again, assumed=assumed | {name: f"{assumed[name]}; {CATALOGUE}" for name in known})
 
 
-def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
+def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]:
     for name in measurements.ignored:
         likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
         yield f"column {name!r} is not understood and was ignored" + "".join(f"; is it {column}?" for column in likely)
@@ -153,28 +151,6 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
 
 
-def _extrapolations(fits: dict[str, Fit], base: Scenario) -> Iterator[str]:
-    """Yield a warning for each quantity at which the base scenario uses laws outside the fitted range."""
-    machine, depths = base.machine, tuple(filter(None, base.workpiece.depth_profile)) or (base.workpiece.depth_of_cut,)
-    used = {
-        "cutting_speed": (machine.cutting_speed_min, machine.cutting_speed_max),
-        "feed": (machine.feed_min, machine.feed_max),
-        "depth_of_cut": (min(depths), max(depths)),
-        "wear": (None, base.tool.wear_criterion),
-    }
-    laws: dict[str, list[str]] = {}
-    for response, fitted in fits.items():
-        for name, values in (fitted.factors | {response: fitted.measured}).items():
-            low, high = used.get(name, (None, 0.0))
-            least, most = values.min(), values.max()
-            if (low is not None and low < least * (1 - BEYOND)) or high > most * (1 + BEYOND):
-                wanted = f"up to {high:g}" if low is None else f"{high:g}" if low == high else f"{low:g} to {high:g}"
-                measured = f"{least:.4g}" if least == most else f"{least:.4g} to {most:.4g}"
-                laws.setdefault(f"{name} of {wanted} {COLUMNS[name].unit}, but measured at {measured}", []).append(response)
-    for what, responses in laws.items():
-        yield f"{', '.join(responses)}: extrapolated, used at a {what}"
-
-
 def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
     """Return all results in a form for JSON, with the names of the measurements' file and of the base."""
     return {
@@ -189,7 +165,6 @@ def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
                 "scatter": fitted.scatter,
                 "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
                 "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
-                "outliers": fitted.lines[calibration.robust[response].outlying].tolist(),
                 "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
                 "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
                 "law": fitted.law.model_dump(),

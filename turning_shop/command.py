@@ -36,7 +36,6 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--base", default="rough_turning", metavar="SCENARIO", help=base)
     add("--force", action="store_true", help="go on with rows and laws that cannot be true")
     add("--overwrite", **overwrite)
-    add("--plot", type=picture_path, metavar="FILE", help="file for a plot of the residuals: PNG, SVG or PDF")
     add("--json", **json_option)
 
     table = command(_whatif, "predict force, power, wear and tool life")
@@ -94,14 +93,11 @@ def _calibrate(options: argparse.Namespace) -> int:
 
     COLUMNS
 
-    python -m turning_env calibrate cuts.csv --out my_tool.toml --plot residuals.png
+    python -m turning_env calibrate cuts.csv --out my_tool.toml --base machine.toml
     """
     from turning_shop.calibrate import Implausible, calibrate, report, summary, write_scenario
 
-    if options.plot:  # before anything is written, as Matplotlib may be missing
-        from turning_render import plot_style
-        from turning_shop import plots
-    refuse_existing(options.overwrite, options.out, options.plot)
+    refuse_existing(options.overwrite, options.out)
     base = Scenario.load(options.base)
     try:
         found = calibrate(read_measurements(options.measurements), base, options.force)
@@ -110,15 +106,13 @@ def _calibrate(options: argparse.Namespace) -> int:
         print("error: nothing was written: correct the rows above; --force goes on with them", file=sys.stderr)
         return FAILED
     write_scenario(found, options.base, Path(options.measurements).name, options.out)
-    if options.plot:
-        plot_style.save(plots.draw_residuals(found), options.plot)
     for warning in (*found.problems, *found.warnings):
         print(f"warning: {warning}", file=sys.stderr)
     if options.json:
         print_json(report(found, options.measurements, options.base))
     else:
         print(*summary(found), sep="\n")
-        print(*(path for path in (options.out, options.plot) if path), sep="\n")
+        print(options.out)
     return 0
 
 

@@ -112,11 +112,6 @@ class Fit:
         return len(self.lines) - len(self.estimates)
 
     @property
-    def residuals(self) -> Values:
-        """Residuals, measured / predicted - 1 [-], shape (rows,)."""
-        return np.asarray(self.measured / self.predicted - 1.0)
-
-    @property
     def log_residuals(self) -> Values:
         """Logarithms of measured over predicted responses [-], shape (rows,)."""
         return np.asarray(np.log(self.measured / self.predicted))
@@ -139,9 +134,9 @@ class Fit:
         return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
 
     def largest_residual(self) -> tuple[int, float]:
-        """Return the line number and the residual [-] of the row that is farthest from the law."""
+        """Return the line number and the residual, measured / predicted - 1 [-], of the row that is farthest from the law."""
         index = int(np.abs(self.log_residuals).argmax())
-        return int(self.lines[index]), float(self.residuals[index])
+        return int(self.lines[index]), float(np.expm1(self.log_residuals[index]))
 
 
 def fit(response: str, measurements: Measurements, base: PowerLaw) -> Fit:

@@ -16,7 +16,7 @@ from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_shop.advise import Advice, headline, life_spread, settings
 from turning_shop.prediction import BEYOND, Evidence
-from turning_shop.provenance import NO_LIMIT
+from turning_shop.whatif import NO_LIMIT
 
 _HERE = Path(__file__).parent
 

@@ -1,4 +1,4 @@
-"""Draw residuals of a calibration, operating maps, and a page to pin to the machine."""
+"""Draw operating maps and a page to pin to the machine."""
 
 import textwrap
 from typing import Any
@@ -14,15 +14,10 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from turning_env.scenario import Scenario
 from turning_render.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_shop.advise import Advice, Plan, headline, summary
-from turning_shop.calibrate import Calibration
 from turning_shop.fit import SETTINGS
-from turning_shop.measurements import COLUMNS
 from turning_shop.prediction import Evidence
-from turning_shop.provenance import NO_LIMIT
-from turning_shop.whatif import Cuts, what_if
+from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 
-MAX_LIVES = 12
-"""Number of lines of tool life above which only those of powers of ten are drawn."""
 GRID = 301
 """Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
 FRESH = 0.3
@@ -34,29 +29,6 @@ RULED = (
     "A simulation's output: try each change carefully."
 )
 _ALLOWED, _DOTS = "#DCEFE6", "#999999"
-
-
-def draw_residuals(calibration: Calibration) -> Figure:
-    """Draw a row of panels per law: residuals [%] over the prediction and over every factor with a fitted exponent."""
-    fits = list(calibration.fits.values())
-    columns = max(len(fitted.estimates) for fitted in fits)
-    figure = Figure(figsize=(max(2.6 * columns + 0.6, 4.6), 2.6 * len(fits) + 0.4), layout="constrained")
-    panels = figure.subplots(len(fits), columns, sharey="row", squeeze=False)
-    for row, fitted in zip(panels, fits, strict=True):
-        shown = {fitted.response: fitted.predicted} | {name: fitted.factors[name] for name in fitted.exponents}
-        for axes, (name, values) in zip(row, shown.items(), strict=False):
-            axes.axhspan(-200 * fitted.scatter, 200 * fitted.scatter, color=LIGHT, linewidth=0)
-            axes.axhline(0, color=GREY, linewidth=0.9)
-            axes.scatter(values, 100 * fitted.residuals, color=BLUE, s=16, alpha=0.6, linewidths=0)
-            axes.spines[["top", "right"]].set_visible(False)
-            predicted = "predicted " if name == fitted.response else ""
-            axes.set_xlabel(f"{predicted}{name.replace('_', ' ')} [{COLUMNS[name].unit}]")
-        for axes in row[len(shown) :]:
-            axes.set_axis_off()
-        row[0].set_ylabel("measured / predicted - 1\n[%]")
-        title = f"{fitted.response.replace('_', ' ').capitalize()}: {fitted.quality} (grey: twice it)"
-        row[0].set_title(title, loc="left", fontsize="medium")
-    return figure
 
 
 def draw_map(
@@ -190,29 +162,16 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
 
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
-    """Draw lines of round tool lives, with labels at low feeds, away from other text."""
+    """Draw lines of round tool lives with labels."""
     low, high = float(cuts.tool_life.min()), min(float(cuts.tool_life.max()), 1e300)
-    for digits in ((1.0, 2.0, 5.0), (1.0,)):
-        levels = [level for level in LogLocator(subs=digits, numticks=1000).tick_values(low, high) if low < level < high]
-        if len(levels) <= MAX_LIVES:
-            break
-    placed = {level: place for level in levels if (place := _label_position(cuts, level))}
-    if placed:
-        style: dict[str, Any] = {"levels": list(placed), "colors": GREEN, "linewidths": 1.4, "linestyles": ":"}
-        lines = axes.contour(cuts.cutting_speed, cuts.feed, cuts.tool_life, **style)
-        for text in axes.clabel(lines, fmt="%g min", fontsize=9, manual=list(placed.values())):
+    digits = (1.0, 2.0, 5.0) if high < 1e4 * low else (1.0,)
+    levels = [level for level in LogLocator(subs=digits, numticks=1000).tick_values(low, high) if low < level < high]
+    if levels:
+        lines = axes.contour(
+            cuts.cutting_speed, cuts.feed, cuts.tool_life, levels=levels, colors=GREEN, linewidths=1.4, linestyles=":"
+        )
+        for text in axes.clabel(lines, fmt="%g min", fontsize=9):
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
-
-
-def _label_position(cuts: Cuts, level: float) -> tuple[float, float] | None:
-    """Return a cutting speed [m/min] and a low feed [mm/rev] with a tool life of ``level`` [min], away from the sides."""
-    for share in (0.15, 0.5, 0.85):
-        row = round(share * (GRID - 1))
-        longer = cuts.tool_life[row] > level
-        changes = np.flatnonzero(longer[1:] != longer[:-1])
-        if changes.size and GRID // 20 < changes[0] < GRID - GRID // 20:
-            return float(cuts.cutting_speed[row, changes[0]]), float(cuts.feed[row, 0])
-    return None
 
 
 def _mark(axes: Axes, cuts: Cuts, advised: Plan | None) -> None:

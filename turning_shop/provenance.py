@@ -11,9 +11,8 @@ from turning_env.scenario.scenario import Source, flat
 from turning_env.scenario.sections import Material
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
+from turning_shop.whatif import NO_LIMIT
 
-NO_LIMIT = {"thrust_force": 1e6, "power": 1e4}
-"""Limits [N], [kW] that count as none: the largest that a scenario may have."""
 ASKED = (
     *("machine.cutting_speed_max", "machine.feed_max", "workpiece.diameter", "workpiece.bar_length", "workpiece.depth_of_cut"),
     *("tool.wear_criterion", "economics.edge_change_time"),

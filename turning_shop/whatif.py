@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from turning_shop.prediction import Prediction
 
 
+NO_LIMIT = {"thrust_force": 1e6, "power": 1e4}
+"""Limits [N], [kW] that count as none: the largest that a scenario may have. Shares of them are 0."""
+
+
 class Cuts(NamedTuple):
     """Cuts by an edge that has cut at the same speed, feed and depth since it was fresh: arrays of one shape.
 
@@ -106,8 +110,8 @@ def what_if(
         removal_rate=speed * feeds * depth,  # m/min mm mm is cm3/min
         spindle_speed=1000.0 * speed / (np.pi * scenario.workpiece.diameter),
         wear_share=worn / criterion,
-        thrust_force_share=force / limits.thrust_force,
-        power_share=power / (limits.power * capacity_at(scenario, speed)),
+        thrust_force_share=force / limits.thrust_force * (limits.thrust_force < NO_LIMIT["thrust_force"]),
+        power_share=power / (limits.power * capacity_at(scenario, speed)) * (limits.power < NO_LIMIT["power"]),
     )
 
 
@@ -148,7 +152,8 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     """
     columns = []
     for name, (heading, unit, shape, factor) in _TABLE.items():
-        columns.append([heading, unit, *(format(factor * value, shape) for value in getattr(cuts, name).ravel())])
+        values = getattr(cuts, name).ravel()  # 0 are shares of limits that are off
+        columns.append([heading, unit, *(format(factor * value, shape) if value else "off" for value in values)])
         if prediction and np.isfinite(prediction.low.get(name, np.nan)).any():
             ends = zip(prediction.low[name].ravel(), prediction.high[name].ravel(), strict=True)
             columns.append(["95 %", unit, *(f"{low:{shape}}-{high:{shape}}" for low, high in ends)])

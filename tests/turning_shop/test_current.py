@@ -43,10 +43,6 @@ def test_noise_adds_to_the_root_mean_square_but_hardly_to_peak_and_filtered_valu
 def test_records_that_do_not_serve_are_refused() -> None:
     time, current, torque = record(UP_AND_DOWN)
     noisy = torque + 1e-3 * np.sin(np.arange(len(time)))
-    for given, words in (
-        ((time**1.1, current, torque), "constant rate"),
-        ((time, current, np.minimum(torque, 1.0)), "2 loads"),
-        ((time, current, noisy), "noisy reading"),
-    ):
-        with pytest.raises(WorkshopError, match=words):
-            analyse(*given)
+    for few in (np.minimum(torque, 1.0), noisy):
+        with pytest.raises(WorkshopError, match="needed are 3 loads"):
+            analyse(time, current, few)
