@@ -23,14 +23,6 @@ EXTRAS = {
 _CLONE_ONLY = ("benchmark", "distributed")
 
 
-def _how(extra: str) -> str:
-    return f"pip install -e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f"pip install 'rough-turning[{extra}]'"
-
-
-HOW = {package: _how(extra) for extra, packages in EXTRAS.items() for package in packages}
-"""Install commands of optional packages."""
-
-
 def provided(what: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
 
@@ -54,7 +46,11 @@ def missing(error: BaseException) -> str | None:
     if not isinstance(error, ModuleNotFoundError):
         return None
     name = (error.name or "").partition(".")[0]
-    return f"{name} is not installed: {HOW[name]}" if name in HOW else None
+    for extra, packages in EXTRAS.items():
+        if name in packages:
+            in_clone, of_wheel = f"pip install -e '.[{extra}]' in a clone", f"pip install 'rough-turning[{extra}]'"
+            return f"{name} is not installed: {in_clone if extra in _CLONE_ONLY else of_wheel}"
+    return None
 
 
 @contextmanager

@@ -8,7 +8,6 @@ from turning_env.physics.quantities import INFO, REPORT
 Info = dict[str, Any]
 
 INFO_KEYS = tuple(quantity.name for quantity in INFO)
-INFO_UNITS = {quantity.name: quantity.unit for quantity in INFO}
 
 
 def _written() -> Callable[[Iterable[Any]], Info]:

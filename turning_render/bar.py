@@ -151,12 +151,7 @@ class BarView:
             above = self._height.within((count - number) * depth) - _ROOF
             draw.line((left, y, right, y), fill=ui.INK)
             text = f"pass {number + 1}:  {speed:.0f} m/min,  {feed:.2f} mm/rev,  {depth:.2f} mm"
-            # Many thin passes are named in two columns, on a ground that no line crosses.
-            middle = left + (right - left) * (0.5 if count <= 4 else 0.25 if number % 2 == 0 else 0.75)
-            top, half = round(0.5 * (y + above) - 8), 0.5 * ui.length(text, 12) + 6
-            bottom = min(top + 15, _SURFACE - _ROOF - 1)
-            draw.rectangle((middle - half, top + 2, middle + half, bottom), fill=ui.ALLOWANCE)
-            ui.write(image, (middle, top), text, 12, ui.INK, "middle")
+            ui.write(image, (0.5 * (left + right), 0.5 * (y + above) - 8), text, 12, ui.INK, "middle")
         ui.put(frame, image, (_LEFT, _ROOF))
 
 

@@ -113,11 +113,9 @@ class History:
 
     def _find_place(self) -> None:
         workpiece, now = self.scenario.workpiece, self.now
-        self.bar = int(now["bar"])
-        if self._parts and now["passes"] > 0.0:  # the tool is before the next part; the last one is shown
-            self.bar -= 1
-        if workpiece.bars:
-            self.bar = min(self.bar, workpiece.bars - 1)
+        before_next = self._parts and now["passes"] > 0.0  # the last part is shown
+        bar = int(now["bar"]) - before_next
+        self.bar = min(bar, workpiece.bars - 1) if workpiece.bars else bar
         pitch = workpiece.bar_length + workpiece.approach
         self.along = min(now["path"] - self.bar * pitch - workpiece.approach, workpiece.bar_length)
 

@@ -134,8 +134,8 @@ class OperatingMap:
         ui.write(image, (0.5 * (left + right), bottom + 19), "cutting speed [m/min]", 11, ui.QUIET, "middle")
         limits, aim = self._scenario.limits, self._scenario.control.aim
         entries = [("allowed now", ui.mixed(ui.ALLOWED, 0.3), 11), (f"power limit {limits.power:.4g} kW", ui.POWER, 3)]
-        entries += [(f"force limit {limits.thrust_force:.4g} N", ui.FORCE, 3)]
-        entries += [("reference Ra", ui.SURFACE, 3) if aim == "roughness" else ("wear limit", ui.SURFACE, 3)]
+        purple = "reference Ra" if aim == "roughness" else "wear limit"
+        entries += [(f"force limit {limits.thrust_force:.4g} N", ui.FORCE, 3), (purple, ui.SURFACE, 3)]
         ui.draw_key(image, (left - 46, bottom + 36), entries, 14)
         parts = self._scenario.control.action == "part"
         points = "dark: last part's passes" if parts else f"last {_TRAIL} steps; ring: command"
@@ -143,15 +143,13 @@ class OperatingMap:
         ui.draw_key(image, (left - 46, bottom + 52), entries, 14)
         draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
 
-    def _limits(
-        self, cut: Cut, speed: float, wear_factor: float, used_life: float, cutting_time: float
-    ) -> list[tuple[HalfPlane, ui.Colour]]:
-        """Return the limits at a cutting speed, with their colours."""
+    def _limits(self, cut: Cut, wear_factor: float, used_life: float, now: dict[str, float]) -> list[tuple[HalfPlane, ui.Colour]]:
+        """Return the limits at the present speed and cutting time, with their colours."""
         material, limits, base_speed = self._scenario.material, self._scenario.limits, self._scenario.base_cutting_speed
         bounds = [
-            (bound(material.power, limits.power - idle_power_at(self._scenario, speed), cut), ui.POWER),
+            (bound(material.power, limits.power - idle_power_at(self._scenario, now["cutting_speed"]), cut), ui.POWER),
             (bound(material.thrust_force, limits.thrust_force, cut), ui.FORCE),
-            (wear_bound(self._scenario, cut, wear_factor, used_life, cutting_time), ui.SURFACE),
+            (wear_bound(self._scenario, cut, wear_factor, used_life, now["cutting_time"]), ui.SURFACE),
         ]
         if base_speed > 0.0:  # the torque, which is power over speed
             power = bound(material.power, limits.power / base_speed - idle_power_at(self._scenario, 1.0), cut)
@@ -167,15 +165,14 @@ class OperatingMap:
         image = self._sheet.copy()
         draw = ImageDraw.Draw(image)
         cut = Cut(max(history.passes[-1][2], MIN_DEPTH) if history.passes else history.depth, history.hardness, history.wear)
-        limits = self._limits(cut, now["cutting_speed"], now["wear_factor"], now["used_life"], now["cutting_time"])
+        limits = self._limits(cut, now["wear_factor"], now["used_life"], now)
         allowed = region(self._corners, [limit for limit, _ in limits])
         if len(allowed) > 2:
             draw.polygon(self._pixels(allowed), fill=ui.mixed(ui.ALLOWED, 0.22))
         for line, _ in self._contours:
             draw.line(self._pixels(list(line)), fill=_CONTOUR, width=2)
         nominal = Cut(self._depth, 1.0, history.nominal_wear)
-        nominal_limits = self._limits(nominal, now["cutting_speed"], 1.0, history.nominal_used_life, now["cutting_time"])
-        believed = region(self._corners, [limit for limit, _ in nominal_limits])
+        believed = region(self._corners, [limit for limit, _ in self._limits(nominal, 1.0, history.nominal_used_life, now)])
         if len(believed) > 2:
             outline = self._pixels(believed)
             draw.line([*outline, outline[0]], fill=ui.mixed(ui.QUIET, 0.75), width=2)

@@ -94,7 +94,7 @@ class Viewer:
             self._window.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_frames": {}}  # they hold nothing that cannot be drawn again
+        return self.__dict__ | {"_frames": {}, "_window": None}  # they hold nothing that cannot be drawn again
 
 
 class Window:
@@ -140,12 +140,8 @@ class Window:
         self._clock: Any = pygame.time.Clock()
 
     def close(self) -> None:
-        """Close it, if it is open."""
-        if self._screen is not None:
-            import pygame
+        """Close it."""
+        import pygame
 
-            self._screen = None
-            pygame.display.quit()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"_pace": self._pace, "_screen": None}
+        self._screen = None
+        pygame.display.quit()

@@ -74,11 +74,3 @@ def test_episodes_last_as_long_as_they_may(scenario, action, steps):
     assert ends[:-1] == [[False, False]] * (steps - 1)
     assert any(ends[-1])
     assert env.scenario.max_episode_steps == steps
-
-
-def test_unknown_options_of_reset_are_refused():
-    env = gymnasium.make("RoughTurning-v0")
-    with pytest.raises(ValueError, match="reset has no option 'scenario'; there are none"):
-        env.reset(options={"scenario": "forging"})
-    env.reset(options={"minari_autoseed": False})
-    env.reset(options={})

@@ -91,15 +91,15 @@ STATE = (
     Q("log_nominal_depth", "-", "logarithm of the pass's depth [mm] in the nominal model"),
     Q("thrust_force", "N", "thrust force"),
     Q("power", "kW", "cutting power"),
-    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load"),
+    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load, 0 without short-time overload"),
     Q("lagged_thrust_force", "N", "thrust force behind the sensor's lag"),
     Q("lagged_power", "kW", "power behind the sensor's lag"),
-    Q("measured_thrust_force", "N", "measured thrust force"),
-    Q("measured_servo_current", "A", "measured servo current"),
+    Q("measured_thrust_force", "N", "measured thrust force, 0 if the servo current is measured instead"),
+    Q("measured_servo_current", "A", "measured servo current, 0 if the force is measured"),
     Q("measured_power", "kW", "measured power"),
-    Q("probed_depth", "mm", "mean depth of what is to be cut of the next bar"),
+    Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
     Q("removed_wear", "mm", "flank wear of the edge that was taken out last, 0 before the first"),
-    Q("roughness_reference", "um", "reference of Ra"),
+    Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
     Q("chipping_margin", "-", "integral of the chipping hazard that the edge still bears"),
     Q("tangle_margin", "-", "likewise until chips tangle"),
     Q("tangles", "-", "times that chips have tangled", np.int64),
@@ -161,34 +161,34 @@ WORK = (
 )
 """Scratch: values used within a step only."""
 
+_KEPT = {quantity.name: quantity for quantity in STATE}
+
+
+def _kept(*names: str) -> list[Quantity]:
+    """Return quantities of the state, which are reported as they are."""
+    return [_KEPT[name] for name in names]
+
+
 AT_END = (
-    Q("cutting_speed", "m/min", "actual cutting speed"),
-    Q("feed", "mm/rev", "actual feed"),
-    Q("commanded_cutting_speed", "m/min", "commanded cutting speed"),
-    Q("commanded_feed", "mm/rev", "commanded feed"),
+    *_kept("cutting_speed", "feed", "commanded_cutting_speed", "commanded_feed"),
     Q("spindle_speed", "rev/min", "spindle speed"),
     Q("feed_velocity", "mm/min", "feed velocity"),
     Q("torque", "N m", "spindle torque"),
-    Q("path", "mm", "tool position, air and metal"),
+    *_kept("path"),
     Q("bar", "-", "bars begun before this one"),
     Q("cutting", "bool", "the tool is in metal", np.bool_),
     Q("depth_of_cut", "mm", "depth of cut, 0 in air"),
     Q("hardness", "-", "hardness over nominal, 0 in air"),
-    Q("cutting_time", "min", "cutting time of the edge"),
-    Q("used_life", "-", "used share of the edge's life"),
+    *_kept("cutting_time", "used_life"),
     Q("wear", "mm", "flank wear"),
     Q("wear_factor", "-", "wear of the insert over nominal"),
-    Q("edge_strength", "N", "thrust force that breaks the insert"),
-    Q("thrust_force", "N", "thrust force"),
+    *_kept("edge_strength", "thrust_force"),
     Q("power", "kW", "spindle power"),
-    Q("measured_thrust_force", "N", "measured thrust force, 0 if the servo current is measured instead"),
-    Q("measured_servo_current", "A", "measured servo current, 0 if the force is measured"),
-    Q("measured_power", "kW", "measured power"),
+    *_kept("measured_thrust_force", "measured_servo_current", "measured_power"),
     Q("spindle_load", "-", "spindle power over rated power, or torque over available torque (`spindle.reading`)"),
-    Q("spindle_heat", "-", "heating of the spindle's motor over that of its rated load, 0 without short-time overload"),
+    *_kept("spindle_heat"),
     Q("roughness", "um", "Ra, 0 in air and in scenarios without a reference"),
-    Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
-    Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
+    *_kept("roughness_reference", "probed_depth"),
 )
 """True values in ``info`` at the end of a step."""
 

@@ -6,19 +6,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from papers import verification
-from papers.verification import COLLAPSE_TIME, TESTS, VerificationTest
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv
-
-
-@pytest.mark.parametrize("test", TESTS, ids=lambda test: test.name)
-def test_of_the_papers_edges_that_of_t9_collapses_and_when_it_did(test: VerificationTest) -> None:
-    """Edges wear as measured, and beyond the criterion, as that of T9 did."""
-    minutes, collapsed = verification.until_failure(test)
-    assert collapsed == (test.name == "T9")
-    if collapsed:
-        assert minutes == pytest.approx(COLLAPSE_TIME, abs=0.1)
 
 
 def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:

@@ -57,14 +57,3 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_what_is_used_of_it():
     fresh = steps(STEADY, 3000, (0.5, 0.0))
     life = int(np.flatnonzero(fresh["terminated"])[0])
     assert end / life == pytest.approx(1 - INITIAL_USED_LIFE, abs=2 / life)
-
-
-@pytest.mark.parametrize("sensed", ["dynamometer", "servo_current"])
-def test_biased_sensors_read_false_by_their_bias(sensed):
-    exact = changed(STEADY, sensors={"force": sensed})
-    truth, told = steps(exact, 20), steps(with_mismatch(exact, power_bias=-0.1, force_bias=0.2), 20)
-    measured = "measured_thrust_force" if sensed == "dynamometer" else "measured_servo_current"
-    assert told[measured][1:] == pytest.approx(1.2 * truth[measured][1:], rel=1e-12)
-    assert told["measured_power"][1:] == pytest.approx(0.9 * truth["measured_power"][1:], rel=1e-12)
-    for name in ("power", "thrust_force", "reward"):
-        assert told[name].tolist() == truth[name].tolist()

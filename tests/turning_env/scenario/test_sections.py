@@ -8,7 +8,6 @@ from pydantic import ValidationError
 
 from turning_env import PowerLaw, Scenario
 from turning_env.scenario.section import Section
-from turning_env.scenario.sections import FeedLimit
 
 SECTIONS = [*(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)), PowerLaw]
 
@@ -35,11 +34,3 @@ def test_field_has_description_unit_and_range(section: type[Section], name: str,
         with pytest.raises(ValidationError, match=name) as refusal:
             section(**required | {name: outside})
         assert f"{low} to {high} {unit}" in str(refusal.value)
-
-
-def test_a_further_limit_bounds_the_feed_and_by_default_is_none() -> None:
-    assert not FeedLimit().bounds
-    assert FeedLimit(coefficient=2.0, feed=0.5).bounds
-    for wrong in ({"feed": 0.0}, {"feed": 0.5, "cutting_speed": 0.1}, {"feed": 0.5, "wear": 1.0}):
-        with pytest.raises(ValidationError, match="a further limit"):
-            FeedLimit(coefficient=2.0, **wrong)

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import names, playable, spec
-from turning_env import SPLITS, RoughTurningEnv, Scenario, presets
+from turning_env import RoughTurningEnv, Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play
 
 SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})})
@@ -44,14 +43,3 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
         for name in LAST:
             assert episodes[name][index] == info[name]
         assert episodes["truncated"][index] == truncated
-
-
-@pytest.mark.parametrize("preset", presets())
-def test_every_preset_is_tuned_or_differs_from_one_that_is(preset: str) -> None:
-    scenario = Scenario.load(preset)
-    others = {"measured_wear": "paper", "override_torque": "override", "practitioner": "rough_turning"}
-    others |= dict.fromkeys(("batch_p20", "batch_k20", "batch_p30", "batch_p01", "batch_m20"), "batch_casting")
-    base = "rough_turning" if preset in SPLITS else others.get(preset)
-    tuned_on = Scenario.load(base) if base else None
-    for name in names(scenario):
-        assert spec(name, scenario, tuned_on).parameters.keys() == playable(name, scenario).parameters.keys()

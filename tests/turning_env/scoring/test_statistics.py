@@ -48,13 +48,6 @@ def test_seeds_are_paired_and_training_seeds_are_not() -> None:
     assert np.corrcoef(bootstrap.means(trained, "one"), bootstrap.means(trained, "other"))[0, 1] == pytest.approx(0, abs=0.1)
 
 
-def test_training_seeds_widen_the_interval_of_agents_that_differ() -> None:
-    generator = np.random.default_rng(8)
-    bootstrap, alike = Bootstrap(50), generator.normal(size=(5, 50))
-    apart = alike + 3.0 * generator.normal(size=(5, 1))
-    assert np.ptp(bootstrap.means(apart, "policy")) > 3.0 * np.ptp(bootstrap.means(alike, "policy"))
-
-
 ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])
 SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
 
