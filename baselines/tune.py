@@ -6,32 +6,28 @@
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
 number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
-steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. The same command resumes an interrupted tuning. With
-``--jobs`` or ``--scheduler``, rules are tuned in parallel, with the same result (docs/scaling.md).
+steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. With ``--jobs`` or ``--scheduler``, rules are tuned
+in parallel, with the same result (docs/scaling.md).
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. The best mean return wins
 among the feasible trials, or among all if none is feasible. A trial's parameters depend only on its number and the trials before
-it, so an interrupted search finds the same parameters.
+it. So the same command resumes an interrupted tuning: it searches again, and takes the results of trials that were played from a
+log.
 """
 
 import argparse
-import hashlib
 import json
 import math
-import os
 import shlex
 import sys
 from collections.abc import Callable, Collection, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import TPESampler
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
-from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
 from baselines import tuned
@@ -51,7 +47,6 @@ QUICK: Budget = {"trials": 12, "seeds": 16}
 
 _CANDIDATES = 128
 """Number of candidates from which the estimator picks. With Optuna's 24, it stays farther from the limit of feasibility."""
-_OVERLOAD, _SEVERE_SHARE, _STEPS = "overload", "severe_share", "steps"  # names in the journal
 
 
 class Played(NamedTuple):
@@ -75,9 +70,7 @@ def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, s
 
 
 class Search:
-    """The search for the best parameters of a rule, with a journal on disk; continues one that was interrupted.
-
-    ``next`` asks for a trial and ``tell`` takes its result, one after the other. Any process may play it.
+    """The search for the best parameters of a rule; any process may play its trials, one after the other.
 
     Args:
         name: name of the rule.
@@ -85,72 +78,77 @@ class Search:
         scenario: scenario to play.
         trials: number of trials.
         seeds: number of tuning seeds that each trial plays.
-        journal: file that keeps the trials until the search is finished.
+        log: file with the results of trials, one in a line, which are not played again.
     """
 
-    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, journal: Path) -> None:
+    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, log: Path) -> None:
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self.name, self._rule, self._scenario, self.trials = name, rule, scenario, trials
-        self._allowance = scenario.limits.overload_allowance
-        self._seeds = tuning_seeds(seeds)
+        self.name, self._rule, self._scenario, self._trials = name, rule, scenario, trials
+        self._seeds, self._log, self._known = tuning_seeds(seeds), log, {}
+        for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
+            with suppress(ValueError, TypeError, RecursionError):  # the process was killed while writing it
+                about, values = json.loads(line)
+                self._known[about] = Played(*values)
         self._ranges: dict[str, BaseDistribution] = {
-            key: FloatDistribution(value.low, value.high, log=value.logarithmic) for key, value in rule.ranges.items()
+            key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()
         }
-        # What the trials depend on, except the rule's name: a journal's trials of other tasks are ignored.
-        about = json.dumps([MODEL_VERSION, rule.version, scenario.digest(), trials, seeds])
-        self._study = optuna.create_study(
-            storage=open_journal(journal),
-            study_name=hashlib.sha256(about.encode()).hexdigest(),
-            direction="maximize",
-            load_if_exists=True,
-        )
-        for unfinished in self._trials(TrialState.RUNNING):
-            self._study.tell(unfinished.number, state=TrialState.FAIL)  # interrupted: hide it from the sampler
-        if not self._trials(TrialState.COMPLETE, TrialState.WAITING):
-            self._study.enqueue_trial({key: middle(value) for key, value in rule.ranges.items()})
-        self._finished = self._trials(TrialState.COMPLETE)
-        self._trial: optuna.Trial | None = None
+        self._study = optuna.create_study(direction="maximize")
+        self._study.enqueue_trial({key: middle(each) for key, each in rule.ranges.items()})
+        self._played: list[tuple[Parameters, Played]] = []
+        self._ask()
 
-    def _trials(self, *states: TrialState) -> list[FrozenTrial]:
-        return self._study.get_trials(deepcopy=False, states=states)
+    def _ask(self) -> None:
+        """Go on to the next trial whose result is not known."""
+        while self.left:
+            self._study.sampler = TPESampler(seed=len(self._played), n_ei_candidates=_CANDIDATES)
+            self._trial = self._study.ask(self._ranges)
+            about = [MODEL_VERSION, self._rule.version, self._scenario.digest(), len(self._seeds), self._setting]
+            self._about = json.dumps(about)
+            if self._about not in self._known:
+                break
+            self._take(self._known[self._about])
+
+    def _take(self, played: Played) -> None:
+        self._trial.set_constraint("overload", played.severe_limit - self._scenario.limits.overload_allowance)
+        self._study.tell(self._trial, played.mean_return)
+        self._played.append((self._trial.params, played))
+
+    @property
+    def _setting(self) -> Parameters:
+        return self._rule.fixed | self._trial.params
 
     @property
     def left(self) -> int:
         """Return the number of trials left."""
-        return self.trials - len(self._finished)
+        return self._trials - len(self._played)
 
     def next(self) -> tuple[str, Rule, Scenario, Parameters, list[int]]:
         """Return the next trial: the arguments of ``play_trial``."""
-        # A sampler per trial, so that its random numbers do not depend on interruptions.
-        self._study.sampler = TPESampler(seed=len(self._finished), n_ei_candidates=_CANDIDATES)
-        self._trial = self._study.ask(self._ranges)
-        return self.name, self._rule, self._scenario, self._rule.fixed | self._trial.params, self._seeds
+        return self.name, self._rule, self._scenario, self._setting, self._seeds
 
     def tell(self, played: Played) -> None:
-        """Take the result of the trial that ``next`` returned last."""
-        assert self._trial is not None
-        self._trial.set_constraint(_OVERLOAD, played.severe_limit - self._allowance)
-        self._trial.set_user_attr(_SEVERE_SHARE, played.severe_share)
-        self._trial.set_user_attr(_STEPS, played.steps)
-        self._study.tell(self._trial, played.mean_return)
-        self._finished = self._trials(TrialState.COMPLETE)
+        """Take the result of the next trial and log it."""
+        with self._log.open("a", encoding="utf-8") as file:
+            file.write(f"\n{json.dumps([self._about, played])}\n")
+        self._take(played)
+        self._ask()
 
     def found(self) -> dict[str, Any]:
         """Return the rule's entry in a file of tuned parameters: the best trial so far and the budget of all."""
-        best = max(self._finished, key=lambda trial: (_feasible(trial), trial.value))
+
+        def feasible(played: Played) -> bool:
+            return played.severe_limit <= self._scenario.limits.overload_allowance
+
+        parameters, best = max(self._played, key=lambda trial: (feasible(trial[1]), trial[1].mean_return))
         return {
             "version": self._rule.version,
-            "parameters": best.params,
-            "mean_return": best.value,
-            "severe_share": best.user_attrs[_SEVERE_SHARE],
-            "feasible": _feasible(best),
-            "episodes_played": len(self._finished) * len(self._seeds),
-            "steps_played": sum(trial.user_attrs[_STEPS] for trial in self._finished),
+            "parameters": parameters,
+            "mean_return": best.mean_return,
+            "severe_share": best.severe_share,
+            "feasible": feasible(best),
+            "episodes_played": len(self._played) * len(self._seeds),
+            "steps_played": sum(played.steps for _, played in self._played),
         }
-
-
-def _feasible(trial: FrozenTrial) -> bool:
-    return trial.constraints[_OVERLOAD] <= 0.0
 
 
 def run_all(searches: Sequence[Search], over: Workers | None = None, play: Callable[..., Played] = play_trial) -> None:
@@ -160,8 +158,7 @@ def run_all(searches: Sequence[Search], over: Workers | None = None, play: Calla
         WorkersError: no workers are left.
         Exception: what a trial raised.
     """
-    total, left = (sum(getattr(search, number) for search in searches) for number in ("trials", "left"))
-    with tqdm(total=total, initial=total - left, desc="tuning", unit="trial", dynamic_ncols=True, disable=None) as bar:
+    with tqdm(total=sum(search.left for search in searches), desc="tuning", unit="trial", disable=None) as bar:
 
         def note(search: Search, played: Played) -> None:
             search.tell(played)
@@ -170,13 +167,12 @@ def run_all(searches: Sequence[Search], over: Workers | None = None, play: Calla
             bar.set_postfix_str(f"{search.name}: best {best['mean_return']:.1f} s{infeasible}", refresh=False)
             bar.update()
 
-        unfinished = [search for search in searches if search.left]
-        for search in unfinished:
-            if over is not None:
+        for search in searches:
+            if over is not None and search.left:
                 over.start(search, play, *search.next())
             while over is None and search.left:
                 note(search, play(*search.next()))
-        while over is not None and any(search.left for search in unfinished):
+        while over is not None and any(search.left for search in searches):
             search, played = over.finished()
             note(search, played)
             if search.left:
@@ -188,43 +184,6 @@ def middle(values: Range) -> float:
     return math.sqrt(values.low * values.high) if values.logarithmic else 0.5 * (values.low + values.high)
 
 
-def cut_off_half_line(path: Path) -> None:
-    """Cut off a journal's last line if a full disk or a killed process left it incomplete, and print a notice.
-
-    Its trial is played again. Optuna skips such a line when it reads, but appends the next one to it.
-
-    Raises:
-        OSError: the file cannot be read or written.
-    """
-    if not path.is_file() or path.read_bytes()[-1:] in (b"", b"\n"):
-        return
-    lock = JournalFileOpenLock(str(path))
-    lock.acquire()  # another process may be in the middle of that line
-    try:
-        content = path.read_bytes()
-        if not content.endswith(b"\n"):
-            os.truncate(path, content.rfind(b"\n") + 1)
-            print(f"{path} ended within a line, which is cut off: its trial is played again", file=sys.stderr)
-    finally:
-        lock.release()
-
-
-def open_journal(path: Path) -> JournalStorage:
-    """Open a journal; start a damaged one anew."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    cut_off_half_line(path)
-    file = JournalFileBackend(str(path), JournalFileOpenLock(str(path)))
-    try:
-        lines = path.read_bytes().splitlines() if path.exists() else []
-        if not all(json.loads(line) for line in lines):
-            raise ValueError(f"{path} holds an empty line")
-        return JournalStorage(file)
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError):
-        print(f"{path} is damaged: the search starts again", file=sys.stderr)
-        path.write_bytes(b"")  # not removed, as a process may hold a lock on it
-        return JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
-
-
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
     """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
 
@@ -232,26 +191,22 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool =
         KeyError: there is no rule of that name.
         ValueError: a rule cannot play the scenario or has nothing to tune there.
     """
-
-    def tunable(rule: Rule) -> bool:
-        at_home = rule.tuned_on is None or Scenario.load(rule.tuned_on).digest() == scenario.digest()
-        return bool(rule.ranges) and at_home
-
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    chosen = {name: rule for name, rule in rules.items() if tunable(rule)}
-    if wanted is None:
-        return {name: rule for name, rule in chosen.items() if rule.worth_tuning or not quick}
-    if fixed := rules.keys() - chosen.keys():
+    fixed = [
+        name
+        for name, rule in rules.items()
+        if not rule.ranges or (rule.tuned_on and Scenario.load(rule.tuned_on).digest() != scenario.digest())
+    ]
+    if wanted is not None and fixed:
         raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
-    return chosen
+    return {name: rule for name, rule in rules.items() if name not in fixed and (rule.worth_tuning or wanted or not quick)}
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
-    """Return the file to write.
+    """Return the file to write; only ``shipped`` may overwrite one that ships.
 
     Raises:
-        ValueError: the file ships and ``shipped`` is false; ``shipped`` is given for a scenario that does not ship; or the file's
-            name has another suffix.
+        ValueError: another file is asked for, or the file's name has another suffix.
     """
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
@@ -281,8 +236,8 @@ def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Bud
     return kept
 
 
-def journal(name: str, target: Path) -> Path:
-    """Return the path of the journal of a rule's unfinished search, beside the file that will hold its result."""
+def log(name: str, target: Path) -> Path:
+    """Return the path of the log of a rule's unfinished search, beside the file that will hold its result."""
     return target.with_name(f".unfinished-{target.stem}-{name}.log")
 
 
@@ -302,12 +257,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="number of processes, one rule each (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
-    asked = {what: getattr(parsed, what) for what in BUDGET if getattr(parsed, what) is not None}
-    budget = (QUICK if parsed.quick else BUDGET) | asked
-    for what, number in (("trials", budget["trials"]), ("jobs", parsed.jobs)):
-        if number < 1:
-            raise ValueError(f"{number} {what} asked for, but there must be 1 or more")
-    tuning_seeds(budget["seeds"])
+    budget = {what: getattr(parsed, what) or number for what, number in (QUICK if parsed.quick else BUDGET).items()}
+    for what in ("trials", "seeds", "jobs"):
+        if getattr(parsed, what) is not None and getattr(parsed, what) < 1:
+            raise ValueError(f"{getattr(parsed, what)} {what} asked for, but there must be 1 or more")
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
         raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
@@ -315,12 +268,11 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
     some = parsed.quick or parsed.rules is not None
     _kept(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
+    logs = {name: log(name, target) for name in chosen}
     with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
-        for name in chosen:
-            held.enter_context(file_lock(journal(name, target)))
-            # Optuna's own lock, left by a process that was killed while writing.
-            journal(name, target).with_suffix(".log.lock").unlink(missing_ok=True)
-        searches = [Search(name, rule, scenario, **budget, journal=journal(name, target)) for name, rule in chosen.items()]
+        for path in logs.values():
+            held.enter_context(file_lock(path))
+        searches = [Search(name, rule, scenario, **budget, log=logs[name]) for name, rule in chosen.items()]
         run_all(searches, over)
         found = {search.name: search.found() for search in searches}
         for name, best in found.items():
@@ -337,8 +289,8 @@ def main(arguments: list[str] | None = None) -> int:
             rules = found | (_kept(found, scenario, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}
             replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
-        for name in chosen:
-            journal(name, target).unlink(missing_ok=True)
+        for path in logs.values():
+            path.unlink(missing_ok=True)
     print(target)
     return 0
 

@@ -17,6 +17,7 @@ The command prints the table; copy it to the hyperparameter file yourself, with 
 import argparse
 import hashlib
 import json
+import os
 import shlex
 import sys
 from collections.abc import Callable
@@ -29,10 +30,11 @@ import numpy as np
 import optuna
 import tomli_w
 from optuna.samplers import TPESampler
+from optuna.storages import JournalStorage
+from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
 from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
-from baselines.tune import open_journal
 from train.run import Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, Algorithm, play_agent, train
 from turning_env import FAMILY_ID, IDS, Family, Scenario
@@ -133,8 +135,10 @@ def search(
     Raises:
         ValueError: all trainings failed, there are no workers, or another process works on this study.
     """
-    with file_lock(task.folder / f".{task.name}.lock"):
-        journal = open_journal(task.folder / "journal.log")
+    path = task.folder / f"{task.name}.log"
+    with file_lock(path):
+        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)  # Optuna would append to half a line that a killed process left
+        journal = JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
         study = optuna.create_study(storage=journal, study_name=task.name, direction="maximize", load_if_exists=True)
         distributions = dict(algorithm_of(task.algorithm).search)
         for unfinished in _trials(study, TrialState.RUNNING):
