@@ -21,7 +21,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from baselines import law_errors
-from baselines.models.load_filter import LoadFilter, Model, feed_velocity, model_of
+from baselines.models.load_filter import LoadFilter, feed_velocity, model_of
 from baselines.optimiser import plays
 from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
 from turning_env.numerics.functions import log
@@ -91,7 +91,7 @@ class Belief:
                 )
         self._errors = law_errors.read() if learns_laws else None
         self._filter = LoadFilter(scenarios, len(scenarios), self._errors)
-        self._models: dict[int, tuple[list[float], Model]] = {}
+        self._models: dict[int, tuple[list[float], Any]] = {}
         self._entries = len(layout(scenarios[0]))
         self._shared = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})))
         self._names = list(_leaves(scenarios[0]))
@@ -134,7 +134,7 @@ class Belief:
         """
         believed, scenario = self._filter, self._scenario
         reading = read(observations[:, : self._entries], scenario)
-        believed.observe(reading) if mask is None or mask.all() else believed.observe_some(reading, mask)
+        believed.observe(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
@@ -149,8 +149,8 @@ class Belief:
         spreads = np.stack([outlook.force_spread, outlook.power_spread], axis=2)
         columns = (
             *(believed.mean / prior, np.minimum(deviations / prior, LIMIT)),
-            *(believed.log_wear_factor, believed.wear_deviation, used, believed.measured),
-            log(1.0 + (believed.pitch - believed.along) / velocity),
+            *(believed.log_wear_factor, believed.wear_deviation, used, believed.memory["measured"]),
+            log(1.0 + (believed.parameters["pitch"] - believed.along) / velocity),
             *(expected.reshape(len(wear), -1), spreads.reshape(len(wear), -1)),
         )
         joined = np.concatenate([np.reshape(column, (len(wear), -1)) for column in columns], axis=1)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from baselines.models.edge_value import USED_LIVES, worth
 from baselines.models.feed_search import POINT, search
-from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity
+from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity, records
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
@@ -153,7 +153,7 @@ class Optimiser:
         distance = velocity[:, np.newaxis] * self._times
         outlook = self._filter.outlook(distance, distance < 0.0)
         cutting = np.ones(outlook.log_force.shape)
-        return outlook, cutting, cutting - self._filter.measured[:, np.newaxis]
+        return outlook, cutting, cutting - self._filter.memory["measured"][:, np.newaxis]
 
     def _prospect(
         self, reading: Reading, used_life: Array, price: Array, outlook: Outlook, cutting: Array, unmeasured: Array
@@ -237,8 +237,7 @@ def parameter_record(scenario: Scenario, severity: float) -> Any:
         "edge_cost": 60.0 * scenario.economics.edge_cost,
         "edge_change_time": 60.0 * scenario.economics.edge_change_time,
     }
-    fields: Any = [(name, np.float64, np.shape(value)) for name, value in parameters.items()]
-    return np.array([tuple(parameters.values())], np.dtype((np.record, fields)))
+    return records([parameters])
 
 
 def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float]:

@@ -51,7 +51,7 @@ class Predictive(Optimiser):
         cutting = (distance - left) % column(pitch) >= column(work.approach)
         cutting |= (distance + early - left) % column(pitch) >= column(work.approach)
         outlook = self._filter.outlook(np.minimum(distance, left), entering)
-        unmeasured = cutting & (entering | ~self._filter.measured[:, np.newaxis])
+        unmeasured = cutting & (entering | (self._filter.memory["measured"] == 0)[:, np.newaxis])
         return outlook, cutting.astype(np.float64), unmeasured.astype(np.float64)
 
 

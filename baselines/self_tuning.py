@@ -51,7 +51,7 @@ class SelfTuning(Predictive):
         return LoadFilter(self._scenarios, num_envs, law_errors.read())
 
     def _early(self, velocity: Array) -> Array:
-        return self._filter.slack + EARLY * velocity
+        return self._filter.memory["slack"] + EARLY * velocity
 
     def _life_rate(self) -> list[Array]:
         errors = self._filter.wear_errors / self._scenario.material.wear.time

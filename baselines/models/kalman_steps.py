@@ -11,7 +11,6 @@ DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, 
 """States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm]; log wear factors [-] of the
 insert, of the depth and hardness that its edge has cut, and of the lot; errors of the exponents of speed and feed in the law of
 wear [-]; from ``LAWS`` on those of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
-FIELDS = (DEPTH, HARDNESS)
 ERRORS = 4
 STATES = LAWS + 2 * ERRORS
 MIN_DEPTH = 0.05
@@ -23,37 +22,6 @@ MIN_READING = 0.01
 INSPECTION_DEVIATION = 0.05
 """Log standard deviation of a removed edge's wear beside insert and batch [-] (assumption): its exact cuts are unknown."""
 
-PARAMETERS = np.dtype(
-    (
-        np.record,
-        [
-            ("depth_of_cut", np.float64),
-            ("approach", np.float64),
-            ("bar_length", np.float64),
-            ("pitch", np.float64),
-            ("velocity", np.float64),  # feed velocity [mm/s] per cutting speed and feed
-            ("rates", np.float64, 2),  # of depth and hardness [1/mm]
-            ("prior", np.float64, STATES),  # variances
-            ("history", np.float64),  # variance of an edge's log wear from the bars that it has cut, if they are not followed
-            ("history_exponents", np.float64, 2),  # of depth and hardness in wear; 0 if they are not followed
-            ("wear_time", np.float64),  # exponent
-            ("separates_idle", np.float64),  # 1 if the idling spindle's power is told from that of the cut, else 0
-            ("log_laws", np.float64, (2, 4)),  # log force [N] and power [kW] at 1 m/min, 1 mm/rev, 1 mm of wear; exponents
-            ("bar_exponents", np.float64, (2, 2)),  # of depth and hardness
-            ("references", np.float64, 3),  # log V0, f0, W0
-            ("lags", np.float64, 2),
-            ("noise", np.float64, 2),  # variances
-            ("interval", np.float64),
-            ("sub_step", np.float64),
-            ("spindle_left", np.float64),  # sums over a step's sub-steps of deviations that remain, per sub-step
-            ("feed_left", np.float64),
-            ("both_left", np.float64),
-            ("sub_steps", np.float64),
-            ("wear_criterion", np.float64),
-            ("idle_power", np.float64),  # [kW] per cutting speed
-        ],
-    )
-)
 MEMORY = np.dtype(
     (
         np.record,
@@ -74,10 +42,10 @@ MEMORY = np.dtype(
 
 
 @compiled_entry
-def follow(parameters, memory, mean, covariance, readings):
-    """Predict up to readings and correct the estimates by them, see ``LoadFilter.observe``."""
+def follow(parameters, memory, mean, covariance, readings, chosen):
+    """Predict up to readings and correct the estimates by them in chosen environments, see ``LoadFilter.observe``."""
     work = np.empty((6, STATES))
-    for i in range(len(readings)):
+    for i in chosen:
         follow_one(parameters[i % len(parameters)], memory[i], mean[i], covariance[i], readings[i], work)
 
 
@@ -89,7 +57,7 @@ def follow_one(p, m, mean, covariance, reading, work):
     fresh_edge = cutting_time < m.cutting_time
     if fresh_edge:
         if removed_wear > 0.0 and m.nominal_wear > 0.0:
-            inspect_edge(m, mean, covariance, log(removed_wear / m.nominal_wear), work)
+            learn_wear(m, mean, covariance, log(removed_wear / m.nominal_wear), INSPECTION_DEVIATION**2, work)
         forget(mean, covariance, INSERT, HISTORY + 1, p)
         m.expected[0] = 0.0
         m.expected[1] = 0.0
@@ -132,12 +100,11 @@ def set_wear_factor(m, derivatives, value):
 
 
 @compiled
-def inspect_edge(m, mean, covariance, log_factor, work):
-    """Learn from the measured log ratio of a removed edge's wear to the nominal wear."""
-    derivatives = work[0]
-    derivatives[:] = 0.0
-    set_wear_factor(m, derivatives, 1.0)
-    correct(mean, covariance, derivatives, log_factor - wear_factor(m, mean), INSPECTION_DEVIATION**2, work[1])
+def learn_wear(m, mean, covariance, log_factor, variance, work):
+    """Correct the estimate by a measured log ratio of wear to the nominal wear."""
+    work[0] = 0.0
+    set_wear_factor(m, work[0], 1.0)
+    correct(mean, covariance, work[0], log_factor - wear_factor(m, mean), variance, work[1])
 
 
 @compiled
@@ -148,12 +115,9 @@ def wear_edge(p, m, mean, covariance, log_speed, log_feed, old_wear):
     m.pace[1] += fresh * (log_feed - p.references[1] - m.pace[1])
     of_depth, of_hardness = fresh * p.history_exponents[0], fresh * p.history_exponents[1]
     mean[HISTORY] += of_depth * mean[DEPTH] + of_hardness * mean[HARDNESS] - fresh * mean[HISTORY]
-    for j in range(STATES):
-        added = of_depth * covariance[DEPTH, j] + of_hardness * covariance[HARDNESS, j]
-        covariance[HISTORY, j] += added - fresh * covariance[HISTORY, j]
-    for j in range(STATES):
-        added = of_depth * covariance[j, DEPTH] + of_hardness * covariance[j, HARDNESS]
-        covariance[j, HISTORY] += added - fresh * covariance[j, HISTORY]
+    columns = covariance.T
+    covariance[HISTORY] += of_depth * covariance[DEPTH] + of_hardness * covariance[HARDNESS] - fresh * covariance[HISTORY]
+    columns[HISTORY] += of_depth * columns[DEPTH] + of_hardness * columns[HARDNESS] - fresh * columns[HISTORY]
 
 
 @compiled
@@ -161,10 +125,8 @@ def forget(mean, covariance, first, last, p):
     """Reset some states to the prior, which has the mean 0."""
     for k in range(first, last):
         mean[k] = 0.0
-        for j in range(STATES):
-            covariance[k, j] = 0.0
-            covariance[j, k] = 0.0
-    for k in range(first, last):
+        covariance[k, :] = 0.0
+        covariance[:, k] = 0.0
         covariance[k, k] = p.prior[k]
 
 
@@ -209,18 +171,22 @@ def growth(p, k, a, b, c, d):
 
 
 @compiled
+def turn(rows, k, a, b, c, d):
+    """Multiply the rows k and k + 1 of a matrix by the transition (a, b; c, d)."""
+    for j in range(STATES):
+        here, slope = rows[k, j], rows[k + 1, j]
+        rows[k, j], rows[k + 1, j] = a * here + b * slope, c * here + d * slope
+
+
+@compiled
 def move_on(p, mean, covariance, distance):
     """Move the estimate of depth and hardness along the bar by a distance [mm]."""
     for field in range(2):
         k = 2 * field
         a, b, c, d = transition(p.rates[field], distance)
         mean[k], mean[k + 1] = a * mean[k] + b * mean[k + 1], c * mean[k] + d * mean[k + 1]
-        for j in range(STATES):
-            here, slope = covariance[k, j], covariance[k + 1, j]
-            covariance[k, j], covariance[k + 1, j] = a * here + b * slope, c * here + d * slope
-        for j in range(STATES):
-            here, slope = covariance[j, k], covariance[j, k + 1]
-            covariance[j, k], covariance[j, k + 1] = a * here + b * slope, c * here + d * slope
+        turn(covariance, k, a, b, c, d)
+        turn(covariance.T, k, a, b, c, d)
         first, both, second = growth(p, k, a, b, c, d)
         covariance[k, k] += first
         covariance[k, k + 1] += both
@@ -303,11 +269,10 @@ def correct(mean, covariance, derivatives, surprise, variance, gain):
     """Correct an estimate by a measurement; ``surprise`` is measured less expected, ``gain`` is overwritten."""
     spread = variance
     for i in range(STATES):
-        total = 0.0
+        gain[i] = 0.0
         for j in range(STATES):
-            total += covariance[i, j] * derivatives[j]
-        gain[i] = total
-        spread += derivatives[i] * total
+            gain[i] += covariance[i, j] * derivatives[j]
+        spread += derivatives[i] * gain[i]
     for i in range(STATES):
         share = gain[i] / spread
         mean[i] += share * surprise
@@ -320,21 +285,14 @@ def correct(mean, covariance, derivatives, surprise, variance, gain):
 @compiled_entry
 def learn_states(memory, mean, covariance, chosen, states, variance):
     """Correct the estimates by true states, see ``LoadFilter.tell``."""
-    derivatives, gain = np.empty(STATES), np.empty(STATES)
-    for i in range(len(chosen)):
-        if not chosen[i]:
-            continue
+    work = np.empty((2, STATES))
+    for i in chosen:
         memory[i].measured = 1
-        for k in range(3):
-            derivatives[:] = 0.0
-            if k < 2:
-                derivatives[FIELDS[k]] = 1.0
-            else:
-                set_wear_factor(memory[i], derivatives, 1.0)
-            known = 0.0
-            for j in range(STATES):
-                known += derivatives[j] * mean[i, j]
-            correct(mean[i], covariance[i], derivatives, states[i, k] - known, variance, gain)
+        for field in range(2):
+            work[0] = 0.0
+            work[0, 2 * field] = 1.0
+            correct(mean[i], covariance[i], work[0], states[i, field] - mean[i, 2 * field], variance, work[1])
+        learn_wear(memory[i], mean[i], covariance[i], states[i, 2], variance, work)
 
 
 @compiled_entry

@@ -31,7 +31,6 @@ from baselines.models.kalman_steps import (
     LAWS,
     LOT,
     MEMORY,
-    PARAMETERS,
     STATES,
     follow,
     learn_states,
@@ -47,8 +46,6 @@ SLOPE = 1.603
 """Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
 READING_DEVIATION = 1e-3
 """Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
-
-
 MISFIT = 0.02
 """Log standard deviation of loads about the corrected laws [-] (found on training jobs)."""
 
@@ -83,30 +80,25 @@ class Outlook(NamedTuple):
     """Standard deviation of log power [-]."""
 
 
-class Model(NamedTuple):
-    """What the filter knows of nominal models before an episode; the first axis counts them."""
-
-    parameters: Any
-    """Records of ``kalman_steps.PARAMETERS``."""
-    mean: Array
-    """Expected states, shape (models, STATES)."""
-    covariance: Array
-    """Their covariance, shape (models, STATES, STATES)."""
+def records(rows: Sequence[dict[str, Any]]) -> Any:
+    """Return one record for each row of numbers and arrays, for compiled loops."""
+    fields: Any = [(name, np.float64, np.shape(value)) for name, value in rows[0].items()]
+    return np.array([tuple(row.values()) for row in rows], np.dtype((np.record, fields)))
 
 
-def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> Model:
-    """Return what a filter knows of nominal models with the errors that they are expected to have; None: they are right."""
-    parameters, mean = np.zeros(len(scenarios), PARAMETERS), np.zeros((len(scenarios), STATES))
-    for i, scenario in enumerate(scenarios):
-        for name, value in _numbers(scenario, errors is not None).items():
-            parameters[i][name] = value
-    covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
+def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> tuple[Any, Array, Array]:
+    """Return what a filter knows of nominal models before an episode: records, expected states and their covariance.
+
+    ``errors``: the errors that the models are expected to have; None: they are right.
+    """
+    parameters = records([_numbers(scenario, errors is not None) for scenario in scenarios])
+    mean, covariance = np.zeros((len(scenarios), STATES)), parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
     if errors is not None:
         wear = (scenario.material.wear for scenario in scenarios)
         scales = np.array([[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear])
         mean[:, LOT:] = scales * errors.mean
         covariance[:, LOT:, LOT:] = scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
-    return Model(parameters, mean, covariance)
+    return parameters, mean, covariance
 
 
 class LoadFilter:
@@ -119,35 +111,25 @@ class LoadFilter:
     """
 
     def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:
-        self._parameters, self._mean, self._covariance = model_of(scenarios, errors)
+        self.parameters, self._mean, self._covariance = model_of(scenarios, errors)
         self.mean = np.zeros((num_envs, STATES))
         """Expected states."""
         self.covariance = np.zeros((num_envs, STATES, STATES))
         """Their covariance."""
-        self._memory = np.zeros(num_envs, MEMORY)
+        self.memory = np.zeros(num_envs, MEMORY)
+        """Records of what the filter keeps beside the states."""
 
-    def assign(self, env_index: int, model: Model) -> None:
+    def assign(self, env_index: int, model: tuple[Any, Array, Array]) -> None:
         """Give an environment, of as many as there are models, another nominal model, and reset it."""
-        self._parameters[env_index], self._mean[env_index] = model.parameters[0], model.mean[0]
-        self._covariance[env_index] = model.covariance[0]
+        for known, other in zip((self.parameters, self._mean, self._covariance), model, strict=True):
+            known[env_index] = other[0]
         self.reset(np.arange(len(self._mean)) == env_index)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Reset to the start of the first bar and to the prior."""
         scenarios = np.flatnonzero(mask) % len(self._mean)
         self.mean[mask], self.covariance[mask] = self._mean[scenarios], self._covariance[scenarios]
-        self._memory[mask] = np.zeros((), MEMORY)
-
-    @property
-    def measured(self) -> NDArray[np.bool_]:
-        """Whether the present bar has been measured, shape (num_envs,)."""
-        return self._memory["measured"] > 0
-
-    @property
-    def depth_of_cut(self) -> Array:
-        """Nominal depth of cut [mm], shape (scenarios,)."""
-        depth: Array = self._parameters["depth_of_cut"]
-        return depth
+        self.memory[mask] = np.zeros((), MEMORY)
 
     @property
     def prior_deviations(self) -> Array:
@@ -157,30 +139,16 @@ class LoadFilter:
         return deviations
 
     @property
-    def pitch(self) -> Array:
-        """Distance from bar to bar [mm], shape (models,)."""
-        pitch: Array = self._parameters["pitch"]
-        return pitch
-
-    @property
     def end_loads(self) -> Array:
         """Log force [N] and power [kW] of the nominal laws at 1 m/min, 1 mm/rev and the wear criterion, shape (models, 2)."""
-        laws = self._parameters["log_laws"]
-        loads: Array = laws[:, :, 0] + laws[:, :, 3] * log(self._parameters["wear_criterion"])[:, np.newaxis]
-        return loads
+        laws = self.parameters["log_laws"]
+        return np.asarray(laws[:, :, 0] + laws[:, :, 3] * log(self.parameters["wear_criterion"])[:, np.newaxis])
 
     @property
     def along(self) -> Array:
         """Position from the start of the present bar's approach [mm], shape (num_envs,)."""
-        path, pitch = self._memory["path"], self._parameters["pitch"]
-        along: Array = path - pitch * np.floor(path / pitch)
-        return along
-
-    @property
-    def slack(self) -> Array:
-        """Largest distance of the tool beyond the expected position [mm], shape (num_envs,)."""
-        slack: Array = self._memory["slack"]
-        return slack
+        path, pitch = self.memory["path"], self.parameters["pitch"]
+        return np.asarray(path - pitch * np.floor(path / pitch))
 
     @property
     def log_wear_factor(self) -> Array:
@@ -197,44 +165,43 @@ class LoadFilter:
     @property
     def _wear_states(self) -> list[tuple[int, Any]]:
         """Return the states that the log wear factor contains, and their weights."""
-        return list(enumerate((1.0, 1.0, 1.0, *self._memory["pace"].T), INSERT))
+        return list(enumerate((1.0, 1.0, 1.0, *self.memory["pace"].T), INSERT))
 
     @property
     def wear_errors(self) -> Array:
         """Expected errors of the law of wear: logarithm at 1 m/min and 1 mm/rev, exponents of both; shape (3, num_envs)."""
         lot, speed, feed = self.mean[:, LOT:LAWS].T
-        log_speed, log_feed, _ = self._parameters["references"].T
+        log_speed, log_feed, _ = self.parameters["references"].T
         return np.stack([lot - speed * log_speed - feed * log_feed, speed, feed])
 
     @property
     def load_errors(self) -> Array:
         """Expected log errors of force and power at 1 m/min, 1 mm/rev and the wear criterion; shape (2, num_envs)."""
         bias, *exponents = self.mean[:, LAWS:].reshape(-1, 2, ERRORS).T
-        log_speed, log_feed, log_wear = self._parameters["references"].T
-        deviations = -log_speed, -log_feed, log(self._parameters["wear_criterion"]) - log_wear
+        log_speed, log_feed, log_wear = self.parameters["references"].T
+        deviations = -log_speed, -log_feed, log(self.parameters["wear_criterion"]) - log_wear
         return np.asarray(bias + sum(error * deviation for error, deviation in zip(exponents, deviations, strict=True)))
 
     @property
     def exponents(self) -> Array:
         """Expected exponents of speed, feed and wear of force and power [-], shape (num_envs, 2, 3)."""
         errors = self.mean[:, LAWS:].reshape(-1, 2, ERRORS)[:, :, 1:]
-        expected: Array = self._parameters["log_laws"][:, :, 1:] + errors
-        return expected
+        return np.asarray(self.parameters["log_laws"][:, :, 1:] + errors)
 
-    def observe(self, reading: Reading) -> None:
-        """Predict up to a reading and correct the estimate by it."""
-        follow(self._parameters, self._memory, self.mean, self.covariance, _seen(reading))
+    def observe(self, reading: Reading, mask: NDArray[np.bool_] | None = None) -> None:
+        """Predict up to a reading and correct the estimate by it, in the environments of a mask or in all."""
+        columns = (
+            *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
+            *(reading.cutting_time, reading.nominal_wear, reading.removed_wear, reading.thrust_force, reading.power),
+            reading.cutting,
+        )
+        readings = np.stack(columns, axis=1).astype(np.float64)
+        chosen = np.arange(len(readings)) if mask is None else np.flatnonzero(mask)
+        follow(self.parameters, self.memory, self.mean, self.covariance, readings, chosen)
 
-    def observe_some(self, reading: Reading, mask: NDArray[np.bool_]) -> None:
-        """Do so in the environments of a mask, shape (num_envs,)."""
-        chosen = np.flatnonzero(mask)
-        memory, mean, covariance = self._memory[chosen], self.mean[chosen], self.covariance[chosen]
-        follow(self._parameters[chosen % len(self._parameters)], memory, mean, covariance, _seen(reading)[chosen])
-        self._memory[chosen], self.mean[chosen], self.covariance[chosen] = memory, mean, covariance
-
-    def tell(self, chosen: NDArray[np.bool_], states: Array, deviation: float) -> None:
-        """Correct the ``chosen`` estimates by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
-        learn_states(self._memory, self.mean, self.covariance, chosen, states, deviation * deviation)
+    def tell(self, mask: NDArray[np.bool_], states: Array, deviation: float) -> None:
+        """Correct the estimates of a mask by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
+        learn_states(self.memory, self.mean, self.covariance, np.flatnonzero(mask), states, deviation * deviation)
 
     def outlook(self, distance: Array, entering: NDArray[np.bool_]) -> Outlook:
         """Return the outlook on the present bar at distances ahead [mm], or, if ``entering``, on an unmeasured bar.
@@ -242,21 +209,12 @@ class LoadFilter:
         Both have shape (num_envs, points).
         """
         found = np.empty((len(Outlook._fields), *distance.shape))
-        look_ahead(self._parameters, self._memory, self.mean, self.covariance, distance, entering, found)
+        look_ahead(self.parameters, self.memory, self.mean, self.covariance, distance, entering, found)
         return Outlook(*found)
 
 
-def _seen(reading: Reading) -> Array:
-    columns = (
-        *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
-        *(reading.cutting_time, reading.nominal_wear, reading.removed_wear, reading.thrust_force, reading.power),
-        reading.cutting,
-    )
-    return np.stack(columns, axis=1).astype(np.float64)
-
-
 def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
-    """Return the ``PARAMETERS`` of a nominal model, which may have ``errors``."""
+    """Return the numbers of a nominal model, which may have ``errors``, for ``kalman_steps.py``."""
     control, machine, sensors, work = scenario.control, scenario.machine, scenario.sensors, scenario.workpiece
     wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
     along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
@@ -277,26 +235,27 @@ def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "approach": work.approach,
         "bar_length": work.bar_length,
         "pitch": work.bar_length + work.approach,
-        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
-        "rates": np.divide(slope, spread, out=np.zeros(2), where=spread > 0),
-        "prior": prior,
-        "history": history,
-        "history_exponents": by_bars if errors else (0.0, 0.0),
+        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),  # feed velocity [mm/s] per cutting speed and feed
+        "rates": np.divide(slope, spread, out=np.zeros(2), where=spread > 0),  # of depth and hardness [1/mm]
+        "prior": prior,  # variances
+        "history": history,  # variance of an edge's log wear from the bars that it has cut, if they are not followed
+        "history_exponents": by_bars if errors else (0.0, 0.0),  # of depth and hardness in wear
         "wear_time": wear.time,
-        "separates_idle": float(errors),
+        "separates_idle": float(errors),  # whether the idling spindle's power is told from that of the cut
+        # Log force [N] and power [kW] at 1 m/min, 1 mm/rev and 1 mm of wear; exponents.
         "log_laws": [(log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear) for law in laws],
         "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
         "references": log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
-        "noise": noise + np.square(MISFIT) if errors else noise,
+        "noise": noise + np.square(MISFIT) if errors else noise,  # variances
         "interval": control.interval,
         "sub_step": sub_step,
-        "spindle_left": spindle.sum(),
+        "spindle_left": spindle.sum(),  # sums over a step's sub-steps of deviations that remain
         "feed_left": feed.sum(),
         "both_left": (spindle * feed).sum(),
         "sub_steps": control.sub_steps,
         "wear_criterion": scenario.tool.wear_criterion,
-        "idle_power": idle_power_at(scenario, 1.0),
+        "idle_power": idle_power_at(scenario, 1.0),  # [kW] per cutting speed
     }
 
 

@@ -34,7 +34,7 @@ class TrueStateFilter(LoadFilter):
         truth = self.truth
         known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
         wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
-        depth = truth["depth_of_cut"] / self.depth_of_cut - 1.0
+        depth = truth["depth_of_cut"] / self.parameters["depth_of_cut"] - 1.0
         hardness = log(np.where(known, truth["hardness"], 1.0))
         self.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
 

@@ -63,7 +63,7 @@ def test_in_air_it_learns_nothing() -> None:
     estimate, readings, forces = followed(changed(heavier(1.3), workpiece={"approach": 400.0}), known, 20)
     assert not np.any([reading.cutting for reading in readings])
     assert forces == [0.0] * 20
-    assert not estimate.measured.any()
+    assert not estimate.memory["measured"].any()
 
 
 def test_its_travelled_distance_follows_the_row_of_bars() -> None:
