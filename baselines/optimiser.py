@@ -16,21 +16,21 @@ factor and strength, and the lags and noise of drives and sensors.
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.models import feed_search
 from baselines.models.edge_value import USED_LIVES, worth
-from baselines.models.feed_search import POINT, search
-from baselines.models.load_filter import Array, LoadFilter, Outlook, decay, feed_velocity, records
+from baselines.models.load_filter import Array, LawErrors, LoadFilter, Outlook, decay, feed_velocity, records
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.physics.spindle import idle_power_at
 from turning_env.scenario.plan import columns_of
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 POINTS = 3
 """Points of a step at which loads are predicted."""
@@ -42,38 +42,7 @@ MIN_USED_LIFE = 1e-9
 """Used share of life of an edge that has not cut [-]: the laws are undefined without wear."""
 
 
-class Prospect(NamedTuple):
-    """The terms of the gain. A field has shape (num_envs,), from ``log_force`` on (num_envs, points ahead of the tool)."""
-
-    log_speed: Array
-    """Actual cutting speed [log m/min]."""
-    log_feed: Array
-    """Actual feed [log mm/rev]."""
-    used_life: Array
-    """Used share of the edge's life by the nominal model [-]."""
-    breakage_price: Array
-    """Cost of breaking the edge [s]."""
-    log_force: Array
-    """Log ratio of thrust force to the nominal model at nominal wear [-]."""
-    log_power: Array
-    """Log ratio of power to the nominal model at nominal wear [-]."""
-    force_spread: Array
-    """Standard deviation of log force in the price of overload [-]."""
-    power_spread: Array
-    """Standard deviation of log power in the price of overload [-]."""
-    strength_spread: Array
-    """Standard deviation of log(force / strength of the edge) [-]."""
-    metal_value: Array
-    """Value of metal over cutting speed and feed [per m/min and mm/rev]."""
-    life_price: Array
-    """Price of a life [s] that is used at the rate of nominal depth and hardness."""
-    cutting: Array
-    """1 in metal, 0 in air."""
-    unmeasured: Array
-    """1 in metal of a bar that has not been measured, else 0."""
-
-
-class Optimiser:
+class Optimiser(Policy):
     """A policy that maximises the expected gain of each step alone.
 
     Args:
@@ -81,46 +50,47 @@ class Optimiser:
         num_envs: number of environments.
         severity: factor on the price of overload [-].
         caution: factor on the standard deviations of force and power [-].
+        wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn out [-].
+        errors: the errors that the nominal model is expected to have; None: it is right.
     """
 
-    wear_caution = 1.0
-    """Factor on the standard deviation of the wear at which an edge may soon be worn out [-]."""
-
-    def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float) -> None:
+    def __init__(
+        self,
+        scenario: Scenario | Sequence[Scenario],
+        num_envs: int,
+        severity: float,
+        caution: float,
+        wear_caution: float = 1.0,
+        errors: LawErrors | None = None,
+    ) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
-        self._scenarios, self._severity, self._caution = scenarios, severity, caution
-        self._parameters = np.concatenate([parameter_record(each, severity) for each in scenarios])
-        self._filter = self._new_filter(num_envs)
-        self._look_at(self._scenario.control.interval * (np.arange(POINTS) + 0.5) / POINTS)
+        self._scenarios, self._severity, self._caution, self._wear_caution = scenarios, severity, caution, wear_caution
+        self._parameters = records([numbers(each, severity) for each in scenarios])
+        self._filter = LoadFilter(scenarios, num_envs, errors)
+        self._times, machine = self._look_at(), self._scenario.machine
+        lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
+        self._left = np.stack(np.broadcast_arrays(self._times, *(decay(self._times, lag) for lag in lags)), axis=1)
 
-    def _new_filter(self, num_envs: int) -> LoadFilter:
-        return LoadFilter(self._scenarios, num_envs)
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._filter.reset(mask)
+
+    def act(self, observations: Observations) -> Actions:
+        reading, scenario = read(observations, self._scenario), self._scenario
+        self._observe(reading)
+        exponent = scenario.material.wear.time
+        nominal = np.maximum(real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / exponent), MIN_USED_LIFE)
+        expected = nominal * exp(self._filter.log_wear_factor / exponent)
+        price = self._price(expected)
+        return towards(reading, scenario, *self._best(reading, nominal, price), self._spent(reading, expected, price))
+
+    def _observe(self, reading: Reading) -> None:
+        self._filter.observe(reading)
 
     @cached_property
     def _prices(self) -> Array:
         """Price of a whole life [s], shape (scenarios, used lives)."""
         return np.array([worth(each, self._severity * each.economics.overload_price).life for each in self._scenarios])
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the estimates."""
-        self._filter.reset(mask)
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        reading = read(observations, self._scenario)
-        self._filter.observe(reading)
-        nominal, expected = self._used_lives(reading)
-        price = self._price(expected)
-        best = self._best(reading, self._prospect(reading, nominal, price, *self._ahead(reading)))
-        return towards(reading, self._scenario, *best, self._spent(reading, expected, price))
-
-    def _used_lives(self, reading: Reading) -> tuple[Array, Array]:
-        """Return the used share of the edge's life [-] by the nominal model and by the filter."""
-        exponent = self._scenario.material.wear.time
-        nominal = real_power(reading.nominal_wear / self._scenario.tool.wear_criterion, 1.0 / exponent)
-        nominal = np.maximum(nominal, MIN_USED_LIFE)
-        return nominal, nominal * exp(self._filter.log_wear_factor / exponent)
 
     def _price(self, used_life: Array) -> Array:
         """Return the price of a life [s] at used shares, shape (num_envs,)."""
@@ -136,64 +106,60 @@ class Optimiser:
         log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
         rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
-        over = soon * exp(self.wear_caution * self._filter.wear_deviation / exponent) >= 1.0
+        over = soon * exp(self._wear_caution * self._filter.wear_deviation / exponent) >= 1.0
         spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
         return spent
 
-    def _look_at(self, times: Array) -> None:
-        """Predict at these times after a step's start [s], shape (points,), or (num_envs, points) if they differ."""
-        machine, self._times = self._scenario.machine, np.atleast_2d(times)
-        lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
-        deviations = np.broadcast_arrays(self._times, *(decay(self._times, lag) for lag in lags))
-        self._left = np.stack(deviations, axis=1)
+    def _look_at(self) -> Array:
+        """Return the times after a step's start at which loads are predicted [s], shape (1 or num_envs, points)."""
+        return np.asarray(column(self._scenario.control.interval) * (np.arange(POINTS) + 0.5) / POINTS)
 
     def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
         """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
         velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
         distance = velocity[:, np.newaxis] * self._times
-        outlook = self._filter.outlook(distance, distance < 0.0)
-        cutting = np.ones(outlook.log_force.shape)
-        return outlook, cutting, cutting - self._filter.memory["measured"][:, np.newaxis]
+        cutting = np.ones(distance.shape)
+        return self._filter.outlook(distance, distance < 0.0), cutting, cutting - column(self._filter.memory["measured"])
 
-    def _prospect(
-        self, reading: Reading, used_life: Array, price: Array, outlook: Outlook, cutting: Array, unmeasured: Array
-    ) -> Prospect:
-        """Return the prospect at a nominal used life [-] and a price of life [s], shape (num_envs,)."""
-        economics, tool, law = self._scenario.economics, self._scenario.tool, self._scenario.material.wear
-        nominal_depth = column(self._scenario.workpiece.depth_of_cut)
-        deeper, harder = log(outlook.depth_of_cut / nominal_depth), outlook.log_hardness
-        wear = column(law.depth_of_cut) * deeper + column(law.hardness) * harder
-        left = np.maximum(1.0 - used_life, 0.0)
+    def _best(self, reading: Reading, used_life: Array, price: Array) -> tuple[Array, Array]:
+        """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain.
+
+        ``used_life``: by the nominal model [-]; ``price``: of a life [s]; shape (num_envs,).
+        """
+        scenario, economics, law = self._scenario, self._scenario.economics, self._scenario.material.wear
+        outlook, cutting, unmeasured = self._ahead(reading)
+        nominal_depth, left = column(scenario.workpiece.depth_of_cut), np.maximum(1.0 - used_life, 0.0)
+        wear = column(law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth) + column(law.hardness) * outlook.log_hardness
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
-        return Prospect(
-            log_speed=log(reading.cutting_speed),
-            log_feed=log(reading.feed),
-            used_life=used_life,
-            breakage_price=60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
-            log_force=outlook.log_force,
-            log_power=outlook.log_power,
-            force_spread=np.maximum(self._caution * outlook.force_spread, MIN_SPREAD),
-            power_spread=np.maximum(self._caution * outlook.power_spread, MIN_SPREAD),
-            strength_spread=np.maximum(hypotenuse(outlook.force_spread, column(tool.edge_strength_spread)), MIN_SPREAD),
-            metal_value=depth / column(economics.reference_removal_rate),
-            life_price=price[:, np.newaxis] * exp(wear / column(law.time)),
-            cutting=cutting,
-            unmeasured=unmeasured,
+        strength_spread = hypotenuse(outlook.force_spread, column(scenario.tool.edge_strength_spread))
+        points = np.empty((len(price), feed_search.POINT, cutting.shape[1]))
+        points[:, feed_search.LOG_FORCE] = outlook.log_force
+        points[:, feed_search.LOG_POWER] = outlook.log_power
+        points[:, feed_search.FORCE_SPREAD] = np.maximum(self._caution * outlook.force_spread, MIN_SPREAD)
+        points[:, feed_search.POWER_SPREAD] = np.maximum(self._caution * outlook.power_spread, MIN_SPREAD)
+        points[:, feed_search.STRENGTH_SPREAD] = np.maximum(strength_spread, MIN_SPREAD)
+        points[:, feed_search.METAL_VALUE] = depth / column(economics.reference_removal_rate)
+        points[:, feed_search.LIFE_PRICE] = column(price) * exp(wear / column(law.time))
+        points[:, feed_search.CUTTING] = cutting
+        points[:, feed_search.UNMEASURED] = unmeasured
+        speeds = scenario.machine.cutting_speed_min, scenario.cutting_speed_max
+        environments = np.empty((len(price), feed_search.ENVIRONMENT))
+        environments[:, : feed_search.LIFE_RATE] = np.stack(
+            [
+                *self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed"),
+                *self._reach(reading.commanded_feed, scenario.feed_range, "feed"),
+                log(reading.cutting_speed),
+                log(reading.feed),
+                used_life,
+                60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
+            ],
+            axis=1,
         )
-
-    def _best(self, reading: Reading, prospect: Prospect) -> tuple[Array, Array]:
-        """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain."""
-        exponents = np.broadcast_to(self._filter.exponents.reshape(-1, 6), (len(reading.feed), 6))
-        speeds = self._scenario.machine.cutting_speed_min, self._scenario.cutting_speed_max
-        slowest, fastest = self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed")
-        lowest, highest = self._reach(reading.commanded_feed, self._scenario.feed_range, "feed")
-        known = prospect[: -len(POINT)]
-        life = (np.broadcast_to(each, len(reading.feed)) for each in self._life_rate())
-        environments = np.stack([slowest, fastest, lowest, highest, *known, *life, *exponents.T], axis=1)
-        points = np.stack(prospect[-len(POINT) :], axis=1)
+        environments[:, feed_search.LIFE_RATE : feed_search.FORCE_SPEED] = np.transpose(self._life_rate())
+        environments[:, feed_search.FORCE_SPEED :] = self._filter.exponents.reshape(-1, 6)
         found = np.empty((len(points), 2))
-        search(self._parameters, self._left, environments, points, found)
+        feed_search.search(self._parameters, self._left, environments, points, found)
         return exp(found[:, 0]), exp(found[:, 1])
 
     def _life_rate(self) -> list[Array]:
@@ -214,36 +180,34 @@ def column(value: Any) -> Any:
     return np.reshape(value, (-1, 1))
 
 
-def parameter_record(scenario: Scenario, severity: float) -> Any:
-    """Return the parameters of ``search`` for a scenario, an array of one record."""
-    material, limits, tool = scenario.material, scenario.limits, scenario.tool
-    wear, wear_speed, wear_feed = log_law(material.wear, scenario, tool.wear_criterion)
-    time = material.wear.time
-    parameters: dict[str, Any] = {
-        "life": (wear / time - log(60.0), wear_speed / time, wear_feed / time),  # of the log used life [1/s]
-        "force": log_law(material.thrust_force, scenario, limits.thrust_force)[0],
-        "power": log_law(material.power, scenario, limits.power)[0],
-        "wear_time": time,
+def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
+    """Return what ``feed_search.py`` and ``edge_value.py`` must know of a scenario."""
+    material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
+
+    def at_one(law: PowerLaw, limit: float) -> float:
+        """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion."""
+        return float(log(law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=tool.wear_criterion) / limit))
+
+    wear = material.wear
+    life = at_one(wear, tool.wear_criterion) / wear.time - log(60.0)
+    return {
+        "life": (life, wear.cutting_speed / wear.time, wear.feed / wear.time),  # of the log used life [1/s]
+        "force": at_one(material.thrust_force, limits.thrust_force),
+        "power": at_one(material.power, limits.power),
+        "wear_time": wear.time,
         "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
         "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
-        "overload_price": severity * scenario.economics.overload_price,
+        "overload_price": severity * economics.overload_price,
         "interval": scenario.control.interval,
         "slowest": log(scenario.machine.cutting_speed_min),
         "fastest": log(scenario.cutting_speed_max),
         "lowest": log(scenario.feed_range[0]),
         "highest": log(scenario.feed_range[1]),
-        "metal": scenario.workpiece.depth_of_cut / scenario.economics.reference_removal_rate,
-        "idle": idle_power_at(scenario, 1.0) / scenario.limits.power,
-        "edge_cost": 60.0 * scenario.economics.edge_cost,
-        "edge_change_time": 60.0 * scenario.economics.edge_change_time,
+        "metal": scenario.workpiece.depth_of_cut / economics.reference_removal_rate,
+        "idle": idle_power_at(scenario, 1.0) / limits.power,
+        "edge_cost": 60.0 * economics.edge_cost,
+        "edge_change_time": 60.0 * economics.edge_change_time,
     }
-    return records([parameters])
-
-
-def log_law(law: PowerLaw, scenario: Scenario, limit: float) -> tuple[float, float, float]:
-    """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion, and exponents of the first two."""
-    at_one = law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=scenario.tool.wear_criterion)
-    return float(log(at_one / limit)), law.cutting_speed, law.feed
 
 
 def plays(scenario: Scenario) -> bool:
@@ -251,16 +215,13 @@ def plays(scenario: Scenario) -> bool:
     return sets_speed_and_feed(scenario) and scenario.sensors.force == "dynamometer"
 
 
-PARAMETERS = {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)}
-
-
 def optimising(description: str, optimiser: Callable[..., Optimiser], version: int) -> Rule:
-    """Return the rule of an optimiser: ``optimiser(scenario, num_envs, severity, caution)``."""
+    """Return the rule of an optimiser, a function of scenario, number of environments, severity and caution."""
     return Rule(
         description,
         lambda scenario, num_envs, parameters: optimiser(scenario, num_envs, **parameters),
         plays,
-        PARAMETERS,
+        {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)},
         version=version,
         changes_edges=True,
         together=True,

@@ -10,14 +10,13 @@ step reaches almost any other.
 It needs of the nominal model what ``optimiser`` needs.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from baselines.models.load_filter import Array, Outlook, feed_velocity
 from baselines.optimiser import Optimiser, column, optimising
-from turning_env import Reading, Scenario
+from turning_env import Reading
 
 POINTS = 8
 """Points of the horizon at which position and loads are predicted."""
@@ -31,10 +30,9 @@ class Predictive(Optimiser):
     See ``Optimiser`` for the arguments.
     """
 
-    def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float) -> None:
-        super().__init__(scenario, num_envs, severity, caution)
+    def _look_at(self) -> Array:
         horizon = self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
-        self._look_at(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
+        return np.asarray(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
 
     def _early(self, velocity: Array) -> Any:
         """Return how much earlier the tool may reach a bar than expected [mm], for feed velocities [mm/s]."""
@@ -46,12 +44,12 @@ class Predictive(Optimiser):
         distance = velocity[:, np.newaxis] * self._times
         pitch = work.bar_length + work.approach
         left = column(pitch - self._filter.along)
-        early = column(self._early(velocity))
-        entering = (distance >= left) | (distance + early >= left + column(work.approach))
-        cutting = (distance - left) % column(pitch) >= column(work.approach)
-        cutting |= (distance + early - left) % column(pitch) >= column(work.approach)
+        early, approach = column(self._early(velocity)), column(work.approach)
+        entering = (distance >= left) | (distance + early >= left + approach)
+        cutting = (distance - left) % column(pitch) >= approach
+        cutting |= (distance + early - left) % column(pitch) >= approach
         outlook = self._filter.outlook(np.minimum(distance, left), entering)
-        unmeasured = cutting & (entering | (self._filter.memory["measured"] == 0)[:, np.newaxis])
+        unmeasured = cutting & (entering | column(self._filter.memory["measured"] == 0))
         return outlook, cutting.astype(np.float64), unmeasured.astype(np.float64)
 
 

@@ -5,23 +5,23 @@ edge to edge. Before it has measured anything, it expects the errors of the trai
 and covariance (``law_errors.py``). Measured loads correct the laws of force and power. The measured wear of each removed edge
 corrects the law of wear, at the mean speed and feed of the edge, and for the depth and hardness that it has cut.
 
-With these laws, the price of edge life is computed anew in every step (``models/life_price.py``): if edges last shorter or loads
+With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``): if edges last shorter or loads
 are higher, time is worth less.
 
 It needs of the nominal model what ``predictive`` needs.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines import law_errors
-from baselines.models.life_price import price_life
-from baselines.models.load_filter import Array, LoadFilter
-from baselines.optimiser import plays
+from baselines.models.edge_value import price_life
+from baselines.models.load_filter import Array
+from baselines.optimiser import optimising, plays
 from baselines.predictive import Predictive
-from baselines.rule import Rule
 from turning_env import Reading, Scenario
 
 EARLY = 0.3
@@ -33,22 +33,13 @@ MIN_SPENT_LIFE = 0.5
 class SelfTuning(Predictive):
     """A policy as ``Predictive``, on a filter that expects errors of the nominal model.
 
-    Args:
-        scenario: nominal model, or one for each environment, which all have the same actions and sensors.
-        num_envs: number of environments.
-        severity: factor on the price of overload [-].
-        caution: factor on the standard deviations of force and power [-].
-        wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn out [-].
+    See ``Optimiser`` for the arguments.
     """
 
     def __init__(
         self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float, wear_caution: float
     ) -> None:
-        self.wear_caution = wear_caution
-        super().__init__(scenario, num_envs, severity, caution)
-
-    def _new_filter(self, num_envs: int) -> LoadFilter:
-        return LoadFilter(self._scenarios, num_envs, law_errors.read())
+        super().__init__(scenario, num_envs, severity, caution, wear_caution, law_errors.read())
 
     def _early(self, velocity: Array) -> Array:
         return self._filter.memory["slack"] + EARLY * velocity
@@ -74,13 +65,10 @@ class SelfTuning(Predictive):
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
-    "self_tuning": Rule(
-        DESCRIPTION,
-        lambda scenario, num_envs, parameters: SelfTuning(scenario, num_envs, **parameters),
-        lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
-        {"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
-        version=5,
-        changes_edges=True,
-        together=True,
+    "self_tuning": replace(
+        optimising(DESCRIPTION, SelfTuning, version=5),
+        plays=lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
+        parameters={"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
+        tuned_on=None,
     )
 }

@@ -13,6 +13,11 @@ the same under every policy. A slower or faster insert needs no other price if d
 If edges are changed and time is limited, a second costs what it could earn elsewhere. At that price of time, a whole edge just
 pays for itself, its change and their time. If edges are changed on command, worthless life need not be used: the price is at
 least 0, and the best time to change the edge is when it reaches 0.
+
+``price_life`` does the same for laws that a filter estimates, in every step, but simpler: bars are as expected, and the feed is
+the highest that keeps the loads within their limits, or the nearest that the chip breaker allows. Then
+
+    p(D) = max over cutting speeds of (value of metal less overload - price of time) / life used per time
 """
 
 from functools import lru_cache
@@ -23,7 +28,7 @@ from numpy.typing import NDArray
 
 from baselines.models.normal import excess
 from turning_env import Scenario
-from turning_env.numerics.compilation import compiled_entry
+from turning_env.numerics.compilation import compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario.power_law import log_response
@@ -37,6 +42,18 @@ SPREAD = 0.03
 _SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
 _ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
 _MAX_TIME_PRICE = 100.0
+
+LIVES = 6
+"""Number of used shares of the life at which ``price_life`` prices it, beside the present one."""
+SPEEDS = 24
+"""Number of cutting speeds that it compares, evenly spaced on a logarithmic scale."""
+NEWTON_STEPS = 8
+MIN_EXPONENT = 0.1
+"""Least exponent of the feed in a load [-]."""
+MIN_CAPACITY = 1e-3
+"""Least power of the spindle, less idle power, over the limit [-]."""
+MIN_USED_LIFE = 0.01
+MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
 
 
 class Worth(NamedTuple):
@@ -144,11 +161,68 @@ def break_even(gain, rate, weight, price):
                 break
             gained, used = 0.0, 0.0
             for bar in range(gain.shape[1]):
-                best, most = 0, -np.inf
-                for k in range(gain.shape[2]):
-                    worth = gain[life, bar, k] - price[life] * rate[bar, k]
-                    if worth > most:
-                        best, most = k, worth
+                best = best_of(gain[life, bar], rate[bar], price[life])
                 gained += weight[bar] * gain[life, bar, best]
                 used += weight[bar] * rate[bar, best]
             last, price[life] = price[life], gained / used
+
+
+@compiled_entry
+def price_life(parameters, laws, used_life, prices):
+    """Fill in the price of life at used shares by estimated laws.
+
+    Args:
+        parameters: prices and ranges, an array of one record for all environments or one for each.
+        laws: of the expected bar, shape (num_envs, 11): the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and
+            exponents of speed and feed; likewise of force and of power, over their limits at the end of life, and of used life.
+        used_life: [-], shape (num_envs,).
+        prices: filled with prices [s], shape (num_envs,).
+    """
+    gained, lasts = np.empty((LIVES + 1, SPEEDS)), np.empty((LIVES + 1, SPEEDS))
+    for i in range(len(prices)):
+        prices[i] = price_one(parameters[i % len(parameters)], laws[i], used_life[i], gained, lasts)
+
+
+@compiled_separately
+def price_one(p, laws, used_life, gained, lasts):
+    """Return the price of life [s] in one environment."""
+    life_rate, life_speed, life_feed, force, force_speed, force_feed, force_life, power, power_speed, power_feed, power_life = (
+        laws
+    )
+    for k in range(SPEEDS):
+        speed = p.slowest + (p.fastest - p.slowest) * k / (SPEEDS - 1.0)
+        capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle * exp(speed)
+        of_force, of_power = force + force_speed * speed, power + power_speed * speed - log(max(capacity, MIN_CAPACITY))
+        for j in range(LIVES + 1):
+            share = min(max(used_life, MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES
+            log_used = log(share)
+            highest = min(
+                -(of_force + force_life * log_used) / max(force_feed, MIN_EXPONENT),
+                -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT),
+            )
+            feed = min(max(highest, p.lowest), p.highest)
+            lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
+            gained[j, k] = (p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)) * lasts[j, k]
+    time = 1.0
+    for _ in range(NEWTON_STEPS):
+        earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
+        for j in range(LIVES):
+            best = best_of(gained[j], lasts[j], time)
+            price = gained[j, best] - time * lasts[j, best]
+            if price > 0.0:
+                earned += price / LIVES
+                slope += lasts[j, best] / LIVES
+        time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
+    best = best_of(gained[LIVES], lasts[LIVES], time)
+    return max(gained[LIVES, best] - time * lasts[LIVES, best], 0.0)
+
+
+@compiled_separately
+def best_of(gain, rate, price):
+    """Return the place of the set point that gains most at a price of its rate."""
+    best, most = 0, -np.inf
+    for k in range(len(gain)):
+        worth = gain[k] - price * rate[k]
+        if worth > most:
+            best, most = k, worth
+    return best

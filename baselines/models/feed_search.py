@@ -22,30 +22,18 @@ CORNER = 0.001
 NEGLIGIBLE = 6.0
 """Distance of a load below its limit over its spread [-] from which its excess does not count."""
 
-ENVIRONMENT = (
-    *("slowest", "fastest", "lowest", "highest", "log_speed", "log_feed", "used_life", "breakage_price"),
-    *("life_rate", "life_speed", "life_feed"),
-    *("force_speed", "force_feed", "force_wear", "power_speed", "power_feed", "power_wear"),
-)
-"""Numbers of an environment: ends of the reach of log cutting speed and log feed, the first fields of ``Prospect``, exponents."""
 SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
+"""Numbers of an environment: ends of the reach of log cutting speed [log m/min] and log feed [log mm/rev]; the actual ones; used
+share of the edge's life by the nominal model [-]; cost of breaking the edge [s]."""
 LIFE_RATE, LIFE_SPEED, LIFE_FEED = range(8, 11)
-FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR = range(11, len(ENVIRONMENT))
-POINT = (
-    "log_force",
-    "log_power",
-    "force_spread",
-    "power_spread",
-    "strength_spread",
-    "metal_value",
-    "life_price",
-    "cutting",
-    "unmeasured",
-)
-"""Numbers of a point ahead of the tool; see ``Prospect``. The spreads are above 0."""
-LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, LIFE_PRICE, CUTTING, UNMEASURED = range(
-    len(POINT)
-)
+"""Log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [1/s]; exponents of speed and feed."""
+FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR, ENVIRONMENT = range(11, 18)
+"""Exponents of speed, feed and wear in force and power; how many numbers there are."""
+LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, LIFE_PRICE, CUTTING, UNMEASURED, POINT = range(10)
+"""Numbers of a point ahead of the tool: log ratios of force and power to the nominal model at nominal wear; standard deviations
+above 0 of log force and log power in the price of overload, and of log(force / strength of the edge); value of metal over cutting
+speed and feed [per m/min and mm/rev]; price of a life [s] that is used at the rate of nominal depth and hardness; 1 in metal, else
+0; 1 in metal of a bar that has not been measured, else 0; how many numbers there are."""
 
 
 @compiled_entry
@@ -56,8 +44,8 @@ def search(parameters, lefts, environments, points, found):
         parameters: laws and prices, an array of one record for all environments or one for each.
         lefts: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points), for
             all environments or each.
-        environments: ``ENVIRONMENT``, shape (num_envs, fields).
-        points: ``POINT``, shape (num_envs, fields, points).
+        environments: numbers of environments, shape (num_envs, ENVIRONMENT).
+        points: numbers of points, shape (num_envs, POINT, points).
         found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
     """
     for i in range(len(found)):

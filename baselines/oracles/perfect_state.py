@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from baselines.models.load_filter import LoadFilter
 from baselines.optimiser import plays
 from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
@@ -22,37 +21,24 @@ STATE_DEVIATION = 1e-3
 """Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
 
 
-class TrueStateFilter(LoadFilter):
-    """A load filter that also gets the true state at the tool. Slopes along the bar follow from successive true states."""
-
-    truth: Mapping[str, Any]
-    """``info`` of the vector environment that came with the next observations."""
-
-    def observe(self, reading: Reading) -> None:
-        """Predict up to a reading, and correct the estimate by it and by the true state."""
-        super().observe(reading)
-        truth = self.truth
-        known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-        wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
-        depth = truth["depth_of_cut"] / self.parameters["depth_of_cut"] - 1.0
-        hardness = log(np.where(known, truth["hardness"], 1.0))
-        self.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
-
-
 class PerfectState(Predictive):
-    """``Predictive`` on true states; call ``tell`` before every action."""
-
-    _filter: TrueStateFilter
+    """``Predictive`` on true states; call ``tell`` before every action. Slopes along the bar follow from successive states."""
 
     def __init__(self, scenario: Scenario | Sequence[Scenario], num_envs: int) -> None:
         super().__init__(scenario, num_envs, severity=1.0, caution=1.0)
 
-    def _new_filter(self, num_envs: int) -> TrueStateFilter:
-        return TrueStateFilter(self._scenarios, num_envs)
-
     def tell(self, infos: Mapping[str, Any]) -> None:
-        """Take the ``infos`` that came with the next observations."""
-        self._filter.truth = infos
+        """Take the ``infos`` of the vector environment that came with the next observations."""
+        self._truth = infos
+
+    def _observe(self, reading: Reading) -> None:
+        super()._observe(reading)
+        truth = self._truth
+        known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
+        wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
+        depth = truth["depth_of_cut"] / self._filter.parameters["depth_of_cut"] - 1.0
+        hardness = log(np.where(known, truth["hardness"], 1.0))
+        self._filter.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
 
 
 covers = plays

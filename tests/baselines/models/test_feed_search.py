@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from baselines.models.feed_search import ENVIRONMENT, POINT, outlook, search
-from baselines.optimiser import parameter_record
+from baselines.models import feed_search
+from baselines.models.feed_search import outlook, search
+from baselines.models.load_filter import records
+from baselines.optimiser import numbers
 from tests.turning_env.playing import changed
 from turning_env import Scenario
 
@@ -16,23 +18,25 @@ POINTS, NUM_ENVS = 3, 12
 
 
 def states(scenario: Scenario, seed: int, **fixed: float) -> tuple[Any, Any, Any, Any]:
-    """Arguments of ``search`` for random states; ``fixed``: fields of all points."""
+    """Arguments of ``search`` for random states; ``fixed``: numbers of all points."""
     random = np.random.default_rng(seed)
     times = np.arange(1.0, POINTS + 1.0) / POINTS
     lefts = np.stack([times, np.exp(-times / 0.2), np.exp(-times / 0.1)])[np.newaxis]
     log_speed, log_feed = np.log(random.uniform(120.0, 300.0, NUM_ENVS)), np.log(random.uniform(0.15, 0.6, NUM_ENVS))
     rows = [log_speed - 0.15, log_speed + 0.15, log_feed - 0.4, log_feed + 0.4, log_speed, log_feed]
     exponents = [[law.cutting_speed, law.feed, law.wear] for law in (scenario.material.thrust_force, scenario.material.power)]
-    environments = np.empty((NUM_ENVS, len(ENVIRONMENT)))
+    parameters = records([numbers(scenario, 1.5)])
+    environments = np.empty((NUM_ENVS, feed_search.ENVIRONMENT))
     environments[:, :6] = np.transpose(rows)
     environments[:, 6], environments[:, 7] = random.uniform(0.05, 0.9, NUM_ENVS), 300.0
-    parameters = parameter_record(scenario, 1.5)
     environments[:, 8:] = [*parameters["life"][0], *np.ravel(exponents)]
     drawn = {name: random.normal(0.0, 0.15, NUM_ENVS) for name in ("log_force", "log_power")}
     drawn |= {"force_spread": 0.04, "power_spread": 0.03, "strength_spread": 0.15, "life_price": 1000.0}
     drawn |= {"metal_value": scenario.workpiece.depth_of_cut / scenario.economics.reference_removal_rate}
     drawn |= {"cutting": 1.0, "unmeasured": 0.0} | fixed
-    points = np.stack([np.broadcast_to(drawn[name], (POINTS, NUM_ENVS)).T for name in POINT], axis=1).copy()
+    points = np.empty((NUM_ENVS, feed_search.POINT, POINTS))
+    for name, value in drawn.items():
+        points[:, getattr(feed_search, name.upper())] = np.reshape(value, (-1, 1))
     return parameters, lefts, environments, points
 
 
