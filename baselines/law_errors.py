@@ -34,7 +34,7 @@ def read() -> LawErrors:
 
 def errors_of(draw: Draw) -> Array:
     """Return the errors of some jobs, shape (jobs, errors), in the order of ``LawErrors``."""
-    true, nominal = draw.true.material, draw.true.nominal().material
+    true, nominal = draw.true.material, draw.nominal.material
     control, depth = draw.true.control, draw.true.workpiece.depth_of_cut
     place = log(control.initial_cutting_speed), log(control.initial_feed), log(depth), 0.0
     log_wear = log(0.5 * draw.true.tool.wear_criterion)

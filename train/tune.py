@@ -17,7 +17,6 @@ The command prints the table; copy it to the hyperparameter file yourself, with 
 import argparse
 import hashlib
 import json
-import os
 import shlex
 import sys
 from collections.abc import Callable
@@ -137,15 +136,16 @@ def search(
     """
     path = task.folder / f"{task.name}.log"
     with file_lock(path):
-        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)  # Optuna would append to half a line that a killed process left
-        journal = JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
-        study = optuna.create_study(storage=journal, study_name=task.name, direction="maximize", load_if_exists=True)
+        content = path.read_bytes()  # Optuna would append to half a line that a killed process left
+        path.write_bytes(content[: content.rfind(b"\n") + 1])
+        storage = JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
+        study = optuna.create_study(storage=storage, study_name=task.name, direction="maximize", load_if_exists=True)
         distributions = dict(algorithm_of(task.algorithm).search)
-        for unfinished in _trials(study, TrialState.RUNNING):
+        for unfinished in study.get_trials(states=[TrialState.RUNNING]):
             study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
-        if not _trials(study, *_ENDED, TrialState.WAITING):
+        if not study.get_trials(states=[*_ENDED, TrialState.WAITING]):
             study.enqueue_trial({name: task.known[name] for name in distributions})
-        ended = len(_trials(study, *_ENDED))
+        ended = len(study.get_trials(states=_ENDED))
         running: list[optuna.Trial] = []
         bar = tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None)
         try:
@@ -158,13 +158,13 @@ def search(
                 trial, evaluation = over.finished()
                 running.remove(trial)
                 _tell(study, trial, evaluation, task)
-                ended = len(_trials(study, *_ENDED))
+                ended = len(study.get_trials(states=_ENDED))
                 bar.update(ended - bar.n)
         finally:
             bar.close()
             for trial in running:
                 study.tell(trial, state=TrialState.FAIL)  # interrupted
-    complete = _trials(study, TrialState.COMPLETE)
+    complete = study.get_trials(states=[TrialState.COMPLETE])
     if not complete:
         raise ValueError(f"all {ended} trials failed")
     return max(complete, key=lambda trial: (feasible(trial), trial.value))
@@ -180,10 +180,6 @@ def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str
     study.tell(trial, evaluation.mean_return)
     share = f"severely overloaded for at most {100 * evaluation.severe_limit:.2f} % of cutting time"
     tqdm.write(f"trial {trial.number}: mean return {evaluation.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
-
-
-def _trials(study: optuna.Study, *states: TrialState) -> list[FrozenTrial]:
-    return study.get_trials(deepcopy=False, states=states)
 
 
 def feasible(trial: FrozenTrial) -> bool:

@@ -32,8 +32,8 @@ FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR, ENVIRO
 LOG_FORCE, LOG_POWER, FORCE_SPREAD, POWER_SPREAD, STRENGTH_SPREAD, METAL_VALUE, LIFE_PRICE, CUTTING, UNMEASURED, POINT = range(10)
 """Numbers of a point ahead of the tool: log ratios of force and power to the nominal model at nominal wear; standard deviations
 above 0 of log force and log power in the price of overload, and of log(force / strength of the edge); value of metal over cutting
-speed and feed [per m/min and mm/rev]; price of a life [s] that is used at the rate of nominal depth and hardness; 1 in metal, else
-0; 1 in metal of a bar that has not been measured, else 0; how many numbers there are."""
+speed and feed [per m/min and mm/rev]; price of a life [s] that is used at the rate of nominal depth and hardness; 1 in metal,
+else 0; 1 in metal of a bar that has not been measured, else 0; how many numbers there are."""
 
 
 @compiled_entry
