@@ -272,7 +272,7 @@ def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iter
     yield ""
     yield from headline(scenario, evidence, found)
     yield ""
-    heads = ("speed", "feed", "change after", "or at wear", "tool life", "force", "power", "cycle", "mean MRR", "cost per part")
+    heads = ("speed", "feed", "change after", "or at wear", "tool life", "thrust", "power", "cycle", "mean MRR", "cost per part")
     yield from aligned([
         ("", *heads),
         ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),

@@ -109,29 +109,24 @@ def play_all(
     evidence: Evidence,
     best: Plan,
     agents: Sequence[str],
-    rule: str | None,
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
-    max_steps: int = MAX_STEPS,
 ) -> Played:
-    """Play fixed parameters, agents, and a rule if this is a clone, on simulated bars and edges that vary.
+    """Play fixed parameters, agents, and in a clone the best rule, on simulated bars and edges that vary.
 
     Args:
         scenario: The machine, with the spreads and the model mismatch that it states.
         evidence: Evidence for its laws.
         best: The fixed parameters as advised.
         agents: ONNX files or ``module:object``; they must take the scenario's observations and actions.
-        rule: A rule of ``baselines``, played if that package can be imported; if None, the best: see ``best_rule``.
         edges: Number of edges, one per seed.
         on_play: Called with the name of each policy before it is played.
-        max_steps: Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share
-            counts.
 
     Raises:
-        WorkshopError: An agent or the rule cannot play this scenario.
+        WorkshopError: An agent or no rule can play this scenario.
     """
     seeds, control = held_out_seeds(edges), scenario.control
-    own = _for_one_edge(scenario, control.action, min(LONGEST, max_steps * control.interval / 60.0))
+    own = _for_one_edge(scenario, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
     on_play(FIXED)
     slower, episodes = _with_margin(scenario, evidence, best, seeds)
     played: list[tuple[str, Episodes]] = [(FIXED, episodes)]
@@ -150,10 +145,7 @@ def play_all(
     if not (found := provided("rules")):
         notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
     for catalogue in found:
-        try:
-            name, spec = best_rule(catalogue, scenario, own) if rule is None else (rule, catalogue.spec(rule, own, scenario))
-        except (KeyError, ValueError) as error:
-            raise WorkshopError(f"--rule {rule}: {error.args[0]}") from error
+        name, spec = best_rule(catalogue, scenario, own)
         on_play(f"rule {name}")
         played.append((f"rule {name}", play_spec(spec, own, seeds)))
     for agent in agents:
@@ -171,7 +163,7 @@ def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, P
     for name in RULES:
         with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
             return name, catalogue.spec(name, own, scenario)
-    raise ValueError(f"no rule that ships can play {scenario.name!r}")
+    raise WorkshopError(f"no rule that ships can play {scenario.name!r}")
 
 
 def clocked(scenario: Scenario, best: Plan) -> Scenario:

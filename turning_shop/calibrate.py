@@ -151,32 +151,6 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
 
 
-def report(calibration: Calibration, source: str, base: str) -> dict[str, Any]:
-    """Return all results in a form for JSON, with the names of the measurements' file and of the base."""
-    return {
-        "measurements": source,
-        "columns": list(calibration.readings),
-        "base": base,
-        "laws": {
-            response: {
-                "rows": len(fitted.lines),
-                "degrees_of_freedom": fitted.degrees,
-                "r_squared": fitted.r_squared,
-                "scatter": fitted.scatter,
-                "edges": fitted.edges and {"count": fitted.edges.count, "spread": fitted.edges.spread},
-                "largest_residual": dict(zip(("line", "relative"), fitted.largest_residual(), strict=True)),
-                "fitted": {name: estimate._asdict() for name, estimate in fitted.estimates.items()},
-                "assumed": {name: {"value": getattr(fitted.law, name), "reason": why} for name, why in fitted.assumed.items()},
-                "law": fitted.law.model_dump(),
-            }
-            for response, fitted in calibration.fits.items()
-        },
-        "kept_from_base": calibration.kept,
-        "problems": list(calibration.problems),
-        "warnings": list(calibration.warnings),
-    }
-
-
 def summary(calibration: Calibration) -> Iterator[str]:
     """Yield all results as lines of text."""
     yield f"columns: {', '.join(calibration.readings)}"

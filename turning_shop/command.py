@@ -27,7 +27,6 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
     _calibrate.__doc__ = (_calibrate.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
     overwrite: dict[str, Any] = {"action": "store_true", "help": "replace existing files"}
-    json_option: dict[str, Any] = {"action": "store_true", "help": "print all results as JSON"}
 
     add = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False).add_argument
     add("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
@@ -36,7 +35,6 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--base", default="rough_turning", metavar="SCENARIO", help=base)
     add("--force", action="store_true", help="go on with rows and laws that cannot be true")
     add("--overwrite", **overwrite)
-    add("--json", **json_option)
 
     table = command(_whatif, "predict force, power, wear and tool life")
     several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
@@ -65,12 +63,11 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add = command(_advise, "advise speed, feed and edge changes, in parts and money").add_argument
     agent = "ONNX file or module:object to compare with fixed parameters; may be repeated"
     add("--agent", action="append", default=[], metavar="POLICY", help=agent)
-    add("--rule", metavar="NAME", help="rule of a clone to compare (default: the best that ships)")
     add("--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)")
     add("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
     add("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
     add("--overwrite", **overwrite)
-    add("--json", **json_option)
+    add("--json", action="store_true", help="print all results as JSON")
 
 
 def _number(column: str) -> Callable[[str], float]:
@@ -95,7 +92,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
     python -m turning_env calibrate cuts.csv --out my_tool.toml --base machine.toml
     """
-    from turning_shop.calibrate import Implausible, calibrate, report, summary, write_scenario
+    from turning_shop.calibrate import Implausible, calibrate, summary, write_scenario
 
     refuse_existing(options.overwrite, options.out)
     base = Scenario.load(options.base)
@@ -108,11 +105,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     write_scenario(found, options.base, Path(options.measurements).name, options.out)
     for warning in (*found.problems, *found.warnings):
         print(f"warning: {warning}", file=sys.stderr)
-    if options.json:
-        print_json(report(found, options.measurements, options.base))
-    else:
-        print(*summary(found), sep="\n")
-        print(options.out)
+    print(*summary(found), sep="\n")
+    print(options.out)
     return 0
 
 
@@ -211,7 +205,7 @@ def _advise(options: argparse.Namespace) -> int:
     played = None
     if options.seeds:
         on_play = partial(print, "playing", file=sys.stderr, flush=True)
-        played = play_all(scenario, evidence, found[0].plan, options.agent, options.rule, options.seeds, on_play)
+        played = play_all(scenario, evidence, found[0].plan, options.agent, options.seeds, on_play)
     if options.json:
         print_json({"advice": [each.as_record() for each in found], "played": played})
         return 0

@@ -31,18 +31,24 @@ UNITS = {
 """Units of each dimension, in small letters, and their sizes."""
 
 NAMES = {
-    "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "surface feet", "schnittgeschwindigkeit"),
-    "feed": ("feed", "f", "fn", "f n", "feed per revolution", "feed per rev", "vorschub", "vorschub pro umdrehung"),
-    "depth_of_cut": ("depth of cut", "ap", "a p", "doc", "cutting depth", "schnitttiefe", "zustellung"),
-    "time": ("time", "t", "tc", "cutting time", "zeit", "schnittzeit", "eingriffszeit", "eingriffzeit"),
-    "wear": ("wear", "vb", "v b", "vbb", "flank wear", "verschleiss", "freiflaechenverschleiss", "verschleissmarkenbreite"),
+    "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
+    "feed": ("feed", "f", "fn", "f n", "feed per revolution", "feed per rev", "feed rate", "vorschub", "vorschub pro umdrehung"),
+    "depth_of_cut": ("depth of cut", "ap", "a p", "doc", "depth", "cutting depth", "schnitttiefe", "zustellung"),
+    "time": ("time", "t", "tc", "cutting time", "machining time", "contact time", "zeit", "schnittzeit", "eingriffszeit"),
+    "wear": (
+        *("wear", "vb", "v b", "vbb", "vb b", "vbmax", "vb max", "flank wear", "flank wear vb", "tool wear"),
+        *("verschleiss", "freiflaechenverschleiss", "verschleissmarkenbreite"),
+    ),
     "thrust_force": ("thrust force", "resultant of feed and back force"),
     "main_force": ("main force", "fc", "f c", "cutting force", "schnittkraft", "hauptschnittkraft"),
     "feed_force": ("feed force", "ff", "f f", "vorschubkraft"),
     "back_force": ("back force", "fp", "f p", "passive force", "radial force", "passivkraft"),
     "power": ("power", "p", "pc", "cutting power", "spindle power", "leistung", "schnittleistung", "spindelleistung"),
     "hardness": ("hardness", "relative hardness", "haerte", "relative haerte"),
-    EDGE: ("edge", "cutting edge", "edge id", "insert", "schneide", "wendeplatte", "platte"),
+    EDGE: (
+        *("edge", "cutting edge", "edge id", "edge no", "insert", "insert no", "tool", "tool no"),
+        *("schneide", "wendeplatte", "platte"),
+    ),
 }
 """Headers of each column without units and in small letters, "_" and "." as spaces, umlauts as two letters."""
 

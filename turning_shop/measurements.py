@@ -45,6 +45,8 @@ MAX_ABOVE = 20
 STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
 STATISTICS |= {"std", "sd", "stdev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
+NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.")
+"""Cells, in small letters, of numbers that were not measured."""
 MAX_COMPLAINTS = 5
 """Number of wrong cells that an error lists; it only counts the others."""
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -267,7 +269,7 @@ def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
         factor: Size of the sheet's unit in the column's.
         commas: Whether decimals have a comma in this sheet.
     """
-    if not cell:
+    if cell.casefold() in NOTHING:
         return float("nan")
     shown = repr(cell[:40])
     if commas and "." in cell:

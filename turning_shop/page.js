@@ -258,7 +258,7 @@ function update() {
   verdict.className = over.length ? 'bad' : '';
   const percent = (name) => data.limits[name] === null ? '' : `, ${Math.round(100 * values[`${name}_share`])} % of limit`;
   const rows = [
-    ['thrust_force', 'thrust force', 'N', percent('thrust_force')],
+    ['thrust_force', 'thrust force (feed and back force)', 'N', percent('thrust_force')],
     ['power', 'power', 'kW', percent('power')],
     ['tool_life', 'tool life', 'min'],
     ['parts', 'change after', 'parts'],

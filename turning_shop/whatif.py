@@ -134,7 +134,7 @@ _TABLE = {
     "time": ("time", "min", ".2f", 1),
     "wear": ("wear", "mm", ".3f", 1),
     "wear_share": ("of limit", "%", ".0f", 100),
-    "thrust_force": ("force", "N", ".0f", 1),
+    "thrust_force": ("thrust", "N", ".0f", 1),
     "thrust_force_share": ("of limit", "%", ".0f", 100),
     "power": ("power", "kW", ".2f", 1),
     "power_share": ("of limit", "%", ".0f", 100),
@@ -159,7 +159,7 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
             columns.append(["95 %", unit, *(f"{low:{shape}}-{high:{shape}}" for low, high in ends)])
     if prediction:
         columns.append(["", "", *("*" * int(beyond) for beyond in prediction.extrapolated.ravel())])
-    shares = {"wear": cuts.wear_share, "force": cuts.thrust_force_share, "power": cuts.power_share}
+    shares = {"wear": cuts.wear_share, "thrust": cuts.thrust_force_share, "power": cuts.power_share}
     over = np.stack([share.ravel() for share in shares.values()], axis=1) > 1
     columns.append(["exceeded", "", *(", ".join(np.array(list(shares))[row]) for row in over)])
     yield from aligned(list(zip(*columns, strict=True)))

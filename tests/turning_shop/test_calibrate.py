@@ -1,6 +1,6 @@
 """``python -m turning_env calibrate``: what it writes, prints and refuses."""
 
-import json
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from turning_env import Scenario
 from turning_env.__main__ import main
+from turning_shop.provenance import load
 
 EXAMPLE = str(Path(__file__).parents[2] / "docs" / "examples" / "cuts.csv")
 
@@ -23,23 +24,16 @@ def calibrate(*options: str, measurements: str = EXAMPLE) -> int:
 
 
 def test_scenario_states_how_well_each_number_is_known(capsys: pytest.CaptureFixture[str]) -> None:
-    assert calibrate("--json") == 0
-    report = json.loads(capsys.readouterr().out)
+    assert calibrate() == 0
     scenario = Scenario.load("my_tool.toml")
     assert scenario.name == "my_tool"
-    for response, law in report["laws"].items():
-        assert getattr(scenario.material, response).model_dump() == law["law"]
     assert scenario.model_copy(update={"material": Scenario().material, "name": "rough_turning"}) == Scenario()
     text = Path("my_tool.toml").read_text()
     assert "depth_of_cut = 0.75 # assumed: depth_of_cut never varies: 2.5 mm in all 32 rows" in text
+    assert "depth_of_cut = 0.15 # assumed: depth_of_cut never varies: 2.5 mm in all 48 rows" in text
     assert "# 48 rows, R2 1.00000, scatter 0.0021 %." in text
-    wear = report["laws"]["wear"]
-    assert wear["rows"] == 48
-    assert f"{wear['fitted']['time']['low']:.6g} to {wear['fitted']['time']['high']:.6g}" in text
-    assert wear["assumed"]["depth_of_cut"] == {"value": 0.15, "reason": "depth_of_cut never varies: 2.5 mm in all 48 rows"}
-    assert calibrate("--overwrite") == 0
-    printed = capsys.readouterr()
-    assert "largest residual: line 20, -0.0057 %" in printed.out
+    assert re.search(r"^time = 0\.24\d+ # 0\.24\d+ to 0\.24\d+$", text, re.MULTILINE)
+    assert "largest residual: line 20, -0.0057 %" in capsys.readouterr().out
 
 
 def test_values_of_a_base_file_are_kept() -> None:
@@ -99,13 +93,8 @@ rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9)
 def test_poor_rows_give_a_scenario_or_an_error(table: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     Path("cuts.csv").write_text("\n".join([NAMES, *table]))
     Path("my_tool.toml").unlink(missing_ok=True)
-    status = calibrate("--force", "--json", measurements="cuts.csv")
-    printed = capsys.readouterr()
-    if status == 0:
-        laws = json.loads(printed.out)["laws"]
-        made = Scenario.load("my_tool.toml").material
-        assert {name: law["law"] for name, law in laws.items()} == {name: getattr(made, name).model_dump() for name in laws}
+    if calibrate("--force", measurements="cuts.csv") == 0:
+        assert load("my_tool.toml")[1].laws
     else:
-        assert status == 2
-        assert printed.err.startswith("error: ")
+        assert capsys.readouterr().err.splitlines()[-1].startswith("error: ")
         assert not Path("my_tool.toml").exists()

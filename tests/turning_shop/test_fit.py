@@ -180,13 +180,3 @@ def test_wide_intervals_are_warned_of(example: Calibration) -> None:
     measured.columns["feed"] = np.where(np.arange(12) < 6, 0.3, 0.305)
     warnings = calibrate(measured, BASE, force=True).warnings
     assert any("power: the exponent of feed is hardly known" in warning for warning in warnings)
-
-
-def test_laws_out_of_range_are_refused() -> None:
-    measured = cuts(PowerLaw(coefficient=1.0, wear=10), 20)
-    measured.columns["power"] *= measured.columns["wear"] ** 0.5
-    with pytest.raises(WorkshopError, match=r"power: exponent of wear, as fitted: 10\.5.* outside the allowed range -10 to 10"):
-        calibrate(measured, BASE, force=True)
-    shrinking = table(cutting_speed=100, feed=0.3, depth_of_cut=2, time=[1, 2, 4, 8], wear=[0.3, 0.2, 0.15, 0.1])
-    with pytest.raises(WorkshopError, match="but wear must grow with time"):
-        calibrate(shrinking, BASE, force=True)

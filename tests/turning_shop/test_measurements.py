@@ -94,6 +94,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
     [
         *(("Vc", "cutting_speed"), ("v_c [m/s]", "cutting_speed"), ("Schnittgeschwindigkeit m/min", "cutting_speed")),
         *(("fn", "feed"), ("Vorschub [mm/U]", "feed"), ("f, mm/rev", "feed"), ("vf [mm/min]", None), ("n [1/min]", None)),
+        *(("Feed rate (mm/rev)", "feed"), ("VBmax [mm]", "wear"), ("Tool No.", "edge"), ("Machining time, min", "time")),
         *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
@@ -125,6 +126,7 @@ LOG = """Versuch 3, Halle 2
 SFM,IPR,DOC,VB,Ff,Fp,Fc,note
 ,,in,um,lbf,lbf,lbf,
 500,.012,.1,100,30,40,300,good
+550,.012,.1,n/a,-,,,
 600,.016,.1,200,60,80,350,
 Mean,,,150,45,60,325,
 """
@@ -132,11 +134,11 @@ Mean,,,150,45,60,325,
 
 def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path) -> None:
     found = read_measurements(reading(tmp_path, LOG))
-    assert found.columns["cutting_speed"] == pytest.approx([152.4, 182.88])
-    assert found.columns["feed"] == pytest.approx([0.3048, 0.4064])
-    assert found.columns["wear"] == pytest.approx([0.1, 0.2])
-    assert found.columns["thrust_force"] == pytest.approx([50 * 4.4482216, 100 * 4.4482216])
-    assert found.columns["power"] == pytest.approx(np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3)
+    assert found.columns["cutting_speed"] == pytest.approx([152.4, 167.64, 182.88])
+    assert found.columns["feed"] == pytest.approx([0.3048, 0.3048, 0.4064])
+    assert found.columns["wear"] == pytest.approx([0.1, np.nan, 0.2], nan_ok=True)
+    assert found.columns["thrust_force"] == pytest.approx([50 * 4.4482216, np.nan, 100 * 4.4482216], nan_ok=True)
+    assert found.columns["power"][[0, 2]] == pytest.approx(np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3)
     for note in ("header in line 3", "units in line 4", "without 1 row of means", "resultant of feed_force and back_force"):
         assert any(note in reading for reading in found.readings)
     alone = read_measurements(reading(tmp_path, GOOD.replace("power", "Fp")))

@@ -64,8 +64,8 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
     heading, units, slow, fast = capsys.readouterr().out.splitlines()
     assert heading.split()[:3] == ["speed", "feed", "depth"]
     assert units.split()[:3] == ["m/min", "mm/rev", "mm"]
-    assert slow.endswith("wear, force")
-    assert fast.endswith("wear, force, power")
+    assert slow.endswith("wear, thrust")
+    assert fast.endswith("wear, thrust, power")
 
 
 @pytest.mark.parametrize(

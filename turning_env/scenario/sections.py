@@ -333,7 +333,7 @@ class FeedLimit(PowerLaw):
 class Limits(Section):
     """Limits of the process."""
 
-    thrust_force: float = quantity(1500, 0.001, 1e6, "N", "largest allowed thrust force")
+    thrust_force: float = quantity(1500, 0.001, 1e6, "N", "largest allowed thrust force, the resultant of feed and back force")
     power: float = quantity(7, 0.001, 1e4, "kW", "largest allowed spindle power")
     radial_force: FeedLimit = FeedLimit()
     """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force if it is the largest."""
