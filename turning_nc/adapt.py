@@ -38,6 +38,7 @@ class Change:
     line: int
     before: str  # the word as it was; empty if it was put in
     after: str
+    feeds: tuple[float, float] | None = None  # highest feed in metal before and after [mm/rev]; None for a speed
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,12 @@ def adapt(
     where: Where = "words",
     life: float = 1.0,
     finishing_depth: float = FINISHING_DEPTH,
-    go_on: bool = False,
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
     ``where`` says whether existing words change, or every block gets one. The program may use ``life`` times
     the tool life that it used before [-], from edges of flank wear ``wear`` [mm]. Feeds of words whose cuts are no deeper than
-    ``finishing_depth`` [mm] stay. For ``go_on`` see ``moves.run``.
+    ``finishing_depth`` [mm] stay.
 
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can be changed.
@@ -70,8 +70,7 @@ def adapt(
     search = _Search(situation, wear, where, finishing_depth)
     values = search.within_life(life * _LIFE_MARGIN)
     text, changes = search.written(values)
-    program = divide(text, situation.moves.program.dialect)
-    moves = run(program, go_on)
+    moves = run(divide(text, situation.moves.program.dialect), situation.moves.reading)
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
     again = Situation(situation.scenario, situation.machine, moves, situation.removal)
@@ -155,7 +154,9 @@ class _Search:
                     of[mine] = -1 if setting.span is None else self._index(key, setting.scale)
                 elif s.engaged[mine].any():  # nothing is put into blocks in air
                     of[mine] = self._index((address, move.line, None), setting.scale)
-        if not self.keys:
+        # A speed that cuts nothing in metal, as in an approach, stays as it is.
+        self.speed_of[~np.isin(self.speed_of, self.speed_of[s.engaged])] = -1
+        if not self._used:
             raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
         self.fixed = {
             key: float(s.feed[self.feed_of == key].max())
@@ -168,6 +169,11 @@ class _Search:
         self.wear = np.zeros(len(slices.move))
         for mine in s.by_tool.values():
             self.wear[mine] = before.wear[mine].max()
+
+    @property
+    def _used(self) -> set[int]:
+        """Indices of the keys that set a feed or a speed."""
+        return {int(key) for of in (self.feed_of, self.speed_of) for key in np.unique(of[of >= 0])}
 
     def _index(self, key: Key, scale: float) -> int:
         """Return the index of a key, which is new for a section of a schedule (line 0)."""
@@ -213,7 +219,7 @@ class _Search:
         """Return the value of every key that makes time + price * used life least; a price for every slice."""
         s = self.situation
         values = np.zeros(len(self.keys))
-        speeds = [key for key, (address, *_) in enumerate(self.keys) if address == "S"]
+        speeds = [key for key in sorted(self._used) if self.keys[key][0] == "S"]
         for key in speeds:
             values[key] = s.speed[self.speed_of == key].max()
         shared = any(np.unique(self.speed_of[self.feed_of == key]).size > 1 for key in np.unique(self.feed_of[self.feed_of >= 0]))
@@ -306,17 +312,20 @@ class _Search:
         """Return the text with the values in its words, and the words that changed."""
         edits: list[tuple[int, int, str]] = []
         changes = []
-        for key, (address, line, span) in enumerate(self.keys):
+        for key in sorted(self._used):
+            address, line, span = self.keys[key]
             text = f"{values[key] / self.scales[key]:.{self._decimals(key)}f}"
             if "." in text:
                 whole, _, part = text.partition(".")
                 text = f"{whole}.{part.rstrip('0') or '0'}"
+            cuts = (self.feed_of == key) & self.situation.engaged
+            feeds = (float(self.before.feed[cuts].max(initial=0.0)), float(values[key])) if address == "F" else None
             if span is None:
                 edits.append((self.ends[line], self.ends[line], f" {address}{text}"))
-                changes.append(Change(line, "", f"{address}{text}"))
+                changes.append(Change(line, "", f"{address}{text}", feeds))
             elif key not in self.fixed and not math.isclose(float(self.text[slice(*span)]), float(text), rel_tol=1e-9):
                 edits.append((*span, text))
-                changes.append(Change(line, f"{address}{self.text[slice(*span)]}", f"{address}{text}"))
+                changes.append(Change(line, f"{address}{self.text[slice(*span)]}", f"{address}{text}", feeds))
         made = self.text
         for first, last, text in sorted(edits, reverse=True):
             made = made[:first] + text + made[last:]

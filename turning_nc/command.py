@@ -12,6 +12,8 @@ from turning_env.scenario import Scenario
 from turning_nc.dialects import DIALECTS
 from turning_nc.words import NcError, naming, read_program_file
 
+FEED_PER_NOSE = 0.5
+"""Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
 
@@ -28,7 +30,7 @@ def program(options: argparse.Namespace) -> int:
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
     """
-    from turning_nc import adapt, cutting, moves, report, stock
+    from turning_nc import adapt, cutting, moves, report, stock, warnings
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
@@ -40,18 +42,27 @@ def program(options: argparse.Namespace) -> int:
     _check_out(options)
     text = read_program_file(options.program, DIALECTS.get(options.dialect))
     with naming(options.program):
-        run = moves.run(text, options.go_on)
+        run = moves.run(text, moves.Reading(options.go_on, options.unit, dict(options.side or ())))
+    tools = dict(options.tool or ())
     notes = list(run.notes)
     if options.stock:
         polygon = stock.read_stock(options.stock)
     else:
-        polygon, name = stock.guessed_stock(run)
+        polygon, name = stock.guessed_stock(run, tools)
         notes.append(f"no --stock is given: {name} is taken")
-    removal = stock.remove(run, polygon, dict(options.tool or ()))
+    with naming(options.program):
+        removal = stock.remove(run, polygon, tools)
     notes += removal.notes
-    machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, options.max_feed or math.inf)
+    nose = options.nose_radius or math.inf
+    max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * nose)
+    machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
     situation = cutting.Situation(scenario, machine, run, removal)
     played = cutting.play(situation, wear)
+    notes += warnings.extrapolated(situation, played)
+    implausible = warnings.warnings(situation, played)
+    if implausible and options.adapt and not options.force:
+        listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())
+        raise NcError(f"{options.program}: nothing is adapted, because the program is implausible; --force adapts it:{listed}")
     rows = report.rows(situation, played)
     totals = report.summary(situation, played)
     adapted = sections = None
@@ -59,7 +70,7 @@ def program(options: argparse.Namespace) -> int:
         sections, scheduled = adapt.schedule(situation, wear, options.life, options.finishing)
         after = report.summary(situation, scheduled)
     elif options.adapt:
-        adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing, options.go_on)
+        adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing)
         after = report.summary(adapted.situation, adapted.played)
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
@@ -68,17 +79,21 @@ def program(options: argparse.Namespace) -> int:
         replace_file(options.out, lambda partial: partial.write_bytes(data))
     if options.json:
         results: dict[str, Any] = {"program": options.program, "dialect": text.dialect.name, "scenario": scenario.name}
-        results |= {"wear": wear, "totals": totals, "blocks": rows, "notes": notes}
+        sides = {line: {"side": side.name, "why": side.why} for line, side in run.sides.items()}
+        results |= {"wear": wear, "totals": totals, "blocks": rows, "sides": sides, "warnings": implausible, "notes": notes}
         if options.adapt:
             results["adapted"] = {"totals": after, "changes": adapted.changes if adapted else (), "warning": WARNING}
         if sections is not None:
             results["adapted"]["sections"] = sections
         print_json(results)
         return 0
-    print(report.table(rows), "", *totals.lines(), *report.findings(rows), *(f"note: {note}" for note in notes), sep="\n")
+    turned = [f"line {line} turns {side.name}, {side.why}; --side sets it" for line, side in run.sides.items()]
+    warned = [f"warning: {name}: {text}" for name, text in implausible.items()]
+    print(report.table(rows), "", *totals.lines(), *report.findings(rows), *turned, *warned, sep="\n")
+    print(*(f"note: {note}" for note in notes), sep="\n", end="\n" * bool(notes))
     if adapted:
-        changed = [f"  line {change.line}: {change.before or 'new word'} -> {change.after}" for change in adapted.changes]
-        print("", f"adapted ({WARNING}): {len(changed)} words", *changed, *report.comparison(totals, after), sep="\n")
+        changed = report.changes(adapted.changes, options.nose_radius)
+        print("", f"adapted ({WARNING}): {len(adapted.changes)} words", *changed, *report.comparison(totals, after), sep="\n")
     elif sections is not None:
         print("", f"schedule by position ({WARNING}): {len(sections)} sections", *report.comparison(totals, after), sep="\n")
     for path in filter(None, (options.figure, options.out)):
@@ -108,8 +123,11 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
     sizes = "bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0"
     add("--stock", metavar="STOCK", help=f"{sizes}; or a DXF or CSV file (default: a bar that the program fits in)")
-    kinds = "outside (default), inside, copying, groove:WIDTH"
+    kinds = "outside (default), inside, left, copying, neutral, groove:WIDTH, drill:DIAMETER; -left and -inside may follow"
     add("--tool", action="append", type=_tool, metavar="NAME=KIND", help=f"kind of a tool: {kinds}; can be repeated")
+    sides = "side that the G71, G72 or CYCLE95 in a line turns: outside or inside (default: as a control); can be repeated"
+    add("--side", action="append", type=_side, metavar="LINE=SIDE", help=sides)
+    add("--unit", choices=("mm", "inch"), help="unit of a program that states none (default: mm, with a note)")
     add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
     add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
     hows = "in the program's own words, in every block, or in a table by position"
@@ -121,11 +139,13 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
         ("--tool-change", 2.0, 0.0, 1e3, "s", "time to change a tool [s] (default: %(default)g)"),
         ("--life", 1.0, 0.01, 100.0, "", "tool life that the adapted program may use, over that before (default: %(default)g)"),
         ("--max-feed", None, 0.001, 10.0, "mm/rev", "highest feed of the inserts [mm/rev] (default: the scenario's)"),
+        ("--nose-radius", None, 0.05, 10.0, "mm", "nose radius of the inserts [mm]: it limits the feed to half of it"),
         ("--finishing", 0.5, 0.0, 100.0, "mm",
          "feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)"),
     ):  # fmt: skip
         add(option, type=number_within(low, high, unit), default=default, metavar="X", help=text)
     add("--out", type=Path, metavar="FILE", help=f"adapted program, or table, to write; its name must hold {MARK}")
+    add("--force", action="store_true", help="adapt a program that is implausible")
     add("--overwrite", action="store_true", help="replace an existing file")
     add("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
     add("--json", action="store_true", help="print all results as JSON")
@@ -136,3 +156,10 @@ def _tool(text: str) -> tuple[str, str]:
     if not (name and equals and kind):
         raise argparse.ArgumentTypeError(f"{text!r} must be NAME=KIND, such as T0303=inside")
     return name.upper(), kind
+
+
+def _side(text: str) -> tuple[int, str]:
+    line, _, side = text.partition("=")
+    if not line.isdigit() or side not in ("outside", "inside"):
+        raise argparse.ArgumentTypeError(f"{text!r} must be LINE=outside or LINE=inside, such as 12=inside")
+    return int(line), side

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
 from turning_nc.moves import Moves
-from turning_nc.stock import MIN_DEPTH, Removal, Values
+from turning_nc.stock import DRILL, MIN_DEPTH, Removal, Values
 
 FINISHING_DEPTH = 0.5
 """Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
@@ -56,6 +56,7 @@ class Situation:
         self.speed = of(move.speed.value for move in all_moves)
         self.per_revolution = of(move.per_revolution for move in all_moves)
         self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
+        self.spindle_on = of(move.spindle_on for move in all_moves)
         self.max_spindle = np.minimum(of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed)
         changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
         waits = of(move.time + machine.tool_change * change for move, change in zip(all_moves, changed, strict=True))
@@ -69,8 +70,9 @@ class Situation:
 
     @cached_property
     def engaged(self) -> NDArray[np.bool_]:
-        """Whether a slice cuts metal."""
-        return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH))
+        """Whether a slice turns metal."""
+        drills = [tool for tool, kind in self.removal.tools.items() if kind.startswith(DRILL)]
+        return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH) & ~np.isin(self.tool, drills))
 
     @cached_property
     def feed_range(self) -> tuple[float, float]:

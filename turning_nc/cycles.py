@@ -1,15 +1,15 @@
-"""Cycles of Fanuc (G70 to G73, G76) and SINUMERIK (CYCLE95, CYCLE97): their words, and the moves that they make."""
+"""Cycles of Fanuc (G70 to G76, G81 to G84, G90, G92, G94) and SINUMERIK (CYCLE95, CYCLE97): their words and moves."""
 
+import contextlib
 import copy
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from turning_nc.dialects import INCH
 from turning_nc.modal import Setting
-from turning_nc.passes import Roughing, Thread, decreasing_depths, repeated_passes, roughing_passes, thread_passes
-from turning_nc.paths import Path, Point, shifted
-from turning_nc.words import Line, Problem, Span, Word
+from turning_nc.passes import Roughing, Thread, decreasing_depths, pecked, repeated_passes, roughing_passes, thread_passes
+from turning_nc.paths import Path, Point, joined, shifted
+from turning_nc.words import Line, Problem, Span
 
 if TYPE_CHECKING:
     from turning_nc.moves import Control, Kind
@@ -31,6 +31,26 @@ class CycleState:
     repeats: int = 0  # number of passes of G73
     thread: tuple[int, float, float, float] | None = None
     """Finishing passes, angle [degrees], smallest depth and allowance [mm] of G76."""
+    pecking: float = 0.0  # distance by which G74 and G75 draw back [mm]
+    box: tuple[Point, float] = ((0.0, 0.0), 0.0)  # end and taper of the last G90, G92 or G94 [mm]
+
+
+@dataclass(frozen=True)
+class Side:
+    """Side of its contour that a roughing cycle turns."""
+
+    upwards: bool  # whether the metal lies beyond the contour along the axis of infeed
+    why: str
+    facing: bool
+    start: Point  # [mm]
+    reach: tuple[float, float]  # least and largest Z of the contour [mm]
+
+    @property
+    def name(self) -> str:
+        """Name of the side; the tool may work beyond the axis, at negative X."""
+        if self.facing:
+            return "to the right" if self.upwards else "to the left"
+        return "outside" if self.upwards == (self.start[1] >= 0.0) else "inside"
 
 
 # Fanuc.
@@ -39,8 +59,9 @@ class CycleState:
 def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequence[Line], index: int) -> int:
     """Run a cycle; return the index of the line that follows."""
     code = int(min(codes & control.dialect.cycles))
-    if code == 76:
-        _fanuc_thread(control, line)
+    if code in (74, 75, 76, 81, 82, 83, 84):
+        run = _fanuc_thread if code == 76 else _pecking if code in (74, 75) else _drilling
+        run(control, line, code)
         return index + 1
     if not (line.first("P") and line.first("Q")):
         if code == 70 or not line.first("U", "W", "D", "R"):
@@ -60,7 +81,7 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
     if line.first("D", "I", "K"):  # the older format, in one block
         _first_block(control, code, line)
     contour = _contour(control, lines, begins, ends + 1)
-    allowance = (line.number_of("W") or 0.0) * control.length_scale, control.scaled_x(line.number_of("U") or 0.0, True)
+    allowance = control.length(line.first("W")), control.length(line.first("U")) * _halved(control)
     if code == 73:
         if state.repeats == 0:
             raise Problem("G73 needs a block before it that says how often it repeats its contour: R")
@@ -68,16 +89,50 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
         return ends + 1
     if state.depth <= 0.0:
         raise Problem(f"G{code} needs the depth of its passes: a block before it with {'W' if code == 72 else 'U'}")
-    _add_passes(control, roughing_passes(contour, start, Roughing(state.depth, state.retraction, allowance, code == 72)))
+    side = _side(control, contour, allowance, code == 72)
+    cycle = Roughing(state.depth, state.retraction, allowance, side.upwards, code == 72)
+    _add_passes(control, roughing_passes(contour, start, cycle))
     return ends + 1
+
+
+def _halved(control: "Control") -> float:
+    """Return the radius over a length along X as it is written."""
+    return control.scaled_x(1.0, True) / control.length_scale
+
+
+def _side(control: "Control", contour: Sequence[Path], allowance: Point, facing: bool, machining: str = "") -> Side:
+    """Return and keep the side of a contour that a cycle turns.
+
+    It is that which the caller gives, that of the kind of machining, or that on which a control starts: it goes from the start
+    point to the first point of the contour.
+
+    Raises:
+        Problem: the allowance has the sign of the other side.
+    """
+    axis, start, line, first = (0 if facing else 1), control.here, control.line.number, contour[0].start
+    heights = [first[axis], *(path.end[axis] for path in contour)]
+    steps = start[axis] - first[axis], allowance[axis], start[axis] - 0.5 * (min(heights) + max(heights))
+    upwards = next((step for step in steps if abs(step) > 1e-6), 1.0) > 0.0
+    word, scale = "ZX"[axis], (1.0 if facing else 1.0 / _halved(control)) / control.length_scale
+    why = f"from its start at {word}{start[axis] * scale:g} to the contour's first point at {word}{first[axis] * scale:g}"
+    given = control.given_sides.get(line)
+    if not facing and (given or machining):
+        upwards = ((given or machining) == "outside") == (start[1] >= 0.0)
+        why = "as given" if given else "by its kind of machining"
+    elif steps[0] * allowance[axis] < -1e-9:
+        sign = f"the sign of {'UW'[facing]} says the other side: set --side {line}=outside or {line}=inside"
+        raise Problem(f"it cuts {why}, but {sign}")
+    reach = [first[0], *(path.end[0] for path in contour)]
+    control.sides[line] = side = Side(upwards, why, facing, start, (min(reach), max(reach)))
+    return side
 
 
 def _first_block(control: "Control", code: int, line: Line) -> None:
     """Keep the values of the first block of G71, G72 or G73, or of the one block in the older format."""
-    state, scale = control.cycle, control.length_scale
+    state = control.cycle
     whole = line.first("P") is not None
     if code == 73:
-        z, x = ((line.number_of(address) or 0.0) * scale for address in ("KI" if whole else "WU"))
+        z, x = (control.length(line.first(address)) for address in ("KI" if whole else "WU"))
         count = line.number_of("D" if whole else "R") or 0.0
         if not (count == int(count) and 1 <= count <= MAX_REPEATS):
             raise Problem(f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times")
@@ -85,18 +140,9 @@ def _first_block(control: "Control", code: int, line: Line) -> None:
         return
     depth = line.first("D" if whole else "W" if code == 72 else "U")
     if depth is not None:
-        state.depth = _fine(control, depth) if whole else (depth.value or 0.0) * scale
-    if not whole and (retraction := line.number_of("R")) is not None:
-        state.retraction = retraction * scale
-
-
-def _fine(control: "Control", word: Word | None) -> float:
-    """Return the length of a word whose whole numbers count steps of 0.001 mm or 0.0001 inch [mm]."""
-    if word is None or "." in word.text or not word.value:
-        return ((word and word.value) or 0.0) * control.length_scale
-    length = word.value * (0.001 if control.length_scale != INCH else 0.0001 * INCH)
-    control.note(f"{word.address}{word.text} without a decimal point is read as {length:g} mm")
-    return length
+        state.depth = control.length(depth, steps=whole)
+    if not whole and (retraction := line.first("R")):
+        state.retraction = control.length(retraction)
 
 
 def _contour_blocks(line: Line, lines: Sequence[Line], index: int, after: bool) -> tuple[int, int]:
@@ -109,23 +155,66 @@ def _contour_blocks(line: Line, lines: Sequence[Line], index: int, after: bool) 
     return begins, ends
 
 
-def _fanuc_thread(control: "Control", line: Line) -> None:
-    """Run G76: the first block holds finishing passes and angle, the second the thread."""
+def _fanuc_thread(control: "Control", line: Line, code: int) -> None:
+    """Run G76: the first block holds finishing passes and angle, the second the thread; or one block with K and D."""
     p, q, r = line.first("P"), line.first("Q"), line.first("R")
     if not line.first("X", "Z", "U", "W"):
         digits = p.text.zfill(6) if p else ""
         if not (digits.isdigit() and len(digits) == 6):
             raise Problem("G76 needs its first block, such as G76 P020060 Q50 R0.02: P holds finishing passes, pull-out, angle")
-        control.cycle.thread = int(digits[:2]), 0.5 * int(digits[4:]), _fine(control, q), _fine(control, r)
+        smallest, allowance = control.length(q, steps=True), control.length(r, steps=True)
+        control.cycle.thread = int(digits[:2]), 0.5 * int(digits[4:]), smallest, allowance
         return
-    lead = line.number_of("F")
-    if control.cycle.thread is None or not (p and q and lead):
-        raise Problem("G76 is understood as two blocks: G76 P(finishing) Q R, then G76 X Z P(height) Q(first depth) F(lead)")
-    finishing, angle, smallest, allowance = control.cycle.thread
-    (end, root), height, taper = control.target(line), _fine(control, p), _fine(control, r)
-    depths = decreasing_depths(height, _fine(control, q), smallest, allowance, finishing)
+    lead, thread = line.number_of("F"), control.cycle.thread
+    if (k := line.first("K")) and (d := line.first("D")):
+        p, q, r, thread = k, d, line.first("I"), (0, 0.5 * (line.number_of("A") or 0.0), 0.0, 0.0)
+    if not (thread and p and q and lead):
+        raise Problem(
+            "G76 is understood as two blocks, G76 P(finishing) Q R, then G76 X Z P(height) Q(first depth) F(lead), or as one: "
+            "G76 X Z K(height) D(first depth) F(lead)"
+        )
+    finishing, angle, smallest, allowance = thread
+    (end, root), height, taper = control.target(line), control.length(p, steps=True), control.length(r, steps=True)
+    depths = decreasing_depths(height, control.length(q, steps=True), smallest, allowance, finishing)
     with control.thread_feed(lead):
         _add_passes(control, thread_passes(Thread(control.here, end, (root + taper, root), height, angle), depths), "thread")
+
+
+def _pecking(control: "Control", line: Line, code: int) -> None:
+    """Run G74 along Z, or G75 along X: pecks to the end, again at steps across; I and K may stand for P and Q."""
+    if not line.first("X", "Z", "U", "W"):
+        control.cycle.pecking = control.length(line.first("R"))
+        return
+    words = line.first("P", "I"), line.first("Q", "K")  # along X and Z
+    x, z = (abs(control.length(word, steps=word is not None and word.address in "PQ")) for word in words)
+    peck, across = (z, x) if code == 74 else (x, z)
+    _add_passes(control, pecked(control.here, control.target(line), code - 74, peck, across, control.cycle.pecking))
+
+
+def _drilling(control: "Control", line: Line, code: int) -> None:
+    """Run G81, G82, G83 or G84 as one move along Z and back."""
+    start = control.here
+    path = Path(start, (control.target(line)[0], start[1]))
+    with control.thread_feed(control.feed.value / control.length_scale) if code == 84 else contextlib.nullcontext():
+        control.add(path, "thread" if code == 84 else "feed")
+    control.go_rapidly(start)
+
+
+def box_cycle(control: "Control", code: int, line: Line) -> None:
+    """Run G90, G92 or G94 of system A: a box from the tool's position and back; words that are left out stay as before."""
+    start, (end, taper) = control.here, control.cycle.box
+    if line.codes & {90, 92, 94}:
+        end, taper = start, 0.0
+    taken = control.target(line)
+    z, x = taken[0] if line.first("Z", "W") else end[0], taken[1] if line.first("X", "U") else end[1]
+    taper = control.length(line.first("R")) if line.first("R") else taper
+    control.cycle.box = (z, x), taper
+    if code == 94:
+        ends = [((z + taper, start[1]), True), ((z, x), False), ((start[0], x), False), (start, True)]
+    else:
+        ends = [((start[0], x + taper), True), ((z, x), False), ((z, start[1]), code == 92), (start, True)]
+    with control.thread_feed(control.feed.value / control.length_scale) if code == 92 else contextlib.nullcontext():
+        _add_passes(control, [list(joined(start, *ends))], "thread" if code == 92 else "feed")
 
 
 # Both.
@@ -140,10 +229,12 @@ def _contour(control: "Control", lines: Sequence[Line], first: int, last: int) -
     with inner.deeper():
         inner.run_lines(lines, first, last)
         inner.end_corner()
-    paths = [move.path for move in inner.moves if move.kind in ("rapid", "feed")]
+    paths = [replace(move.path, line=move.line) for move in inner.moves if move.kind in ("rapid", "feed")]
+    while len(paths) > 2 and paths[-1].rapid:  # the tool departs
+        paths.pop()
     if len(paths) < 2:
         raise Problem("the contour has no moves after the one that leads to it")
-    return [Path(path.start, path.end, path.centre, path.clockwise) for path in paths[1:]]
+    return [replace(path, rapid=False) for path in paths[1:]]
 
 
 def _add_passes(control: "Control", made: Iterable[Sequence[Path]], kind: "Kind" = "feed") -> None:
@@ -180,7 +271,8 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     variant = int(number(8, 1.0))
     if not 1 <= variant <= 12:
         raise Problem(f"the kind of machining of CYCLE95 is {variant}, but must be 1 to 12")
-    facing, side = variant % 2 == 0, -1.0 if (variant - 1) % 4 >= 2 else 1.0  # of the contour: outside, or inside
+    facing, machining = variant % 2 == 0, "inside" if (variant - 1) % 4 >= 2 else "outside"
+    side = 1.0 if control.given_sides.get(control.line.number, machining) == "outside" else -1.0
     contour = _contour(control, *_contour_lines(control, arguments[0][0].strip('"'), lines))
     away = number(11, RETRACTION_CYCLE95) * control.length_scale
     both = number(4)
@@ -193,7 +285,8 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     if variant not in (5, 6, 7, 8):
         control.feed = feed(5)
         control.go_rapidly(start)
-        cycle = Roughing(number(1) * control.length_scale, away, allowance, facing, equal=True)
+        upwards = _side(control, contour, allowance, facing, machining).upwards
+        cycle = Roughing(number(1) * control.length_scale, away, allowance, upwards, facing, equal=True)
         _add_passes(control, roughing_passes(contour, start, cycle))
     if variant >= 5:
         control.feed = feed(7)

@@ -1,4 +1,4 @@
-"""Dialects of part programs as data: Fanuc (ISO, G code system A, LinuxCNC) and SINUMERIK."""
+"""Dialects of part programs as data: Fanuc (ISO, G code system A, LinuxCNC) and SINUMERIK; signs of others."""
 
 import re
 from collections.abc import Mapping
@@ -22,6 +22,7 @@ class Dialect:
     word: re.Pattern[str]  # matches a word; its groups are those of ``words.Word``
     comment: re.Pattern[str]
     sub_program: re.Pattern[str]  # matches the line that begins a part of the file; a group holds its name
+    flow: re.Pattern[str]  # matches a block that jumps, loops or depends; its groups: word, condition, jump, target, then
     addresses: frozenset[str]  # addresses that take a value
     names: frozenset[str]  # words and calls without a value
     codes: frozenset[float]  # G functions that are understood, also those without effect on path and times
@@ -41,19 +42,23 @@ FANUC = Dialect(
         (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{NUMBER}|[+-]?(?:\#\d+|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
         re.VERBOSE,
     ),
-    comment=re.compile(r"\([^()]*\)|;.*"),
+    # A comment may lack its end; [ begins a directive of a simulator, O and a name or <NAME> a program.
+    comment=re.compile(r"\([^()]*(?:\)|$)|;.*|^\s*(?:\[.*|O[A-Z]\w*(?=\s*(?:\(|$))|<\w+>)|[%\x1a]\s*$"),
     sub_program=re.compile(r"[O:]\s*(\d{1,8})"),
-    addresses=frozenset({*"NGMTSFXZUWIKRPQDL", ",C", ",R"}),
+    flow=re.compile(
+        r"(?:(?P<word>IF|WHILE)\s*(?P<condition>\[.*\]))?\s*(?:(?P<jump>GOTO|DO|END)\s*(?P<target>\d+)|THEN\s*(?P<then>.+))"
+    ),
+    addresses=frozenset({*"NGMTSFXZUWIKRPQDLA", ",A", ",C", ",R"}),
     names=frozenset(),
     codes=frozenset(
         _CODES_OF_BOTH
-        | {7, 8, 20, 21, 28, 30, 32, 50, 70, 71, 72, 73, 76, 92, 98, 99}
-        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69, 80}
+        | {7, 8, 20, 21, 28, 30, 32, 50, *range(70, 77), 80, 81, 82, 83, 84, 92, 98, 99}
+        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69}
     ),
     units={20: (INCH, True), 21: (1.0, True)},
     spindle_limits=frozenset({50, 92}),
     references=frozenset({28, 30}),
-    cycles=frozenset({70, 71, 72, 73, 76}),
+    cycles=frozenset({*range(70, 77), 81, 82, 83, 84}),
     corners={",C": "legs", ",R": "radius"},
     arc_radius="R",
     thread_lead=("F", "K"),
@@ -72,9 +77,12 @@ SINUMERIK = Dialect(
         )""",
         re.VERBOSE,
     ),
-    comment=re.compile(r'("[^"]*")|;.*'),
+    comment=re.compile(r'("[^"]*")|;.*|^\s*%\s*$|\x1a'),
     sub_program=re.compile(r"%_N_(\w+?)_(?:MPF|SPF)|PROC\s+(\w+)(?:\s*\(\s*\))?(?:\s+(?:SAVE|DISPLOF|SBLOF))*"),
-    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM"}),
+    flow=re.compile(
+        r"(?:(?P<word>IF|WHILE)\b(?P<condition>.+?))?\s*(?:\b(?P<jump>GOTO[BF]?|ENDWHILE)\b\s*(?P<target>\w*))?(?P<then>(?!))?"
+    ),
+    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG"}),
     names=frozenset(
         {"DIAMON", "DIAMOF", "DIAM90", "CYCLE95", "CYCLE97", "RET", "SUPA"}
         | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE", "NORM", "KONT", "G"}
@@ -100,6 +108,30 @@ _SIGNS_OF_SINUMERIK = re.compile(
     \b(?:DIAMON|DIAMOF|DIAM90|PROC|RET|M17|G500|G700|G710)\b""",
     re.MULTILINE | re.VERBOSE,
 )
+
+
+FOREIGN = {
+    name: re.compile(pattern, re.MULTILINE)
+    for name, pattern in (
+        ("Okuma (OSP)", r"\bNAT\d+|\bG8[5-8]\s*NLAP|^[ \t]*NLAP\d*|\bNOEX\b|\bV[ZX]OF\b|\bG14[01]\b"),
+        ("Mazatrol", r"^[ \t]*(?:UNO\.|PNO\.)"),
+        ("LinuxCNC with O words", r"^[ \t]*O(?:<\w+>|\d+)\s*(?:SUB|CALL|IF|ELSE|ENDIF|WHILE|ENDWHILE|REPEAT)\b"),
+        ("Heidenhain", r"^[ \t]*(?:\d+\s+)?(?:BEGIN PGM|CYCL DEF|TOOL CALL)\b"),
+        ("Fagor or Huazhong (HNC)", r"^%(?:\d+[ \t\r]*$|[^\s,]+,\s*M\w*,)"),
+        ("Mazak (EIA)", r"\bG53\.5\b|\bG10\.9\b|\bG109\b|\bG27[0-9]\b"),
+    )
+}
+"""Signs of controls that are not read; but those of Mazak (EIA) are close to Fanuc's."""
+
+
+def foreign_sign(text: str) -> tuple[str, str] | None:
+    """Return the name of another control whose words a program has, and the first of these with its line; or None."""
+    plain = re.sub(r"\([^()\n]*\)|;.*", "", text.upper())
+    for name, pattern in FOREIGN.items():
+        if found := pattern.search(plain):
+            line = plain.count("\n", 0, found.start()) + 1
+            return name, f"line {line}: {found[0].strip()!r} is a word of {name}"
+    return None
 
 
 def dialect_of(text: str) -> Dialect:

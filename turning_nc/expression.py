@@ -1,6 +1,7 @@
 """Expressions in programs, such as ``-R1*2`` or ``[#100+5.]``, and numbers as they are written."""
 
 import ast
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,19 +10,27 @@ from types import CodeType
 
 DECIMALS = 12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
 _TOKEN = re.compile(
-    r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?!\w) |
-    (?P<other><=|>=|[-+*/<>()[\]]|AND\b))\s*""",
+    r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
+    (?P<other><=|>=|<>|==|[-+*/<>()[\]]|(?:AND|OR|EQ|NE|GT|GE|LT|LE|MOD)(?![A-Z]) |
+    (?:ABS|SIN|COS|TAN|SQRT|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
     re.ASCII | re.VERBOSE,
 )
+_PYTHON = {"[": "(", "]": ")", "AND": "and", "OR": "or", "EQ": "==", "NE": "!=", "<>": "!=", "GT": ">", "GE": ">=", "LT": "<"}
+_PYTHON |= {"LE": "<=", "MOD": "%"}
+_FUNCTIONS = {
+    **{"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc, "TRUNC": math.trunc, "FUP": math.ceil, "ROUND": round},
+    **{"SIN": lambda degrees: math.sin(math.radians(degrees)), "COS": lambda degrees: math.cos(math.radians(degrees))},
+    "TAN": lambda degrees: math.tan(math.radians(degrees)),
+}
 _NODES = (
-    *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.BoolOp, ast.Constant, ast.Subscript, ast.Name),
+    *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.BoolOp, ast.Constant, ast.Subscript, ast.Name, ast.Call),
     *(ast.operator, ast.unaryop, ast.cmpop, ast.boolop, ast.expr_context),
 )
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A sum, product, comparison or conjunction of numbers and variables of the control."""
+    """A sum, product, function, comparison or conjunction of numbers and variables of the control."""
 
     text: str
     variables: frozenset[str]
@@ -33,8 +42,9 @@ class Expression:
         Raises:
             KeyError: a variable has no value.
             ZeroDivisionError: it divides by 0.
+            ValueError: it takes the root of a number below 0.
         """
-        return float(eval(self._code, {"__builtins__": {}}, {"variables": variables}))
+        return float(eval(self._code, {"__builtins__": {}, **_FUNCTIONS}, {"variables": variables}))
 
 
 @lru_cache(10_000)
@@ -55,11 +65,12 @@ def parse(text: str) -> Expression:
         elif match.lastgroup == "variable":
             variables.add(token)
             token = f"variables[{token!r}]"
-        python.append({"[": "(", "]": ")", "AND": "and"}.get(token, token))
+        python.append(_PYTHON.get(token, token))
     try:
         tree = ast.parse(" ".join(python), mode="eval")  # made of the tokens above alone
-        if not all(isinstance(node, _NODES) for node in ast.walk(tree)):
-            raise SyntaxError
+        for node in ast.walk(tree):
+            if not isinstance(node, _NODES) or (isinstance(node, ast.Call) and not isinstance(node.func, ast.Name)):
+                raise SyntaxError
         return Expression(text.strip(), frozenset(variables), compile(tree, text, "eval"))
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"{text.strip()!r} is not an expression of numbers, variables, + - * / and parentheses") from None

@@ -3,14 +3,17 @@
 import math
 from dataclasses import dataclass, field
 
-from turning_nc.dialects import FANUC, INCH
+from turning_nc.dialects import FANUC, INCH, foreign_sign
 from turning_nc.paths import Point
-from turning_nc.words import Line, PartProgram, Problem, Span
+from turning_nc.words import Line, PartProgram, Problem, Span, Word
 
 HOME: Point = (200.0, 200.0)
 """Tool position before the first move and at reference points [mm] (assumption)."""
 FOOT = 0.3048
-_KNOWN_M = {*range(10), 17, 30, *range(40, 46), 98, 99}
+_KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
+_COORDINATES = "X", "Z", "U", "W"
+MIN_STEPS = 20
+"""Whole number in cycles from which a program counts steps of 0.001 mm or 0.0001 inch, if its coordinates have decimal points."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Modal:
     """Modal state: values that apply until a later word replaces them."""
 
     program: PartProgram
-    notes: dict[int, str] = field(default_factory=dict)
+    unit: str | None = None  # unit of a program that states none: mm or inch
+    notes: dict[str, list[int]] = field(default_factory=dict)  # lines of each note
     z: float = HOME[0]
     x: float = HOME[1]
     absolute: bool = True
@@ -40,25 +44,57 @@ class Modal:
     constant_cutting_speed: bool = False
     speed: Setting = Setting()
     max_spindle_speed: float = math.inf
+    spindle_on: bool = False
     tool: str = "T0"
-    noted_once: set[str] = field(default_factory=set)
+    motion: int | None = None  # G function of the moves, or of the box cycle, in force
     line: Line = field(default_factory=lambda: Line(0, "", (), 0))
 
     def __post_init__(self) -> None:
         self.dialect = self.program.dialect
         self.fanuc = self.dialect is FANUC
+        lines = [line for part in self.program.parts.values() for line in part]
+        self.line = lines[0]
+        codes = {word.value for line in lines for word in line.words if word.address == "G"}
+        self.states_unit = bool(codes & self.dialect.units.keys())
+        if not self.states_unit:
+            inch = max(code for code, (scale, _) in self.dialect.units.items() if scale == INCH)
+            self.set_units_and_modes({inch} if self.unit == "inch" else set())
+            if self.unit is None:
+                words = " nor ".join(f"G{code}" for code in self.dialect.units)
+                self.note(f"neither {words} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
+        feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
+        self.system_a = self.fanuc and not (feeds or codes & {7, 8} or any({91} == line.codes & {91, 28, 30} for line in lines))
+        lengths = [word for line in lines for word in line.words if word.address in ("X", "Z") and word.value]
+        cycles = [line for line in lines if line.codes & self.dialect.cycles]
+        sizes = [word for line in cycles for word in line.words if word.address in {*"UWRDIK"}]
+        whole = [abs(word.value or 0.0) for word in sizes if "." not in word.text]
+        self.counts_steps = all("." in word.text for word in lengths) and max(whole, default=0.0) >= MIN_STEPS
+        if self.fanuc and (sign := foreign_sign(self.program.text)):
+            self.note(f"{sign[1]}; the program is read as Fanuc's, with Fanuc's cycles")
 
     @property
     def here(self) -> Point:
         """Tool position."""
         return self.z, self.x
 
-    def note(self, text: str, once: str = "") -> None:
-        """Note something about the present line; of the notes with the same ``once``, the first alone."""
-        noted = self.notes.get(self.line.number, "")
-        if text not in noted and once not in self.noted_once:
-            self.notes[self.line.number] = f"{noted}; {text}" if noted else text
-        self.noted_once |= {once} - {""}
+    def note(self, text: str) -> None:
+        """Note something about the present line."""
+        self.notes.setdefault(text, []).append(self.line.number)
+
+    def box_cycle(self, codes: set[float], line: Line) -> int | None:
+        """Return G90, G92 or G94 if the block runs it as a cycle of G code system A.
+
+        Raises:
+            Problem: the program is not of system A, but such a word stands with coordinates alone.
+        """
+        others = {0, 1, 2, 3, 28, 30, 32, 33, 53} | self.dialect.cycles
+        if codes & others or not (self.fanuc and line.first(*_COORDINATES)):
+            return None
+        if found := codes & ({90, 92, 94} if self.system_a else {90, 91, 92, 94}):
+            if not self.system_a:
+                raise Problem(f"G{min(found):g} with coordinates but without G0 or G1 is a cycle on some controls")
+            return int(min(found))
+        return self.motion if self.motion in (90, 92, 94) else None
 
     def set_units_and_modes(self, codes: set[float]) -> None:
         """Set units, modes of coordinates and the kind of feed."""
@@ -69,9 +105,6 @@ class Modal:
                 self.speed_scale = FOOT if self.length_scale == INCH else 1.0
         if self.fanuc and codes & {7, 8}:
             self.diameter = "DIAMON" if 7 in codes else "DIAMOF"
-        if self.fanuc and not codes & {0, 1, 2, 3, 32, 33} and self.line.first("X", "Z", "U", "W"):
-            for code in codes & {90, 91, 92, 94}:
-                raise Problem(f"G{code:g} with coordinates but without G0 or G1 is a cycle on some controls")
         if codes & {90, 91}:
             self.absolute = 90 in codes
         if codes & {94, 95, 98, 99}:
@@ -88,7 +121,8 @@ class Modal:
         if word is not None and word.value is not None:
             if word.value < 0:
                 raise Problem(f"F{word.text} is negative")
-            lead = self.fanuc and bool(codes & {32, 33, 76})  # of a thread: it stays in force, but must not change
+            # The lead of a thread stays in force, but must not change.
+            lead = self.fanuc and bool(codes & {32, 33, 76, 84} or self.motion == 92)
             self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
         spindle = line.first("S", "S1")
         limit = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
@@ -125,34 +159,55 @@ class Modal:
         return min(1000.0 * self.speed.value / (2.0 * math.pi * max(abs(self.x), 1e-6)), self.max_spindle_speed)
 
     def set_tool(self, line: Line) -> None:
-        """Set the tool, and note machine functions that are not understood."""
+        """Set tool and spindle, and note machine functions that are not understood."""
         word = line.first("T", "T1")
         if word is not None:
             cancels = self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
             if not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
                 self.tool = word.text if word.value is None else f"T{word.text}"
         for word in line.words:
-            if word.address in ("M", "M1") and word.value not in (*_KNOWN_M, None):
-                self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
+            if word.address in ("M", "M1") and word.value is not None:
+                if word.value in (3, 4, 5, 13, 14):
+                    self.spindle_on = word.value != 5
+                elif word.value not in _KNOWN_M:
+                    self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
 
     def scaled_x(self, value: float, incremental: bool) -> float:
         """Return a value of X as a radius in mm."""
         halved = self.diameter == "DIAMON" or (self.diameter == "DIAM90" and not incremental)
         return value * self.length_scale * (0.5 if halved else 1.0)
 
-    def target(self, line: Line) -> Point:
-        """Return the point to which a block's coordinates lead."""
-        z, x = self.here
+    def length(self, word: Word | None, steps: bool = False) -> float:
+        """Return the length of a cycle's word [mm]; a whole number counts steps if ``steps``, or if the program does so."""
+        if word is None or not word.value:
+            return 0.0
+        if "." in word.text or not (steps or self.counts_steps):
+            return word.value * self.length_scale
+        length = word.value * (0.001 if self.length_scale != INCH else 0.0001 * INCH)
+        self.note(f"{word.address}{word.text} without a decimal point is read as {length:g} mm")
+        return length
+
+    def target(self, line: Line, start: Point | None = None) -> Point:
+        """Return the point to which a block's coordinates lead, by default from the tool's position."""
+        z, x = here = start or self.here
+        given = set()
         for word in line.words:
-            if word.value is None or word.address not in ("X", "Z", "U", "W"):
+            if word.value is None or word.address not in _COORDINATES:
                 continue
             if self.fanuc and "." not in word.text and word.value:
                 unit = "mm" if self.length_scale == 1.0 else "inch"
-                number = f"{word.address}{word.text}"
-                self.note(f"{number} has no decimal point: whole numbers are read as {unit}, not as 0.001", once="whole numbers")
+                self.note(f"coordinates without a decimal point are read as {unit}, not as steps of 0.001")
             incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
+            given.add("X" if word.address in ("X", "U") else "Z")
             if word.address in ("X", "U"):
-                x = self.scaled_x(word.value, incremental) + (x if incremental else 0.0)
+                x = self.scaled_x(word.value, incremental) + (self.x if incremental else 0.0)
             else:
-                z = word.value * self.length_scale + (z if incremental else 0.0)
+                z = word.value * self.length_scale + (self.z if incremental else 0.0)
+        angle = line.number_of("A", ",A", "ANG") if len(given) == 1 else None
+        if angle is not None:  # of the move, from the Z axis: it gives the other coordinate
+            slope = math.tan(math.radians(angle))
+            if given == {"Z"}:
+                x = here[1] + (z - here[0]) * slope
+            elif abs(slope) > 1e-9:
+                z = here[0] + (x - here[1]) / slope
         return z, x

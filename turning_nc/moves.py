@@ -6,15 +6,15 @@ Positions are Z and X, X as a radius. An error names lines that are not understo
 import contextlib
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from turning_nc.cycles import CycleState, cycle95, cycle97, fanuc_cycle
+from turning_nc.cycles import CycleState, Side, box_cycle, cycle95, cycle97, fanuc_cycle
 from turning_nc.law import Law
 from turning_nc.modal import HOME, Modal, Setting
 from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
-from turning_nc.words import Line, NcError, PartProgram, Problem, Word
+from turning_nc.words import Line, NcError, PartProgram, Problem, Word, at_lines, evaluated
 
 MAX_BLOCKS, MAX_CALLS = 100_000, 8
 MAX_NAMED = 20  # largest number of lines that an error names
@@ -36,8 +36,19 @@ class Move:
     speed: Setting
     constant_cutting_speed: bool
     max_spindle_speed: float  # [rev/min]; infinite if the program sets none
+    spindle_on: bool
     cycle_pass: int = 0  # number of the pass within a cycle, from 1; 0 outside
     time: float = 0.0  # duration of a dwell [s]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Choices of the user in reading a program."""
+
+    go_on: bool = False  # whether blocks that are not understood are left out, and named in the notes
+    unit: str | None = None  # mm or inch, if the program states none
+    sides: Mapping[int, str] = field(default_factory=dict)
+    """Sides that roughing cycles turn, outside or inside, by their lines; by default those that a control takes."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +56,12 @@ class Moves:
     """The moves of a program."""
 
     program: PartProgram
+    reading: Reading
     moves: tuple[Move, ...]
     law: Law  # its synchronized actions
     notes: tuple[str, ...]  # assumptions, and words that are not understood but do not change the tool's path, with lines
+    states_unit: bool  # whether the program or the caller states the unit
+    sides: dict[int, Side]  # sides that roughing cycles turn, by their lines
 
 
 class _End(Exception):
@@ -61,25 +75,29 @@ class _Return(Exception):
 _MOTIONS = {0, 1, 2, 3, 32, 33}
 
 
-def run(program: PartProgram, go_on: bool = False) -> Moves:
-    """Return the moves of a program; with ``go_on``, leave out blocks that are not understood, and name them in the notes.
+def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
+    """Return the moves of a program.
 
     Raises:
-        NcError: blocks are not understood; names each with its line.
+        NcError: blocks are not understood, and are not left out; names each with its line.
     """
-    control = Control(program)
+    control = Control(program, reading.unit, given_sides=reading.sides)
     with contextlib.suppress(_End):
         control.run_lines(program.parts[program.main])
     control.end_corner()
-    if control.problems and not go_on:
+    if unused := reading.sides.keys() - control.sides.keys():
+        raise NcError(f"--side is given for {at_lines(unused)}, which holds no G71 or CYCLE95 along Z")
+    if control.problems and not reading.go_on:
         listed = [f"line {line}: {reason}" for line, reason in sorted(control.problems.items())]
         more = [f"and {len(listed) - MAX_NAMED} more lines"] if len(listed) > MAX_NAMED else []
         raise NcError("not understood:\n  " + "\n  ".join(listed[:MAX_NAMED] + more))
-    if not any(move.kind == "feed" for move in control.moves):
+    if not any(move.kind in ("feed", "thread") for move in control.moves):
         raise NcError("the program has no feed move, such as G1")
-    notes = control.notes | {line: f"left out: {reason}" for line, reason in control.problems.items()}
-    named = tuple(f"line {line}: {note}" for line, note in sorted(notes.items()))
-    return Moves(program, tuple(control.moves), control.law, named)
+    for line, reason in control.problems.items():
+        control.notes.setdefault(f"left out: {reason}", []).append(line)
+    named = tuple(f"{at_lines(lines)}: {note}" for note, lines in sorted(control.notes.items(), key=lambda item: min(item[1])))
+    stated = control.states_unit or reading.unit is not None
+    return Moves(program, reading, tuple(control.moves), control.law, named, stated, control.sides)
 
 
 @dataclass
@@ -90,7 +108,8 @@ class Control(Modal):
     law: Law = field(default_factory=Law)
     problems: dict[int, str] = field(default_factory=dict)
     variables: dict[str, float] = field(default_factory=dict)
-    motion: int | None = None
+    given_sides: Mapping[int, str] = field(default_factory=dict)
+    sides: dict[int, Side] = field(default_factory=dict)
     corner: Corner | None = None  # between the last move and the next
     rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
     cycle: CycleState = field(default_factory=CycleState)
@@ -107,9 +126,12 @@ class Control(Modal):
             if max(len(self.moves), self.blocks[0]) > MAX_BLOCKS:
                 raise NcError(f"line {line.number}: more than {MAX_BLOCKS} moves or blocks are run; are calls repeated?")
             try:
-                index = self._block(self._without_variables(line), lines, index)
+                follows = self._jump(line, lines, index) if line.flow else None
+                index = self._block(self._without_variables(line), lines, index) if follows is None else follows
             except Problem as problem:
-                self.problems.setdefault(line.number, f"{problem} (in {line.text[:60]!r})")
+                mine = problem.line in (None, line.number)
+                where = f" (in {line.text[:60]!r})" if mine else f" (contour of line {line.number})"
+                self.problems.setdefault(problem.line or line.number, f"{problem}{where}")
                 index += 1
             except _Return:
                 return
@@ -129,6 +151,26 @@ class Control(Modal):
         self.calls -= 1
         self.line = line
 
+    def _jump(self, line: Line, lines: Sequence[Line], index: int) -> int | None:
+        """Return the index of the line that follows a jump, a loop or a false condition; None if the block is run."""
+        assert line.flow is not None
+        word, condition, jump, target, then = (line.flow[name] for name in ("word", "condition", "jump", "target", "then"))
+        true = condition is None or bool(evaluated(condition, self.variables))
+        if word == "WHILE" or jump in ("DO", "END", "ENDWHILE"):
+            ends = "END" in (jump or "")
+            return index + 1 if true and not ends else _other_end(lines, index, -1 if ends else 1)
+        if not jump:
+            if not then:
+                raise Problem("IF is understood with a jump to a block alone, such as GOTO")
+            return None if true else index + 1
+        if not true:
+            return index + 1
+        ahead, before = range(index + 1, len(lines)), range(index + 1)
+        for place in (*(ahead if jump != "GOTOB" else ()), *(before if jump != "GOTOF" else ())):
+            if lines[place].first(f"{target}:") or (self.fanuc and lines[place].number_of("N") == float(target or 0)):
+                return place
+        raise Problem(f"the block {target} is not in this part of the program")
+
     # One block.
 
     def _without_variables(self, line: Line) -> Line:
@@ -147,10 +189,12 @@ class Control(Modal):
             self.note("the block with / is run")
         if any(word.address in ("ID", "FCTDEF") or word.address[0] == "$" for word in line.words):
             self.law.add(re.sub(r"^/?\s*N\d+\s*", "", line.text))
-            self.note("synchronized actions are not played: the override is taken as 100 %", once="law")
+            self.note("synchronized actions are not played: the override is taken as 100 %")
             return index + 1
         words = [word for word in line.words if not word.address.endswith(":")]
         codes = self._codes(words)
+        if (box := self.box_cycle(codes, line)) is not None:
+            self.motion, codes = box, codes - {box}
         self._check_use(words, codes)
         self.set_units_and_modes(codes)
         if 4 in codes:
@@ -160,7 +204,11 @@ class Control(Modal):
         self.set_tool(line)
         follows = index + 1
         if codes & self.dialect.references:
-            self._go_home("reference points")
+            if self.fanuc:
+                self.go_rapidly(self.target(line))  # on the way
+            self._go_home("reference points", line)
+        elif box is not None:
+            box_cycle(self, box, line)
         elif codes & self.dialect.cycles:
             follows = fanuc_cycle(self, codes, line, lines, index)
         elif (call := line.first("CYCLE95")) is not None:
@@ -187,7 +235,7 @@ class Control(Modal):
         for code in sorted(codes - self.dialect.codes):
             raise Problem(f"G{code:g} is not understood")
         if codes & {41, 42}:
-            self.note("the tool's tip follows the contour, as with a nose radius that the control compensates", once="radius")
+            self.note("the tool's tip follows the contour, as with a nose radius that the control compensates")
         if len(codes & _MOTIONS) > 1:
             raise Problem(f"{' and '.join(f'G{code:g}' for code in sorted(codes & _MOTIONS))} exclude each other")
         return codes
@@ -198,8 +246,9 @@ class Control(Modal):
         used = {"I", "K", self.dialect.arc_radius} if motion in (2, 3) else {*"IKQ"} if motion in (32, 33) else set()
         if self.fanuc:
             if codes & self.dialect.cycles:
-                first = 76 in codes or not any(word.address == "P" for word in words)
-                used |= {*"PQD"} | ({"R"} if first else set()) | ({*"IK"} if 73 in codes else set())
+                used |= {*"PQDRIK"} if codes & {73, 74, 75, 76, 81, 82, 83, 84} else {*"PQDR"}
+            elif motion in (90, 92, 94):
+                used = {"R"}
             calls = any(word.address == "M" and word.value == 98 for word in words)
             used |= {*"PL"} if calls else {"P"} if codes & {4, 30} else {"D"} if 96 in codes else set()
         else:
@@ -236,13 +285,15 @@ class Control(Modal):
                 raise Problem("a chamfer or a radius needs a move to its corner in the same block")
             return
         if 53 in codes or line.first("SUPA"):
-            self._go_home("machine coordinates")
+            self._go_home("machine coordinates", line)
             return
-        if self.motion is None:
-            raise Problem("coordinates precede the first G0 or G1")
         end = self.target(line)
+        if self.motion is None and end != self.here:
+            raise Problem("coordinates precede the first G0 or G1")
         if self.motion in (32, 33):
             lead = line.number_of(*self.dialect.thread_lead)
+            if not lead and self.fanuc and self.feed.span is None:  # that of a block before it
+                lead = self.feed.value / self.length_scale
             if not lead:
                 raise Problem(f"G{self.motion} needs its lead: {self.dialect.thread_lead[0]}")
             with self.thread_feed(lead):
@@ -256,7 +307,7 @@ class Control(Modal):
     @contextlib.contextmanager
     def thread_feed(self, lead: float) -> Iterator[None]:
         """Move with the lead of a thread, in the program's units per revolution."""
-        self.note("a thread's load is not computed")
+        self.note("the load of threads is not computed")
         kept = self.feed, self.per_revolution
         self.feed, self.per_revolution = Setting(lead * self.length_scale), True
         yield
@@ -277,6 +328,9 @@ class Control(Modal):
             return arc_of_radius(start, end, radius * self.length_scale, clockwise)
         i, k = line.first("I"), line.first("K")
         if not (i or k):
+            if self.fanuc and not line.codes & {2, 3}:
+                self.note(f"has neither centre nor radius: as on a Fanuc, G{self.motion} of a block before it moves straight")
+                return Path(start, end)
             raise Problem(f"G{self.motion} needs a centre or a radius: I and K, or {'R' if self.fanuc else 'CR='}")
         if any(word is not None and word.mode == "AC" for word in (i, k)):
             raise Problem("a centre in absolute coordinates, I=AC or K=AC, is not understood")
@@ -287,9 +341,10 @@ class Control(Modal):
             raise Problem(f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end")
         return Path(start, end, centre, clockwise)
 
-    def _go_home(self, what: str) -> None:
+    def _go_home(self, what: str, line: Line) -> None:
         self.note(f"{what} are not in the program: Z{HOME[0]:g} X{2 * HOME[1]:g} is taken")
-        self.go_rapidly(HOME)
+        z, x = (line.first(*addresses) is not None for addresses in ("ZW", "XU"))
+        self.go_rapidly((HOME[0] if z or not x else self.z, HOME[1] if x or not z else self.x))
 
     def go_rapidly(self, *points: Point) -> None:
         """Add rapid moves to points."""
@@ -318,7 +373,7 @@ class Control(Modal):
         self.moves.append(
             Move(
                 *(kind, path, self.line.number, self.line.end, self.tool, self.feed, self.per_revolution, self.speed),
-                *(self.constant_cutting_speed, self.max_spindle_speed, self.cycle_pass, time),
+                *(self.constant_cutting_speed, self.max_spindle_speed, self.spindle_on, self.cycle_pass, time),
             )
         )
 
@@ -364,3 +419,16 @@ class Control(Modal):
         with self.deeper():
             for _ in range(count):
                 self.run_lines(self.program.parts[name])
+
+
+def _other_end(lines: Sequence[Line], index: int, step: int) -> int:
+    """Return the index of the line after a loop's end, or of its begin (``step`` -1)."""
+    depth, mine = 0, lines[index].flow or {}
+    for place in range(index, len(lines) if step > 0 else -1, step):
+        flow = lines[place].flow or {}
+        ends = "END" in (flow.get("jump") or "")
+        if flow.get("target") == mine["target"] and (ends or flow.get("word") == "WHILE" or flow.get("jump") == "DO"):
+            depth += -1 if ends else 1
+            if depth == 0:
+                return place + (step > 0)
+    raise Problem("the loop has no other end")

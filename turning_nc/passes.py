@@ -23,6 +23,7 @@ class Roughing:
     depth: float  # depth of cut per pass [mm]
     retraction: float  # distance by which the tool leaves the cut on both axes [mm]
     allowance: Point  # metal that stays for the finishing cut, along Z and X with the contour's side as sign [mm]
+    upwards: bool  # whether the metal lies beyond the contour along the axis of infeed
     facing: bool = False  # whether passes run along X
     equal: bool = False  # whether the depth is reduced so that all passes have the same (CYCLE95)
 
@@ -39,15 +40,16 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     points = [kept[0].start, *(point for path in kept for point in path.points())]
     feed, infeed = (1, 0) if cycle.facing else (0, 1)  # axes
     along = -1.0 if points[-1][feed] < points[0][feed] else 1.0
-    rise = points[-1][infeed] - points[0][infeed]
-    down = -math.copysign(1.0, rise if abs(rise) > 1e-6 else start[infeed] - points[0][infeed])
-    if any((second[feed] - first[feed]) * along < -1e-6 for first, second in itertools.pairwise(points)):
-        raise Problem(f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood")
+    down = -1.0 if cycle.upwards else 1.0
+    for path in kept:
+        steps = itertools.pairwise((path.start, *path.points()))
+        if any((second[feed] - first[feed]) * along < -1e-6 for first, second in steps):
+            raise Problem(f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood", path.line)
     heights = [-down * point[infeed] for point in points]
     top = max(heights) if cycle.equal else -down * start[infeed]
     total = top - min(heights)
     if total <= 1e-6:
-        raise Problem("the start point lies on the wrong side of the contour: nothing is left to rough")
+        raise Problem("the start point lies within the contour: no metal is left between them; is the side right?")
     count = math.ceil(total / cycle.depth - 1e-6)
     if count > MAX_PASSES:
         raise Problem(f"{count} passes of {cycle.depth:g} mm are needed, but {MAX_PASSES} at most are made")
@@ -63,7 +65,7 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     for height in (top - step * index for index in range(1, count)):
         level, away = -down * height, -down * (height + cycle.retraction)
         cuts = _below(points, heights, height)
-        if heights[0] < height:
+        if cuts and abs(cuts[0][1][feed] - points[0][feed]) < 1e-6:  # at the contour's front the pass begins before the metal
             end = cuts.pop(0)[2][feed]
             back = [(point(end - along * cycle.retraction, away), True), (point(start[feed], away), True)]
             made.append(list(joined(here, (point(start[feed], level), True), (point(end, level), False), *back)))
@@ -108,6 +110,34 @@ def _below(points: Sequence[Point], heights: Sequence[float], height: float) -> 
         else:
             begun = index, crossing
     return found if begun is None else [*found, (*begun, points[-1])]
+
+
+def pecked(start: Point, end: Point, along: int, peck: float, across: float, back: float) -> list[list[Path]]:
+    """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm].
+
+    Raises:
+        Problem: too many pecks or steps.
+    """
+
+    def point(along_value: float, across_value: float) -> Point:
+        return (along_value, across_value) if along == 0 else (across_value, along_value)
+
+    (begin, first), (last, other) = (start[along], start[1 - along]), (end[along], end[1 - along])
+    pecks = math.ceil(abs(last - begin) / peck - 1e-6) if peck > 0.0 else 1
+    steps = math.ceil(abs(other - first) / across - 1e-6) if across > 0.0 else int(abs(other - first) > 1e-6)
+    if pecks * (steps + 1) > MAX_PASSES:
+        raise Problem(f"{pecks} pecks at {steps + 1} places are needed, but {MAX_PASSES} at most are made")
+    made, here, sense = [], start, math.copysign(1.0, last - begin)
+    for step in range(steps + 1):
+        place = other if step == steps else first + math.copysign(step * across, other - first)
+        ends = [(point(begin, place), True)]
+        for number in range(1, pecks + 1):
+            depth = last if number == pecks else begin + sense * number * peck
+            ends += [(point(depth, place), False), (point(depth - sense * min(back, peck), place), True)]
+        ends[-1] = point(begin, place), True
+        made.append([*joined(here, *ends, *([(start, True)] if step == steps else []))])
+        here = ends[-1][0]
+    return made
 
 
 def repeated_passes(contour: Sequence[Path], start: Point, allowance: Point, most: Point, count: int) -> list[list[Path]]:

@@ -22,6 +22,7 @@ class Path:
     centre: Point | None = None
     clockwise: bool = False  # seen with Z to the right and X upwards
     rapid: bool = False
+    line: int = 0  # line of the block of a contour
 
     @property
     def length(self) -> float:

@@ -6,7 +6,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from turning_nc.adapt import Section
+from turning_nc.adapt import Change, Section
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
 from turning_nc.stock import volume
 
@@ -89,6 +89,22 @@ def comparison(before: Summary, after: Summary) -> list[str]:
         f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after",
         f"tool life per part: {lives[0]:.2f} % before, {lives[1]:.2f} % after",
     ]
+
+
+def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
+    """Return changed words as text; with a nose radius [mm], also the theoretical roughness Rt = feed^2 / (8 nose radius)."""
+    lines = []
+    for change in changed:
+        roughness = ""
+        if change.feeds and nose_radius:
+            depths = [f"{1000.0 * feed**2 / (8.0 * nose_radius):.1f}" for feed in change.feeds]
+            roughness = f" (theoretical roughness Rt {' -> '.join(depths)} um)"
+        lines.append(f"  line {change.line}: {change.before or 'new word'} -> {change.after}{roughness}")
+    highest = max((change.feeds[1] for change in changed if change.feeds and change.feeds[1] > change.feeds[0]), default=0.0)
+    if highest and not nose_radius:
+        needed = f"a nose radius of {2.0 * highest:.2g} mm or more"
+        lines.append(f"  feeds up to {highest:.3g} mm/rev need {needed}: set that of your inserts, --nose-radius")
+    return lines
 
 
 def rows(situation: Situation, played: Play) -> list[BlockRow]:

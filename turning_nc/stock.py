@@ -27,38 +27,81 @@ Values = NDArray[np.float64]
 
 MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
-COLLISION = 0.5  # area that a rapid move may sweep in metal without a note [mm2]
+CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
+COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
+GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
+DRILL = "drill"
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 
-def _insert(first: float, second: float) -> tuple[Point, ...]:
+def _insert(first: float, second: float, *, left: bool = False, inside: bool = False) -> Values:
     """Return the corners of an insert with its tip at the origin; angles of its edges from the Z axis [degrees]."""
     a, b = ((_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle))) for angle in (first, second))
-    return (0.0, 0.0), a, shifted(a, b), b
+    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (-1.0 if left else 1.0, -1.0 if inside else 1.0)
 
 
-TOOLS: dict[str, tuple[Point, ...]] = {
+TOOLS: dict[str, Values] = {
     "outside": _insert(5.0, 85.0),
-    "inside": _insert(-5.0, -85.0),
+    "inside": _insert(5.0, 85.0, inside=True),
+    "left": _insert(5.0, 85.0, left=True),
+    "left-inside": _insert(5.0, 85.0, left=True, inside=True),
     "copying": _insert(52.0, 87.0),
+    "copying-inside": _insert(52.0, 87.0, inside=True),
+    "copying-left": _insert(52.0, 87.0, left=True),
+    "neutral": _insert(72.5, 107.5),
+    "neutral-inside": _insert(72.5, 107.5, inside=True),
 }
-"""Inserts by the kind of work: corners of 80 degrees for turning towards the chuck and facing; 35 degrees for copying."""
+"""Inserts by the kind of work: corners of 80 degrees for turning and facing, of 35 degrees for copying. A right-hand tool turns
+towards the chuck, a left-hand tool away from it, and a neutral one both ways."""
 DEFAULT_TOOL = "outside"
+_SLIM = {
+    "outside": _insert(52.0, 85.0),
+    "inside": _insert(52.0, 85.0, inside=True),
+    "left": _insert(52.0, 85.0, left=True),
+    "left-inside": _insert(52.0, 85.0, left=True, inside=True),
+}
+"""Inserts as by ``TOOLS``, with the back of a copying insert."""
 
 
-def tool_shape(kind: str) -> tuple[Point, ...]:
-    """Return the corners of a tool: a name of ``TOOLS``, or ``groove:WIDTH`` with its left corner as tip [mm].
+def tool_shape(kind: str) -> Values | None:
+    """Return the corners of a tool; None if it removes nothing, as a drill without a diameter.
+
+    A tool is a name of ``TOOLS``, ``groove:WIDTH`` with its left corner as tip, or ``drill:DIAMETER`` [mm].
 
     Raises:
         NcError: there is no such kind.
     """
     if kind in TOOLS:
         return TOOLS[kind]
-    match = re.fullmatch(r"groove:(\d+\.?\d*)", kind)
-    if match is None or not 0.0 < float(match[1]) <= 100.0:
-        raise NcError(f"{kind!r} is no kind of tool: {', '.join(TOOLS)}, or groove:WIDTH with a width above 0 and up to 100 mm")
-    width = float(match[1])
-    return (0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE)
+    if kind == DRILL:
+        return None
+    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)", kind)
+    if match is None or not 0.0 < float(match[2]) <= 500.0:
+        kinds = f"{', '.join(TOOLS)}, groove:WIDTH or drill:DIAMETER, above 0 and up to 500 mm"
+        raise NcError(f"{kind!r} is no kind of tool: {kinds}")
+    width = float(match[2])
+    if match[1] == "drill":  # with a flat end
+        return np.array(((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0)))
+    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE)))
+
+
+def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
+    """Return the kinds of all tools: as given; a drill, if it cuts along the axis alone; inside, if it turns cycles inside.
+
+    Raises:
+        NcError: a given tool is not in the program.
+    """
+    known = list(dict.fromkeys(move.tool for move in moves.moves))
+    for name in given:
+        if name not in known:
+            raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
+    kinds = {}
+    for tool in known:
+        cuts = [move for move in moves.moves if move.tool == tool and move.kind == "feed"]
+        on_axis = cuts and all(max(abs(move.path.start[1]), abs(move.path.end[1])) < 1e-6 for move in cuts)
+        sides = {moves.sides[move.line].name for move in cuts if move.line in moves.sides and move.cycle_pass}
+        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if sides == {"inside"} else DEFAULT_TOOL)
+    return kinds
 
 
 def read_stock(text: str) -> Any:
@@ -125,7 +168,10 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     for entity in drawing.modelspace():
         if entity.dxftype() not in kinds:
             raise NcError(f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}")
-        lines.append([(units * p.x, units * p.y) for p in ezdxf.path.make_path(entity).flattening(0.005)])
+        points = [(units * p.x, units * p.y) for p in ezdxf.path.make_path(entity).flattening(0.005)]
+        if not np.isfinite(points).all():
+            raise NcError(f"{path}: {entity} has a coordinate that is not a finite number")
+        lines.append(points)
     return lines
 
 
@@ -146,14 +192,25 @@ def _closed(lines: Sequence[Sequence[Point]], path: Path) -> Any:
     return area
 
 
-def guessed_stock(moves: Moves) -> tuple[Any, str]:
-    """Return a bar that all feed moves lie in, and the words that name it."""
-    z, x = np.array([point for move in moves.moves if move.kind == "feed" for point in (move.path.start, move.path.end)]).T
-    face = float(z[x < 1e-6].max(initial=0.0))  # of the bar, if the tool goes to its axis
+def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str]:
+    """Return a bar that all feed moves lie in, or a tube if cycles turn inside a hole of no known drill; and its name.
+
+    A cut that begins beyond the metal is taken to begin ``CLEARANCE`` from it.
+    """
+    kinds = kinds_of(moves, tools)
+    fed = [move for move in moves.moves if move.kind in ("feed", "thread")]
+    feeds = [move.path for move in fed if kinds[move.tool] != DRILL] or [move.path for move in fed]
+    z, x = np.array([point for path in feeds for point in (path.start, path.end)]).T
+    face = float(z[x < 1e-6].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
+    x = abs(x)
     length = 10.0 - float(min(z.min(), -1.0))
-    radius = float(max(x[z < 0.0].max() if (z < 0.0).any() else x.max(), 1.0))
-    name = f"bar:{2.0 * radius:g}x{length:g}" + (f"+{face:g}" if face else "")
-    return shapely.box(-length, 0.0, face, radius), name
+    radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
+    bores = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
+    drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
+    bore = min(bores, default=0.0) if not drilled else 0.0
+    bore = bore if bore < radius else 0.0
+    name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}" if bore else f"bar:{2.0 * radius:g}x{length:g}"
+    return shapely.box(-length, bore, face, radius), name + (f"+{face:g}" if face else "")
 
 
 @dataclass(frozen=True)
@@ -177,6 +234,8 @@ class Removal:
     stock: Any  # the polygon before the first move
     part: Any  # the polygon after the last move
     tools: Mapping[str, str]  # kinds of the tools
+    rapids: Mapping[int, float]  # largest area of metal that a rapid move sweeps, by lines [mm2]
+    gouged: Mapping[int, float]  # area of the part that the back of an insert takes, by lines [mm2]
     notes: tuple[str, ...]
 
 
@@ -188,34 +247,43 @@ def volume(polygon: Any) -> float:
 def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     """Return the metal that a program's tools remove from a stock (a polygon), slice by slice.
 
-    ``tools`` holds kinds of tools by their words, such as ``{"T0303": "inside"}``; all others turn outside.
+    ``tools`` holds kinds of tools by their words, such as ``{"T0303": "inside"}``; for all others see ``kinds_of``.
 
     Raises:
-        NcError: a kind is unknown, or a tool is not in the program.
+        NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which the stock has no metal.
     """
-    known = list(dict.fromkeys(move.tool for move in moves.moves))
-    for name in tools:
-        if name not in known:
-            raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
-    shapes = {name: np.array(tool_shape(tools.get(name, DEFAULT_TOOL))) for name in known}
+    kinds = kinds_of(moves, tools)
+    shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
+    beyond = [name for name in kinds if _works_beyond_the_axis(moves, name)]
     rows: list[Values] = []
-    notes = []
-    left = stock
+    rapids: dict[int, float] = {}
+    taken: list[tuple[int, Any]] = []  # metal of every move, with its line
+    left = slim = stock
+    checked: set[int] = set()
     threading = {move.tool for move in moves.moves if move.kind == "thread"}  # the metal that they cut is not computed
     for index, move in enumerate(moves.moves):
+        if move.cycle_pass and move.line not in checked:
+            checked.add(move.line)
+            _check_side(moves, move.line, left)
+        shape, mirror = shapes[move.tool], -1.0 if move.tool in beyond else 1.0
         for start, end in itertools.pairwise((move.path.start, *move.path.points())):
             length = max(math.dist(start, end), 1e-9)
             count = min(math.ceil(length / SLICE), MAX_SLICES) if move.kind == "feed" else 1
             shares = np.arange(1, count + 1) / count
             areas = moments = np.zeros(count)
-            if move.kind in ("feed", "rapid"):
-                areas, moments, swept = _swept(left, shapes[move.tool], start, end, shares)
-            if move.kind == "feed" and areas[-1] > 0.0:
-                left = shapely.difference(left, swept)
-            if move.kind == "rapid":
-                if areas[-1] > COLLISION and move.tool not in threading:
-                    notes.append(f"line {move.line}: a rapid move sweeps {areas[-1]:.2f} mm2 of metal")
-                areas = moments = np.zeros(count)
+            if move.kind in ("feed", "rapid") and shape is not None:
+                ends_of_path = (start[0], mirror * start[1]), (end[0], mirror * end[1])
+                areas, moments, metal, swept = _swept(left, shape, *ends_of_path, shares)
+                if move.kind == "feed" and areas[-1] > 0.0:
+                    left = shapely.difference(left, swept)
+                    if kinds[move.tool] in _SLIM:
+                        taken.append((move.line, metal))
+                        swept = _hull(_SLIM[kinds[move.tool]], *ends_of_path)
+                    slim = shapely.difference(slim, swept)
+                elif move.kind == "rapid":
+                    if areas[-1] > COLLISION and move.tool not in threading:
+                        rapids[move.line] = max(rapids.get(move.line, 0.0), float(areas[-1]))
+                    areas = moments = np.zeros(count)
             cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
             middles = start[1] + (shares - 0.5 / count) * (end[1] - start[1])
             ends = np.add(start, shares[:, np.newaxis] * np.subtract(end, start))
@@ -225,25 +293,64 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     table = np.concatenate(rows)
     lengths, radii, depths, volumes = np.maximum(table[:, 1:5], 0.0).T
     slices = Slices(table[:, 0].astype(np.int64), lengths, radii, depths, volumes, table[:, 5:7], table[:, 7:9])
-    kinds = {name: tools.get(name, DEFAULT_TOOL) for name in known}
-    return Removal(slices, stock, left, kinds, tuple(dict.fromkeys(notes)))
+    notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in beyond]
+    notes += [
+        f"tool {name} cuts along the axis alone and is taken as a drill that removes nothing: set --tool {name}=drill:DIAMETER"
+        for name, kind in kinds.items()
+        if kind == DRILL
+    ]
+    return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
 
 
-def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) -> tuple[Values, Values, Any]:
-    """Return area and first moment of the stock swept up to each share of a straight move, and the whole swept polygon."""
-    shift = np.subtract(end, start)
+def _works_beyond_the_axis(moves: Moves, tool: str) -> bool:
+    feeds = [move.path for move in moves.moves if move.tool == tool and move.kind == "feed"]
+    x = [point[1] for path in feeds for point in (path.start, path.end)]
+    return bool(x) and max(x) < -0.2 * min(x)
+
+
+def _check_side(moves: Moves, line: int, left: Any) -> None:
+    """Check that a cycle turns metal, and that there is a hole if it turns inside."""
+    side = moves.sides.get(line)
+    if side is None or side.facing:
+        return
+    outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
+    within, beyond = (
+        shapely.intersection(left, shapely.box(low, *ends)).area for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
+    )
+    if within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low):
+        found = "metal beyond it alone" if outside else "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
+        other = "inside" if outside else "outside"
+        begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
+        raise NcError(f"{begin}, but the stock has {found}; or set --side {line}={other}")
+
+
+def _gouged(taken: Sequence[tuple[int, Any]], lost: Any) -> dict[int, float]:
+    """Return the areas by lines of what is lost of the part, against a copying insert that follows the same path."""
+    areas: dict[int, float] = {}
+    if lost.area > GOUGE:
+        for line, metal in taken:
+            areas[line] = areas.get(line, 0.0) + float(shapely.intersection(metal, lost).area)
+    return {line: area for line, area in areas.items() if area > COLLISION}
+
+
+def _hull(shape: Values, start: Point, end: Point) -> Any:
+    return shapely.convex_hull(shapely.multipoints(shapely.points(np.concatenate((shape + start, shape + end)))))
+
+
+def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) -> tuple[Values, Values, Any, Any]:
+    """Return area and first moment of the metal swept up to each share of a straight move; all of it; and the swept polygon."""
     corners = shape + start
-    ends = corners + shares[:, np.newaxis, np.newaxis] * shift
-    both = np.concatenate((np.broadcast_to(corners, ends.shape), ends), axis=1)
-    whole = shapely.convex_hull(shapely.multipoints(shapely.points(both[-1])))
+    ends = corners + shares[:, np.newaxis, np.newaxis] * np.subtract(end, start)
+    whole = _hull(shape, start, end)
     near = shapely.intersection(stock, whole)
     if near.area < 1e-9:
-        return np.zeros(len(shares)), np.zeros(len(shares)), whole
+        return np.zeros(len(shares)), np.zeros(len(shares)), near, whole
     if len(shares) == 1:
         cut = np.array([near])
     else:
+        both = np.concatenate((np.broadcast_to(corners, ends.shape), ends), axis=1)
         cut = shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
     areas = shapely.area(cut)
     moments = np.zeros(len(shares))
     moments[areas > 0.0] = areas[areas > 0.0] * shapely.get_y(shapely.centroid(cut[areas > 0.0]))
-    return areas, moments, whole
+    return areas, moments, near, whole

@@ -6,16 +6,20 @@ Every word keeps its place in the text, so that a program can be written back wi
 import os
 import re
 import string
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from turning_env.console import Mistake
-from turning_nc.dialects import NUMBER, Dialect, dialect_of
+from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign
 from turning_nc.expression import parse
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
+MAX_LISTED = 5  # largest number of lines that a note lists
+_MARK = re.compile("^(?:\u00ef\u00bb\u00bf|\ufeff)")  # of the byte order, as Latin 1 and as it is
+_SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")  # / or /1 to /9 before a block that a switch of the control skips
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 """Translation of ASCII letters to capitals. Other letters may become two, which would shift places."""
 
@@ -37,7 +41,32 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 class Problem(ValueError):
-    """A block that is not understood."""
+    """A block that is not understood: the present one, or that of another line."""
+
+    def __init__(self, text: str, line: int | None = None) -> None:
+        super().__init__(text)
+        self.line = line
+
+
+def at_lines(numbers: Iterable[int]) -> str:
+    """Return numbers of lines as text, the first ones of many."""
+    listed = sorted(set(numbers))
+    shown = ", ".join(map(str, listed[:MAX_LISTED])) + f", ... ({len(listed)} lines)" * (len(listed) > MAX_LISTED)
+    return f"line{'s' * (len(listed) > 1)} {shown}"
+
+
+def evaluated(expression: str, variables: Mapping[str, float]) -> float:
+    """Return the value of an expression while the program runs.
+
+    Raises:
+        Problem: a variable has no value, or the expression is not understood.
+    """
+    try:
+        return parse(expression).value(variables)
+    except KeyError as error:
+        raise Problem(f"the variable {error.args[0]} has no value") from None
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise Problem(f"{expression!r} is not understood: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -58,19 +87,10 @@ class Word:
         return self.address[0] in "#R" and self.address[1:].isdigit()
 
     def with_value(self, variables: Mapping[str, float]) -> "Word":
-        """Return the word with the value of its expression.
-
-        Raises:
-            Problem: a variable has no value, or the expression is not understood.
-        """
+        """Return the word with the value of its expression; see ``evaluated``."""
         if not self.expression:
             return self
-        try:
-            value = parse(self.expression).value(variables)
-        except KeyError as error:
-            raise Problem(f"the variable {error.args[0]} has no value") from None
-        except (ValueError, ZeroDivisionError) as error:
-            raise Problem(f"{self.expression!r} is not understood: {error}") from None
+        value = evaluated(self.expression, variables)
         return replace(self, value=value, text=f"{value:.6f}")
 
 
@@ -83,6 +103,12 @@ class Line:
     words: tuple[Word, ...]
     end: int  # place in the program's text after the last word
     unknown: str = ""  # the rest that is no word
+    flow: Mapping[str, str | None] | None = None  # jump, loop or condition: groups of the dialect's ``flow``
+
+    @cached_property
+    def codes(self) -> set[float]:
+        """G functions of the line as they are written."""
+        return {word.value for word in self.words if word.address == "G" and word.value is not None}
 
     def first(self, *addresses: str) -> Word | None:
         """Return the first word with one of the addresses."""
@@ -120,10 +146,11 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
         NcError: see ``divide``; names the file.
         OSError: the file cannot be read.
     """
-    data = path.read_bytes()
+    with path.open("rb") as file:  # which may have no end
+        data = file.read(MAX_BYTES + 1)
     with naming(path):
         if len(data) > MAX_BYTES:
-            raise NcError(f"has {len(data)} bytes, but {MAX_BYTES} at most are read")
+            raise NcError(f"has more than {MAX_BYTES} bytes, which are the most that are read")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
         return divide(data.decode("latin-1"), dialect)  # every byte is a character, and is written unchanged
@@ -133,10 +160,12 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     """Return the lines, words and sub-programs of a text, by default in the dialect that its own words show.
 
     Raises:
-        NcError: the text holds no words, is too long, or defines a sub-program twice.
+        NcError: the text holds no words, is too long, defines a sub-program twice, or is of a control that is not read.
     """
+    if dialect is None and (sign := foreign_sign(text)) and "EIA" not in sign[0]:
+        raise NcError(f"{sign[1]}, which is not read; --dialect fanuc tries to read it as Fanuc")
     dialect = dialect or dialect_of(text)
-    raw = text.split("\n")
+    raw = _MARK.sub(lambda mark: " " * len(mark[0]), text).split("\n")
     if len(raw) > MAX_LINES:
         raise NcError(f"has {len(raw)} lines, but {MAX_LINES} at most are read")
     parts: dict[str, list[Line]] = {"": []}
@@ -153,7 +182,7 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
                     raise NcError(f"line {number}: {stripped!r} is defined twice, first in line {defined_at[found]}")
                 name, parts[found], defined_at[found] = found, [], number
             code = code.replace(header[0], " " * len(header[0]), 1) if dialect.name == "fanuc" else ""
-        if code.strip() not in ("", "%"):
+        if code.strip():
             parts[name].append(_line(number, code, offset, dialect))
         offset += len(whole) + 1
     filled = {key: tuple(lines) for key, lines in parts.items() if lines}
@@ -171,12 +200,19 @@ def _without_comments(line: str, dialect: Dialect) -> str:
 def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
     words: list[Word] = []
     end = len(code.rstrip())
-    place = len(code) - len(code.lstrip(" /"))
-    while place < end and (match := dialect.word.match(code, place)):
-        words.append(_word(match, offset))
-        place = match.end()
+    skip = _SKIP.match(code)
+    place = skip.end() if skip else 0
+    flow = None
+    while place < end:
+        if flow is None and (found := dialect.flow.fullmatch(code, place, end)):
+            flow, place = found.groupdict(), found.start("then") if found["then"] else end
+        elif match := dialect.word.match(code, place):
+            words.append(_word(match, offset))
+            place = match.end()
+        else:
+            break
         place += len(code) - place - len(code[place:].lstrip())
-    return Line(number, code.strip(), tuple(words), offset + end, code[place:].strip())
+    return Line(number, code.strip(), tuple(words), offset + end, code[place:].strip(), flow)
 
 
 def _word(match: re.Match[str], offset: int) -> Word:

@@ -14,7 +14,7 @@ import shapely
 from examples.adapt_programs import COLLECTION, path_of
 from tests.turning_nc.linuxcnc import INSTALLED, canonical
 from turning_nc.dialects import FANUC, SINUMERIK
-from turning_nc.moves import Moves, run
+from turning_nc.moves import Moves, Reading, run
 from turning_nc.stock import read_stock, remove
 from turning_nc.words import NcError, divide
 
@@ -81,10 +81,10 @@ def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: st
         (ISO, "F0.25", "F-0.25", 7, "negative"),
         (ISO, "G1 Z-20.", "G1 G2 Z-20.", 7, "exclude"),
         (ISO, "G1 Z-20.", "G76 Z-20.", 7, "two blocks"),
-        (ISO, "G1 Z-20.", "G83 Z-20.", 7, "G83"),
+        (ISO, "G1 Z-20.", "G87 Z-20.", 7, "G87"),
         (ISO, "G1 Z-20.", "G1 Z-20. R2.", 7, "write ,R"),
         (ISO, "G1 Z-20.", "G1 Z-20. K2.", 7, "K2. has no meaning"),
-        (ISO, "G1 Z-20.", "G90 Z-20.", 7, "cycle on some controls"),
+        (ISO, "G1 Z-20.", "G94\nG90 Z-20.", 8, "cycle on some controls"),
         (ISO, "G1 Z-20.", "G1 Z-20. C45.", 7, "address C"),
         (ISO, "G1 Z-20.", "G1 Z#101", 7, "#101 has no value"),
         (ISO, "G1 Z-20.", "G1 Z[1./0.]", 7, "zero"),
@@ -98,7 +98,7 @@ def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: st
         (SIEMENS, '"KONTUR"', '"CONTOUR"', 5, "'CONTOUR' is not in this file"),
         (SIEMENS, '"KONTUR",2,', '"KONTUR",0,', 5, "above 0"),
         (SIEMENS, "0.15,9)", "0.15,13)", 5, "1 to 12"),
-        (SIEMENS, "N80 Z-20", "N80 X20 Z2", 5, "turns back"),
+        (SIEMENS, "N80 Z-20", "N80 X20 Z2", 10, "turns back"),
         (SIEMENS, "N50 L5", "N50 L6", 6, "L6"),
         (SIEMENS, "N50 L5", "N50 G1 X=R1", 6, "R1 has no value"),
         (SIEMENS, "N50 L5", "N50 IF R1==2 GOTOF END", 6, "IF"),
@@ -121,7 +121,7 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
     text = ISO.replace("N80 M98 P7", "N80 G76 X5.\nN81 G65 P2\nN82 M77")
     with pytest.raises(NcError, match=r"(?s)line 10: .*line 11: "):
         moves(text)
-    made = run(divide(text), go_on=True)
+    made = run(divide(text), Reading(go_on=True))
     assert [note.split(":")[0] for note in made.notes] == ["line 10", "line 11", "line 12"]
 
 
@@ -153,7 +153,7 @@ def test_damaged_programs_are_read_or_refused() -> None:
             place = rng.randrange(len(text))
             text = text[:place] + rng.choice(pieces) + text[place + rng.randrange(6) :]
         with contextlib.suppress(NcError):
-            run(divide(text), go_on=rng.random() < 0.5)
+            run(divide(text), Reading(go_on=rng.random() < 0.5))
 
 
 def test_the_same_word_means_what_its_dialect_says() -> None:
@@ -271,7 +271,7 @@ def test_pockets_are_cut_to_the_contour(text: str) -> None:
     rough = [k for k, move in enumerate(made.moves) if move.cycle_pass and move.kind == "feed"]
     cutting = removal.slices.depth[[slice_ in rough for slice_ in removal.slices.move]]
     assert cutting.max() < 4.5  # no pass takes more than its depth and a corner beside it
-    assert removal.notes == ()  # no rapid move through metal
+    assert removal.rapids == {}
 
 
 @pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")

@@ -53,7 +53,7 @@ def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> Non
 def test_removed_metal_is_the_difference_of_the_polygons(name: str) -> None:
     removal = situation_of(name).removal
     assert removal.slices.volume.sum() == pytest.approx(volume(removal.stock) - volume(removal.part), rel=1e-3)
-    assert removal.notes == ()
+    assert (removal.rapids, removal.gouged, removal.notes) == ({}, {}, ())
 
 
 @pytest.mark.parametrize("name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in COLLECTION])
@@ -165,8 +165,8 @@ def test_a_stock_is_a_drawing(tmp_path: Path) -> None:
 
 def test_unknown_tools_are_refused_and_a_rapid_move_through_metal_is_named() -> None:
     made = moves("G99 G97 S500 M3\nG0 X40. Z2.\nG0 Z-30.\nG1 Z-31. F0.2")
-    assert "line 3" in remove(made, read_stock("bar:50x60")).notes[0]
-    for name, kind in (("T9", "inside"), ("T0", "drill"), ("T0", "groove:0"), ("T0", "groove:x")):
+    assert list(remove(made, read_stock("bar:50x60")).rapids) == [3]
+    for name, kind in (("T9", "inside"), ("T0", "reamer"), ("T0", "groove:0"), ("T0", "groove:x")):
         with pytest.raises(NcError, match=r"T9|no kind of tool"):
             remove(made, guessed_stock(made)[0], {name: kind})
 
