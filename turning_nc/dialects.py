@@ -43,7 +43,7 @@ FANUC = Dialect(
         re.VERBOSE,
     ),
     # A comment may lack its end; [ begins a directive of a simulator, O and a name or <NAME> a program.
-    comment=re.compile(r"\([^()]*(?:\)|$)|;.*|^\s*(?:\[.*|O[A-Z]\w*(?=\s*(?:\(|$))|<\w+>)|[%\x1a]\s*$"),
+    comment=re.compile(r"\((?:[^()]|\([^()]*\))*(?:\)|$)|;.*|^\s*(?:\[.*|O[A-Z]\w*(?=\s*(?:\(|$))|<\w+>)|[%\x1a]\s*$"),
     sub_program=re.compile(r"[O:]\s*(\d{1,8})"),
     flow=re.compile(
         r"(?:(?P<word>IF|WHILE)\s*(?P<condition>\[.*\]))?\s*(?:(?P<jump>GOTO|DO|END)\s*(?P<target>\d+)|THEN\s*(?P<then>.+))"

@@ -166,7 +166,8 @@ class Control(Modal):
         if not true:
             return index + 1
         ahead, before = range(index + 1, len(lines)), range(index + 1)
-        for place in (*(ahead if jump != "GOTOB" else ()), *(before if jump != "GOTOF" else ())):
+        places: list[int] = [*(ahead if jump != "GOTOB" else ()), *(before if jump != "GOTOF" else ())]
+        for place in places:
             if lines[place].first(f"{target}:") or (self.fanuc and lines[place].number_of("N") == float(target or 0)):
                 return place
         raise Problem(f"the block {target} is not in this part of the program")

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
+from turning_nc.modal import HOME
 from turning_nc.moves import Moves
+from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
 from turning_nc.words import NcError
 
@@ -86,7 +88,7 @@ def tool_shape(kind: str) -> Values | None:
 
 
 def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the kinds of all tools: as given; a drill, if it cuts along the axis alone; inside, if it turns cycles inside.
+    """Return the kinds of all tools: as given; a drill, if it cuts along the axis alone; inside, if it returns nearer to the axis.
 
     Raises:
         NcError: a given tool is not in the program.
@@ -95,12 +97,23 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
     for name in given:
         if name not in known:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
+    feeds: dict[str, list[ToolPath]] = {tool: [] for tool in known}
+    votes = dict.fromkeys(known, 0.0)  # for outside
+    cut: ToolPath | None = None  # the last one along Z, while the tool has not returned
+    for move in moves.moves:
+        (z, x), (end, end_x) = move.path.start, move.path.end
+        if move.kind == "feed":
+            feeds[move.tool].append(move.path)
+            cut = move.path if abs(end - z) > max(5.0 * abs(end_x - x), 1.0) else cut
+            if move.cycle_pass and move.line in moves.sides:
+                votes[move.tool] += {"inside": -1e6, "outside": 1e6}.get(moves.sides[move.line].name, 0.0)
+        elif cut and abs(end - z) > 1.0:
+            votes[move.tool] += np.sign(round(abs(x) - abs(cut.end[1]), 6))  # it returns beside the metal
+            cut = None
     kinds = {}
-    for tool in known:
-        cuts = [move for move in moves.moves if move.tool == tool and move.kind == "feed"]
-        on_axis = cuts and all(max(abs(move.path.start[1]), abs(move.path.end[1])) < 1e-6 for move in cuts)
-        sides = {moves.sides[move.line].name for move in cuts if move.line in moves.sides and move.cycle_pass}
-        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if sides == {"inside"} else DEFAULT_TOOL)
+    for tool, paths in feeds.items():
+        on_axis = paths and max(abs(x) for path in paths for _, x in (path.start, path.end)) < 1e-6
+        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if votes[tool] < 0.0 else DEFAULT_TOOL)
     return kinds
 
 
@@ -199,16 +212,17 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     """
     kinds = kinds_of(moves, tools)
     fed = [move for move in moves.moves if move.kind in ("feed", "thread")]
-    feeds = [move.path for move in fed if kinds[move.tool] != DRILL] or [move.path for move in fed]
-    z, x = np.array([point for path in feeds for point in (path.start, path.end)]).T
+    turned = [move for move in fed if not kinds[move.tool].startswith(DRILL)] or fed
+    z, x = np.array([point for move in turned for point in (move.path.start, move.path.end)]).T
+    z, x = np.where((x == HOME[1]) & (z == HOME[0]), 0.0, (z, x))  # a feed from the reference point
+    inside = np.repeat([kinds[move.tool].endswith("inside") for move in turned], 2)
     face = float(z[x < 1e-6].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
     x = abs(x)
     length = 10.0 - float(min(z.min(), -1.0))
     radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
-    bores = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
     drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
-    bore = min(bores, default=0.0) if not drilled else 0.0
-    bore = bore if bore < radius else 0.0
+    starts = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
+    bore = 0.0 if drilled else min(starts or [float(x[inside & (z < 0.0)].min(initial=radius))]) % radius
     name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}" if bore else f"bar:{2.0 * radius:g}x{length:g}"
     return shapely.box(-length, bore, face, radius), name + (f"+{face:g}" if face else "")
 
@@ -299,6 +313,7 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         for name, kind in kinds.items()
         if kind == DRILL
     ]
+    notes += [f"tool {name} is taken as turning inside" for name, kind in kinds.items() if kind == "inside" and name not in tools]
     return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
 
 
