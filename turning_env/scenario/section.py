@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
@@ -63,3 +63,11 @@ class Section(BaseModel):
             if not low <= value <= high:
                 raise ValueError(f"{value} is outside the allowed range {low} to {high} {unit}")
         return value
+
+    @model_validator(mode="after")
+    def _ranges_open(self) -> Self:
+        for name in type(self).model_fields:
+            other = name.removesuffix("_min") + "_max"
+            if name.endswith("_min") and (low := getattr(self, name)) > (high := getattr(self, other)):
+                raise ValueError(f"{name} is {low}, but must not exceed {other}, which is {high}")
+        return self

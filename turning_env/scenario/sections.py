@@ -89,14 +89,6 @@ class Swarf(Section):
     chip_depth_min: float = quantity(1.0, 0, 50, "mm", "smallest depth of cut at which chips break (assumption)")
     chip_depth_max: float = quantity(7.0, 0, 50, "mm", "largest depth of cut at which chips break (assumption)")
 
-    @model_validator(mode="after")
-    def _window_open(self) -> Self:
-        for name in ("chip_feed", "chip_depth"):
-            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
-            if low > high:
-                raise ValueError(f"{name}_min is {low}, but must not exceed {name}_max, which is {high}")
-        return self
-
 
 class Machine(Section):
     """The lathe's ranges and drives."""
@@ -111,14 +103,6 @@ class Machine(Section):
     command_delay: float = quantity(0, 0, 60, "s", "dead time of the drives, at most 4 control intervals (of LinuxCNC)")
     rated_power: float = quantity(7.5, 0.001, 1e4, "kW", "spindle power at a load of 100 % (assumption)")
     return_time: float = quantity(0.1, 0, 1e3, "min", "time from the end of a pass to the start of the next (assumption)")
-
-    @model_validator(mode="after")
-    def _ranges_open(self) -> Self:
-        for name in ("cutting_speed", "feed"):
-            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
-            if not low < high:
-                raise ValueError(f"{name}_min is {low}, but must be below {name}_max, which is {high}")
-        return self
 
 
 class Spindle(Section):
@@ -240,12 +224,6 @@ class Surface(Section):
     reference_min: float = quantity(1.0, 1e-3, 1e5, "um", "lowest reference of Ra (roughness control paper, table 1)")
     reference_max: float = quantity(3.1, 1e-3, 1e5, "um", "highest reference of Ra (roughness control paper, table 1)")
     reference_time: float = quantity(3.75, 1e-3, 1e5, "s", "time between changes of the reference (assumption)")
-
-    @model_validator(mode="after")
-    def _references_ordered(self) -> Self:
-        if self.reference_min > self.reference_max:
-            raise ValueError(f"reference_min is {self.reference_min}, but must not exceed reference_max, {self.reference_max}")
-        return self
 
 
 class Sensors(Section):

@@ -58,7 +58,7 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[control]\nsub_steps = 1.5\n", ["control.sub_steps", "1.5"]),
         ("[control]\naction = 'steps'\n", ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"]),
         ("[material.wear]\nfeed = 0.1\n", ["material.wear.coefficient", "required"]),
-        ("[machine]\nfeed_min = 1\n", ["machine", "feed_min is 1.0", "below feed_max", "0.6"]),
+        ("[machine]\nfeed_min = 1\n", ["machine", "feed_min is 1.0", "not exceed feed_max", "0.6"]),
         ("[control]\ninitial_feed = 5\n", ["control.initial_feed is 5.0", "0.06 to 0.6"]),
         ("[control]\ninterval = 3600\ntime_limit = 1\n", ["time_limit is 1.0 min", "3600.0 s"]),
         ("[material.wear]\ncoefficient = 1\n", ["wear.time is 0.0", "above 0"]),
