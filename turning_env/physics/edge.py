@@ -10,8 +10,7 @@ If edges are changed, the time passes. Random properties of edges: see ``docs/mo
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.numerics.keyed_random import EDGE_CHANNEL, standard_normals
-from turning_env.physics.failure import draw_chipping_margin
+from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, EDGE_CHANNEL, exponential, standard_normals
 from turning_env.physics.spindle import cool_down
 from turning_env.physics.wear import log_wear
 
@@ -23,7 +22,7 @@ def fit_edge(state, i, p):
     state.log_wear_factor[i] = p.log_wear_mismatch[i] + p.wear_factor_spread[i] * edge_normal
     state.edge_strength[i] = p.edge_strength[i] * exp(p.edge_strength_spread[i] * strength_normal)
     if p.edges_chip:
-        draw_chipping_margin(state, i)
+        state.chipping_margin[i] = exponential(state, i, CHIPPING_CHANNEL, 0, state.edge[i])
     state.cutting_time[i] = 0.0
     state.used_life[i] = p.initial_used_life[i]
     state.nominal_used_life[i] = 0.0

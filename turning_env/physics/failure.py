@@ -14,7 +14,6 @@ drawn when the edge is fitted. So the result converges with shorter sub-steps. (
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp, log
-from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, exponential
 from turning_env.physics.machinability import log_response
 
 _MAX_EXPONENT = 300.0  # keeps the hazard finite at absurdly high forces
@@ -27,12 +26,6 @@ def collapse(state, work, i, p):
     log_temperature = log_response(p.temperature_law, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
     too_hot = log_temperature > p.log_collapse_temperature[i]
     work.broken[i] |= 1 if too_hot and work.engaged[i] > 0.0 else 0
-
-
-@compiled
-def draw_chipping_margin(state, i):
-    """Draw the hazard that the present edge bears."""
-    state.chipping_margin[i] = exponential(state, i, CHIPPING_CHANNEL, 0, state.edge[i])
 
 
 @compiled

@@ -13,19 +13,20 @@ import math
 
 from turning_env.numerics.compilation import compiled, compiled_separately, env_range
 from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
 from turning_env.physics.failure import chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
-from turning_env.physics.parts import end_passes, start_part, start_passes
+from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.swarf import clear_chips, start_swarf, tangle, use_up_margin
+from turning_env.physics.swarf import clear_chips, tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
@@ -50,7 +51,8 @@ def start_episode(state, work, report, i, p):
     state.edge[i] = 0
     fit_edge(state, i, p)
     if p.chips_tangle:
-        start_swarf(state, i)
+        state.tangles[i] = 0
+        state.tangle_margin[i] = exponential(state, i, TANGLE_CHANNEL, 0, 0)
     state.bar[i] = -1.0
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf
@@ -86,10 +88,17 @@ def run_step(state, work, report, actions, count, p):
     passes = prepare(state, work, actions, 0, count, p)
     for number in range(passes):
         if p.action == PART:
-            start_passes(state, work, report, actions, 0, count, p, number)
+            for i in range(count):
+                work.sub_steps_left[i] = 0  # where the part has fewer passes
+                if number < work.passes[i]:
+                    start_pass(state, work, report, i, p, actions[i], number)
         travel(state, work, report, count, p)
         if p.action == PART:
-            end_passes(state, work, report, 0, count, p, number)
+            for i in range(count):
+                if number < work.passes[i]:
+                    end_pass(state, work, report, i, p)
+                if number == work.passes[i] - 1:
+                    end_part(state, work, i, p)
         else:
             replace_failed_edges(state, work, report, 0, count, p)
     if p.chips_tangle:

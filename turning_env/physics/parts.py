@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled, env_range
+from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
@@ -23,15 +23,6 @@ def start_part(state, work, i, p, action):
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path[i]) * p.bar_pitch[i]
     work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
     work.pass_depth[i] = p.depth_of_cut[i] * (1.0 + clipped(action[1])) / work.passes[i]
-
-
-@compiled
-def start_passes(state, work, report, actions, first, last, p, number):
-    """Start a pass, 0 the first, in every environment whose part has that many; the others stand still."""
-    for i in env_range(first, last):
-        work.sub_steps_left[i] = 0
-        if number < work.passes[i]:
-            start_pass(state, work, report, i, p, actions[i], number)
 
 
 @compiled
@@ -52,16 +43,6 @@ def start_pass(state, work, report, i, p, action, number):
     work.engaged_before[i] = report.engaged_time[i]
     work.sub_step[i] = p.bar_pitch[i] / (speed * p.revolutions_per_metre[i] * feed) / p.sub_steps
     work.sub_steps_left[i] = p.sub_steps
-
-
-@compiled
-def end_passes(state, work, report, first, last, p, number):
-    """End a pass in every environment whose part has it, and the part after its last pass."""
-    for i in env_range(first, last):
-        if number < work.passes[i]:
-            end_pass(state, work, report, i, p)
-        if number == work.passes[i] - 1:
-            end_part(state, work, i, p)
 
 
 @compiled

@@ -14,13 +14,6 @@ ROUNDING = 1e-6
 
 
 @compiled
-def start_swarf(state, i):
-    """Start an episode without tangled chips."""
-    state.tangles[i] = 0
-    state.tangle_margin[i] = exponential(state, i, TANGLE_CHANNEL, 0, 0)
-
-
-@compiled
 def use_up_margin(state, work, i, p):
     """Use up the margin while cutting outside the window; return whether nothing is left."""
     breaks = (p.chip_feed_min[i] <= state.feed[i] * (1.0 + ROUNDING)) & (state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING))

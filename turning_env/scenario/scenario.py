@@ -128,7 +128,7 @@ class Scenario(Section):
             start = getattr(self.control, f"initial_{name}")
             low, high = getattr(self.machine, f"{name}_min"), getattr(self.machine, f"{name}_max")
             if not low <= start <= high or low == high:
-                raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high}, which must differ")
+                raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high} (not equal)")
         return self
 
     @model_validator(mode="after")
