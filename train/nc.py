@@ -21,7 +21,7 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.scoring.seeds import tuning_seeds
-from turning_nc import schedule, simulate
+from turning_nc import simulate
 from turning_nc.program import Program, read, read_file, write
 from turning_nc.simulate import Totals
 from turning_nc.words import NcError
@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     policy.add_argument("--rule", metavar="NAME", help=f"a controller: {', '.join(catalogue.RULES)}")
     added.add_argument("--bars", type=int, default=1, metavar="N", help="the first N bars of the seed (default: 1)")
     help_ = "largest relative difference of speeds and feeds that merge into one block (default: %(default)s)"
-    added.add_argument("--tolerance", type=float, default=schedule.TOLERANCE, metavar="SHARE", help=help_)
+    added.add_argument("--tolerance", type=float, default=simulate.TOLERANCE, metavar="SHARE", help=help_)
     help_ = "time for which a pair is kept (default: the scenario's control interval)"
     command(_table, "rough_turning").add_argument("--interval", type=float, metavar="MIN", help=help_)
     help_ = f"one of {', '.join(nc_programs.LAWS)}"

@@ -111,19 +111,10 @@ def schedule(
     for group in np.split(on, breaks) if len(on) else []:
         move, first = moves[slices.move[group[0]]], group[0]
         (z, x), (end, end_x) = slices.start[first].tolist(), slices.end[group[-1]].tolist()
-        sections.append(
-            Section(
-                line=move.line,
-                cycle_pass=move.cycle_pass,
-                tool=move.tool,
-                z=(z, end),
-                diameter=(2.0 * x, 2.0 * end_x),
-                depth=float(slices.depth[group].max()),
-                feed=float(played.feed[first]),
-                override=float(played.feed[first] / search.before.feed[first]),
-                cutting_speed=float(played.cutting_speed[group].max()),
-            )
-        )
+        feed, depth, speed = (float(values[group].max()) for values in (played.feed, slices.depth, played.cutting_speed))
+        override = feed / float(search.before.feed[first])
+        ends = (z, end), (2.0 * x, 2.0 * end_x)
+        sections.append(Section(move.line, move.cycle_pass, move.tool, *ends, depth, feed, override, speed))
     return sections, played
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ def program(options: argparse.Namespace) -> int:
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
     """
-    from turning_nc import adapt, cutting, moves, report, stock, warnings
+    from turning_nc import adapt, cutting, moves, report, stock
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
@@ -45,21 +46,17 @@ def program(options: argparse.Namespace) -> int:
         run = moves.run(text, moves.Reading(options.go_on, options.unit, dict(options.side or ())))
     tools = dict(options.tool or ())
     notes = list(run.notes)
-    if options.stock:
-        polygon = stock.read_stock(options.stock)
-    else:
-        polygon, name = stock.guessed_stock(run, tools)
-        notes.append(f"no --stock is given: {name} is taken")
+    polygon, guessed = (stock.read_stock(options.stock), "") if options.stock else stock.guessed_stock(run, tools)
+    notes += [f"no --stock is given: {guessed} is taken"] if guessed else []
     with naming(options.program):
         removal = stock.remove(run, polygon, tools)
     notes += removal.notes
-    nose = options.nose_radius or math.inf
-    max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * nose)
+    max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * (options.nose_radius or math.inf))
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
     situation = cutting.Situation(scenario, machine, run, removal)
     played = cutting.play(situation, wear)
-    notes += warnings.extrapolated(situation, played)
-    implausible = warnings.warnings(situation, played)
+    notes += report.extrapolated(situation, played)
+    implausible = report.implausible(situation, played)
     if implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())
         raise NcError(f"{options.program}: nothing is adapted, because the program is implausible; --force adapts it:{listed}")
@@ -72,6 +69,7 @@ def program(options: argparse.Namespace) -> int:
     elif options.adapt:
         adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing)
         after = report.summary(adapted.situation, adapted.played)
+        notes += [f"adapted, {note}" for note in report.extrapolated(adapted.situation, adapted.played)]
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
     if options.out:
@@ -152,14 +150,13 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
 
 
 def _tool(text: str) -> tuple[str, str]:
-    name, equals, kind = text.partition("=")
-    if not (name and equals and kind):
+    name, _, kind = text.partition("=")
+    if not (name and kind):
         raise argparse.ArgumentTypeError(f"{text!r} must be NAME=KIND, such as T0303=inside")
     return name.upper(), kind
 
 
 def _side(text: str) -> tuple[int, str]:
-    line, _, side = text.partition("=")
-    if not line.isdigit() or side not in ("outside", "inside"):
+    if not re.fullmatch(r"\d+=(outside|inside)", text):
         raise argparse.ArgumentTypeError(f"{text!r} must be LINE=outside or LINE=inside, such as 12=inside")
-    return int(line), side
+    return int(text.partition("=")[0]), text.partition("=")[2]

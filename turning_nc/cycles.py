@@ -105,9 +105,6 @@ def _side(control: "Control", contour: Sequence[Path], allowance: Point, facing:
 
     It is that which the caller gives, that of the kind of machining, or that on which a control starts: it goes from the start
     point to the first point of the contour.
-
-    Raises:
-        Problem: the allowance has the sign of the other side.
     """
     axis, start, line, first = (0 if facing else 1), control.here, control.line.number, contour[0].start
     heights = [first[axis], *(path.end[axis] for path in contour)]
@@ -183,7 +180,7 @@ def _fanuc_thread(control: "Control", line: Line, code: int) -> None:
 def _pecking(control: "Control", line: Line, code: int) -> None:
     """Run G74 along Z, or G75 along X: pecks to the end, again at steps across; I and K may stand for P and Q."""
     if not line.first("X", "Z", "U", "W"):
-        control.cycle.pecking = control.length(line.first("R"))
+        control.cycle.pecking = control.length(line.first("R"), steps=True)
         return
     words = line.first("P", "I"), line.first("Q", "K")  # along X and Z
     x, z = (abs(control.length(word, steps=word is not None and word.address in "PQ")) for word in words)
@@ -278,7 +275,7 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     both = number(4)
     allowance = (number(2) + both) * control.length_scale, side * (number(3) + both) * control.length_scale
     head, end = contour[0].start, contour[-1].end
-    farthest = max((path.end for path in contour), key=lambda point: point[0] if facing else side * point[1])
+    farthest = max((head, *(path.end for path in contour)), key=lambda point: point[0] if facing else side * point[1])
     start = shifted((farthest[0], head[1]) if facing else (head[0], farthest[1]), allowance)
     start = start[0] + away, start[1] + side * away
     kept = control.feed

@@ -89,16 +89,15 @@ class ToolPath:
         lengths, depths, limits = _merged(self.lengths, depth, limits)
         cut = depths > 0.0
         removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
-        workpiece = {
+        workpiece: dict[str, Any] = {
             "bars": parts,
             "bar_length": float(lengths.sum()),
             "approach": 0.0,
             "diameter": self.diameter,
-            "depth_of_cut": float(np.average(depths[cut], weights=lengths[cut])),
-            "depth_profile": tuple(depths.tolist()),
-            "section_lengths": tuple(lengths.tolist()),
-            "section_speeds": tuple(limits.tolist()),
         }
+        workpiece |= {"depth_of_cut": float(np.average(depths[cut], weights=lengths[cut]))}
+        profile = {"depth_profile": depths, "section_lengths": lengths, "section_speeds": limits}
+        workpiece |= {name: tuple(values.tolist()) for name, values in profile.items()}
         job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}
         changes = {"workpiece": workpiece, "control": job, "economics": {"reference_removal_rate": float(removal_rate)}}
         sections = {name: getattr(base, name) for name in changes}
@@ -173,11 +172,6 @@ class ProgramEnv(RoughTurningEnv):
     Those of `ToolPath`:
 
         gymnasium.make("turning_env:RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
-
-    ## Version history
-
-    * v1: an episode turns a number of parts and changes edges, and metal is worth its programmed time.
-    * v0: initial version. An episode was the life of one edge, so a policy that wore it out sooner could earn more.
     """
 
     def __init__(self, program: str | os.PathLike[str], render_mode: str | None = None, **arguments: Any) -> None:

@@ -56,11 +56,7 @@ class Law:
             self.add(line)
 
     def add(self, line: str) -> None:
-        """Add a block.
-
-        Raises:
-            Problem: the block is not of the subset, or uses what is not defined before it.
-        """
+        """Add a block."""
         if match := _FIRST_VALUE.fullmatch(line):
             self.first_values[match[1]] = float(match[2])
         elif match := _POLYNOMIAL.fullmatch(line):

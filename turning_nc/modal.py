@@ -69,8 +69,10 @@ class Modal:
         sizes = [word for line in cycles for word in line.words if word.address in {*"UWRDIK"}]
         whole = [abs(word.value or 0.0) for word in sizes if "." not in word.text]
         self.counts_steps = all("." in word.text for word in lengths) and max(whole, default=0.0) >= MIN_STEPS
-        if self.fanuc and (sign := foreign_sign(self.program.text)):
-            self.note(f"{sign[1]}; the program is read as Fanuc's, with Fanuc's cycles")
+        sign = foreign_sign(self.program.text) if self.fanuc else None
+        self.tried = f" ({sign[1]}; it is read as Fanuc's, with Fanuc's cycles)" if sign else ""
+        if self.tried:
+            self.note(self.tried.strip(" ()"))
 
     @property
     def here(self) -> Point:
@@ -82,11 +84,7 @@ class Modal:
         self.notes.setdefault(text, []).append(self.line.number)
 
     def box_cycle(self, codes: set[float], line: Line) -> int | None:
-        """Return G90, G92 or G94 if the block runs it as a cycle of G code system A.
-
-        Raises:
-            Problem: the program is not of system A, but such a word stands with coordinates alone.
-        """
+        """Return G90, G92 or G94 if the block runs it as a cycle of G code system A."""
         others = {0, 1, 2, 3, 28, 30, 32, 33, 53} | self.dialect.cycles
         if codes & others or not (self.fanuc and line.first(*_COORDINATES)):
             return None

@@ -90,7 +90,7 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
     if control.problems and not reading.go_on:
         listed = [f"line {line}: {reason}" for line, reason in sorted(control.problems.items())]
         more = [f"and {len(listed) - MAX_NAMED} more lines"] if len(listed) > MAX_NAMED else []
-        raise NcError("not understood:\n  " + "\n  ".join(listed[:MAX_NAMED] + more))
+        raise NcError(f"not understood{control.tried}:\n  " + "\n  ".join(listed[:MAX_NAMED] + more))
     if not any(move.kind in ("feed", "thread") for move in control.moves):
         raise NcError("the program has no feed move, such as G1")
     for line, reason in control.problems.items():
@@ -250,13 +250,15 @@ class Control(Modal):
                 used |= {*"PQDRIK"} if codes & {73, 74, 75, 76, 81, 82, 83, 84} else {*"PQDR"}
             elif motion in (90, 92, 94):
                 used = {"R"}
+            if 76 in codes or sum(word.address in ("X", "Z", "U", "W") for word in words) == 1:
+                used |= {"A"}
             calls = any(word.address == "M" and word.value == 98 for word in words)
             used |= {*"PL"} if calls else {"P"} if codes & {4, 30} else {"D"} if 96 in codes else set()
         else:
             calls = any(word.address == "L" or word.address in self.program.parts for word in words)
             used |= {*"DLP"} if calls else {*"DL"}
         for word in words:
-            if word.address in {*"IKRPQDL", "CR"} - used and word.value is not None:
+            if word.address in {*"IKRPQDLA", "CR"} - used and word.value is not None:
                 corner = "; write ,R for a radius between moves" if word.address == "R" else ""
                 raise Problem(f"{word.address}{word.text} has no meaning in this block{corner}")
 
@@ -401,10 +403,8 @@ class Control(Modal):
             digits = word.text.split(".")[0]
             if not digits.isdigit():
                 raise Problem(f"P{word.text} is no sub-program")
-            if len(digits) > 4:
-                self._call(str(int(digits[-4:])), int(digits[:-4]))
-            else:
-                self._call(str(int(digits)), line.number_of("L"))
+            times = int(digits[:-4]) if len(digits) > 4 else line.number_of("L")
+            self._call(str(int(digits[-4:] if len(digits) > 4 else digits)), times)
         elif not self.fanuc:
             for word in words:
                 name = f"L{word.text}" if word.address == "L" else word.address
@@ -427,8 +427,8 @@ def _other_end(lines: Sequence[Line], index: int, step: int) -> int:
     depth, mine = 0, lines[index].flow or {}
     for place in range(index, len(lines) if step > 0 else -1, step):
         flow = lines[place].flow or {}
-        ends = "END" in (flow.get("jump") or "")
-        if flow.get("target") == mine["target"] and (ends or flow.get("word") == "WHILE" or flow.get("jump") == "DO"):
+        ends, begins = "END" in (flow.get("jump") or ""), flow.get("word") == "WHILE" or flow.get("jump") == "DO"
+        if (ends or begins) and (flow["target"] or "") == (mine["target"] or ""):
             depth += -1 if ends else 1
             if depth == 0:
                 return place + (step > 0)

@@ -29,11 +29,7 @@ class Roughing:
 
 
 def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[list[Path]]:
-    """Return the moves of every pass along a contour, from the start point and back to it.
-
-    Raises:
-        Problem: the contour turns back along the axis of the feed, has no extent, or too many passes; says which.
-    """
+    """Return the moves of every pass along a contour, from the start point and back to it."""
     if cycle.depth <= 0.0:
         raise Problem(f"the depth of the passes is {cycle.depth:g} mm, but must be above 0")
     kept = [path.moved(*cycle.allowance) for path in contour]
@@ -112,31 +108,27 @@ def _below(points: Sequence[Point], heights: Sequence[float], height: float) -> 
     return found if begun is None else [*found, (*begun, points[-1])]
 
 
+def _spaced(first: float, last: float, step: float) -> list[float]:
+    """Return values a step apart that follow the first one, up to the last."""
+    count = math.ceil(abs(last - first) / step - 1e-6) if step > 0.0 else 1
+    if count > MAX_PASSES:
+        raise Problem(f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made")
+    return [*(first + math.copysign(number * step, last - first) for number in range(1, count)), last]
+
+
 def pecked(start: Point, end: Point, along: int, peck: float, across: float, back: float) -> list[list[Path]]:
-    """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm].
-
-    Raises:
-        Problem: too many pecks or steps.
-    """
-
-    def point(along_value: float, across_value: float) -> Point:
-        return (along_value, across_value) if along == 0 else (across_value, along_value)
-
-    (begin, first), (last, other) = (start[along], start[1 - along]), (end[along], end[1 - along])
-    pecks = math.ceil(abs(last - begin) / peck - 1e-6) if peck > 0.0 else 1
-    steps = math.ceil(abs(other - first) / across - 1e-6) if across > 0.0 else int(abs(other - first) > 1e-6)
-    if pecks * (steps + 1) > MAX_PASSES:
-        raise Problem(f"{pecks} pecks at {steps + 1} places are needed, but {MAX_PASSES} at most are made")
-    made, here, sense = [], start, math.copysign(1.0, last - begin)
-    for step in range(steps + 1):
-        place = other if step == steps else first + math.copysign(step * across, other - first)
-        ends = [(point(begin, place), True)]
-        for number in range(1, pecks + 1):
-            depth = last if number == pecks else begin + sense * number * peck
-            ends += [(point(depth, place), False), (point(depth - sense * min(back, peck), place), True)]
-        ends[-1] = point(begin, place), True
-        made.append([*joined(here, *ends, *([(start, True)] if step == steps else []))])
-        here = ends[-1][0]
+    """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm]."""
+    made, here = [], start
+    first, last = start[1 - along], end[1 - along]
+    for place in (first, *(_spaced(first, last, across) if abs(last - first) > 1e-6 else ())):
+        ends = [(start[along], True)]
+        for depth in _spaced(start[along], end[along], peck):
+            drawn = math.copysign(min(back, peck or back), end[along] - start[along])
+            ends += [(depth, False), (depth - drawn, True)]
+        points = [((value, place) if along == 0 else (place, value), rapid) for value, rapid in (*ends[:-1], ends[0])]
+        made.append(list(joined(here, *points)))
+        here = points[-1][0]
+    made[-1] += joined(here, (start, True))
     return made
 
 
@@ -167,11 +159,7 @@ class Thread:
 
 
 def decreasing_depths(height: float, first: float, smallest: float, allowance: float, finishing: int) -> list[float]:
-    """Return the depths of all passes: first * sqrt(n), ``smallest`` apart at least, and the finishing passes [mm].
-
-    Raises:
-        Problem: there is no depth, or there are too many passes.
-    """
+    """Return the depths of all passes: first * sqrt(n), ``smallest`` apart at least, and the finishing passes [mm]."""
     if not (first > 0.0 and height > allowance >= 0.0):
         raise Problem(f"a thread {height:g} mm high with a first pass of {first:g} mm and {allowance:g} mm left cannot be cut")
     depths = [min(first, height - allowance)]
@@ -183,11 +171,7 @@ def decreasing_depths(height: float, first: float, smallest: float, allowance: f
 
 
 def thread_passes(thread: Thread, depths: list[float]) -> list[list[Path]]:
-    """Return the moves of every pass, from the start back to it; the second or third is the cut.
-
-    Raises:
-        Problem: the thread has no extent.
-    """
+    """Return the moves of every pass, from the start back to it; the second or third is the cut."""
     if abs(thread.end - thread.start[0]) < 1e-9 or abs(thread.start[1] - thread.roots[0]) < 1e-9:
         raise Problem("the thread begins where it ends")
     outwards = math.copysign(1.0, thread.start[1] - thread.roots[0])

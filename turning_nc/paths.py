@@ -32,6 +32,11 @@ class Path:
         return math.dist(self.start, self.centre) * abs(self._turn())
 
     @property
+    def reach(self) -> Point:
+        """X at start and end [mm]."""
+        return self.start[1], self.end[1]
+
+    @property
     def direction(self) -> Point:
         """Unit vector of a straight move."""
         return (self.end[0] - self.start[0]) / self.length, (self.end[1] - self.start[1]) / self.length
@@ -85,11 +90,7 @@ def joined(start: Point, *ends: tuple[Point, bool]) -> Iterator[Path]:
 
 
 def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> Path:
-    """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative.
-
-    Raises:
-        Problem: no such arc joins the points.
-    """
+    """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative."""
     chord = math.dist(start, end)
     if chord < 1e-9 or abs(radius) < 0.5 * chord - 1e-3:
         raise Problem(f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart")
@@ -101,11 +102,7 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
 
 
 def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path | None, Path]:
-    """Return two moves that end at a broken corner, and the chamfer or the arc between them.
-
-    Raises:
-        Problem: a move is an arc, or too short for the corner.
-    """
+    """Return two moves that end at a broken corner, and the chamfer or the arc between them."""
     if before.centre or after.centre:
         raise Problem("a chamfer or a radius beside an arc is not understood: write its points")
     first, second = before.direction, after.direction

@@ -52,20 +52,12 @@ class Program:
 
     @classmethod
     def of(cls, scenario: Scenario, bars: tuple[tuple[Block, ...], ...], law: Law | None = None) -> Self:
-        """Return a program for a scenario's machine and bars.
-
-        Raises:
-            NcError: see ``check``.
-        """
+        """Return a program for a scenario's machine and bars."""
         workpiece = scenario.workpiece
         highest = _spindle_speed(scenario.machine.cutting_speed_max, workpiece.diameter)
-        program = cls(
-            round(workpiece.diameter, LENGTH_DECIMALS),
-            round(workpiece.approach, LENGTH_DECIMALS),
-            rounded_within(highest, 0.0, highest, LIMIT_DECIMALS),
-            bars,
-            law or Law(),
-        )
+        limit = rounded_within(highest, 0.0, highest, LIMIT_DECIMALS)
+        diameter, start = round(workpiece.diameter, LENGTH_DECIMALS), round(workpiece.approach, LENGTH_DECIMALS)
+        program = cls(diameter, start, limit, bars, law or Law())
         program.check(scenario)
         return program
 
@@ -135,12 +127,7 @@ def read(text: str) -> Program:
 
 
 def read_file(path: Path) -> Program:
-    """Return the program in a file.
-
-    Raises:
-        NcError: see ``read``; names the file.
-        OSError: the file cannot be read.
-    """
+    """Return the program in a file."""
     program = read_program_file(path, SINUMERIK)
     with naming(path):
         return _program(program)

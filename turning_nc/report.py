@@ -1,40 +1,29 @@
-"""Report on a part program block by block: depths, loads, tool life, and lines that overload or waste time."""
+"""Report on a part program block by block: depths, loads, tool life; lines that overload, waste time, or are implausible."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from turning_nc.adapt import Change, Section
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
-from turning_nc.stock import volume
+from turning_nc.words import NcError, at_lines
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
+MAX_LOAD = 3.0  # highest plausible load over its limit [-]
+MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
+MIN_DEEP = 1.0  # depth of cut below which neither its share of the diameter nor its direction counts [mm]
+BACKWARDS = 0.2  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
+MAX_INCH_FEED, MAX_INCH_DIAMETER = 0.06, 15.0
+"""Highest feed per revolution and diameter that speak for inches in a program without a unit."""
 
 
-@dataclass(frozen=True)
-class BlockRow:
-    """A block, or a pass of a cycle, each time that it is run."""
-
-    line: int
-    cycle_pass: int  # number of the pass within a cycle; 0 outside
-    tool: str
-    text: str
-    depth: float  # largest depth of cut [mm]
-    diameters: tuple[float, float]  # smallest and largest diameter of the tip [mm]
-    cutting_speed: float  # highest in metal [m/min]
-    feed: float  # [mm/rev]
-    time: float  # [s]
-    air_time: float  # time at feed in air [s]
-    removed: float  # [cm3]
-    force_share: float  # largest thrust force over the limit [-]
-    power_share: float
-    used_life: float  # share of an edge's life [-]
-    saves: float  # time that the highest feed within the limits would save at the same speed [s]; 0 for finishing
-
-    remark: str  # fault of the block, if it has one
+Row = dict[str, Any]
+"""A block, or a pass of a cycle, each time that it is run: names and values of the table's columns and of JSON."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +35,6 @@ class Summary:
     time_at_feed_in_air: float
     other_time: float  # rapid moves, dwells and tool changes [s]
     removed: float  # [cm3]
-    removed_by_polygons: float  # volume of the stock minus that of the part [cm3]
     max_load: float  # highest share of a limit [-]
     overload_time: float  # [s]
     used_life: dict[str, float]  # share of an edge's life per part, by tool [-]
@@ -72,7 +60,6 @@ def summary(situation: Situation, played: Play) -> Summary:
         time_at_feed_in_air=float(time[~on].sum()),
         other_time=float(situation.other_time.sum()),
         removed=float(removal.slices.volume.sum() / 1000.0),
-        removed_by_polygons=(volume(removal.stock) - volume(removal.part)) / 1000.0,
         max_load=float(played.load.max()),
         overload_time=float(time[played.load > 1.0].sum()),
         used_life={tool: float(played.used_life[mine].sum()) for tool, mine in situation.by_tool.items()},
@@ -107,8 +94,12 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
     return lines
 
 
-def rows(situation: Situation, played: Play) -> list[BlockRow]:
-    """Return a row for every block at feed, in the order in which they are run."""
+def rows(situation: Situation, played: Play) -> list[Row]:
+    """Return a row for every block at feed, in the order in which they are run.
+
+    Depth is the largest [mm], cutting speed the highest in metal [m/min], and ``saves`` the time that the highest feed within the
+    limits would save at the same speed [s]; it is 0 for finishing. Shares are those of the limits and of an edge's life [-].
+    """
     s, slices = situation, situation.removal.slices
     passes = np.array([move.cycle_pass for move in s.moves.moves])[slices.move]
     fed = np.flatnonzero(s.fed)
@@ -119,7 +110,7 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
     on = s.engaged
     fastest[on] = highest_feed(s.scenario, played.cutting_speed[on], slices.depth[on], played.wear[on], high)
     texts = s.moves.program.text.split("\n")
-    made: list[BlockRow] = []
+    made: list[Row] = []
     time = played.time - s.other_time
     for group in np.split(fed, breaks):
         metal = group[on[group]]
@@ -128,67 +119,54 @@ def rows(situation: Situation, played: Play) -> list[BlockRow]:
         if metal.size and not s.finishing(np.isin(np.arange(len(time)), metal), FINISHING_DEPTH):
             share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
-        remark = f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
-        made.append(
-            BlockRow(
-                line=int(s.line[group[0]]),
-                cycle_pass=int(passes[group[0]]),
-                tool=str(s.tool[group[0]]),
-                text=texts[int(s.line[group[0]]) - 1].strip()[:MAX_TEXT],
-                depth=float(slices.depth[metal].max(initial=0.0)),
-                diameters=(2.0 * float(slices.radius[cut].min()), 2.0 * float(slices.radius[cut].max())),
-                cutting_speed=float(played.cutting_speed[cut].max()),
-                feed=float(played.feed[cut].max()),
-                time=float(time[group].sum()),
-                air_time=float(time[group].sum() - time[metal].sum()),
-                removed=float(slices.volume[group].sum() / 1000.0),
-                force_share=float(played.force_share[group].max()),
-                power_share=float(played.power_share[group].max()),
-                used_life=float(played.used_life[group].sum()),
-                saves=saves,
-                remark="OVERLOAD" if played.load[group].max() > 1.0 else remark,
-            )
-        )
+        line, radius, load = int(s.line[group[0]]), slices.radius[cut], played.load[group].max()
+        row: Row = {"line": line, "cycle_pass": int(passes[group[0]]), "tool": str(s.tool[group[0]])}
+        row |= {"text": texts[line - 1].strip()[:MAX_TEXT], "depth": float(slices.depth[metal].max(initial=0.0))}
+        row |= {"diameters": (2.0 * float(radius.min()), 2.0 * float(radius.max())), "feed": float(played.feed[cut].max())}
+        row |= {"cutting_speed": float(played.cutting_speed[cut].max()), "time": float(time[group].sum())}
+        row |= {"air_time": row["time"] - float(time[metal].sum()), "removed": float(slices.volume[group].sum() / 1000.0)}
+        row |= {"force_share": float(played.force_share[group].max()), "power_share": float(played.power_share[group].max())}
+        row |= {"used_life": float(played.used_life[group].sum()), "saves": saves}
+        made.append(row | {"remark": "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""})
     return made
 
 
-_COLUMNS: dict[str, tuple[str, Callable[[BlockRow], str]]] = {
-    "line": ("", lambda row: str(row.line)),
-    "pass": ("", lambda row: str(row.cycle_pass or "")),
-    "tool": ("", lambda row: row.tool),
-    "depth": ("mm", lambda row: f"{row.depth:.2f}"),
-    "diameter": ("mm", lambda row: "-".join(dict.fromkeys(f"{value:.4g}" for value in row.diameters))),
-    "speed": ("m/min", lambda row: f"{row.cutting_speed:.0f}"),
-    "feed": ("mm/rev", lambda row: f"{row.feed:.3f}"),
-    "time": ("s", lambda row: f"{row.time:.1f}"),
-    "removed": ("cm3", lambda row: f"{row.removed:.1f}"),
-    "force": ("%", lambda row: f"{100 * row.force_share:.0f}"),
-    "power": ("%", lambda row: f"{100 * row.power_share:.0f}"),
-    "life": ("%", lambda row: f"{100 * row.used_life:.2f}"),
+_COLUMNS: dict[str, tuple[str, Callable[[Row], str]]] = {
+    "line": ("", lambda row: str(row["line"])),
+    "pass": ("", lambda row: str(row["cycle_pass"] or "")),
+    "tool": ("", lambda row: row["tool"]),
+    "depth": ("mm", lambda row: f"{row['depth']:.2f}"),
+    "diameter": ("mm", lambda row: "-".join(dict.fromkeys(f"{value:.4g}" for value in row["diameters"]))),
+    "speed": ("m/min", lambda row: f"{row['cutting_speed']:.0f}"),
+    "feed": ("mm/rev", lambda row: f"{row['feed']:.3f}"),
+    "time": ("s", lambda row: f"{row['time']:.1f}"),
+    "removed": ("cm3", lambda row: f"{row['removed']:.1f}"),
+    "force": ("%", lambda row: f"{100 * row['force_share']:.0f}"),
+    "power": ("%", lambda row: f"{100 * row['power_share']:.0f}"),
+    "life": ("%", lambda row: f"{100 * row['used_life']:.2f}"),
 }
 
 
-def table(blocks: Sequence[BlockRow]) -> str:
+def table(blocks: Sequence[Row]) -> str:
     """Return an aligned table of rows."""
     columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items()]
     padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
-    last = ["block", "", *(f" {row.text}  {row.remark}" for row in blocks)]
+    last = ["block", "", *(f" {row['text']}  {row['remark']}" for row in blocks)]
     lines = zip(*padded, last, strict=True)
     return "\n".join("  ".join(cells).rstrip() for cells in lines)
 
 
-def findings(blocks: Sequence[BlockRow], count: int = 5) -> list[str]:
+def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     """Return the lines that overload, and those that waste most time."""
     found = []
-    over = [row for row in blocks if row.remark == "OVERLOAD"]
+    over = [row for row in blocks if row["remark"] == "OVERLOAD"]
     if over:
-        lines = ", ".join(dict.fromkeys(str(row.line) for row in over))
-        worst = 100 * max(max(row.force_share, row.power_share) for row in over)
-        found.append(f"overload: {'lines' if ',' in lines else 'line'} {lines}; the highest load is {worst:.0f} % of its limit")
-    for what, time_of in (("too little feed", attrgetter("saves")), ("air at feed", attrgetter("air_time"))):
+        worst = 100 * max(max(row["force_share"], row["power_share"]) for row in over)
+        found.append(f"overload: {at_lines(row['line'] for row in over)}; the highest load is {worst:.0f} % of its limit")
+    for what, time_of in (("too little feed", itemgetter("saves")), ("air at feed", itemgetter("air_time"))):
         wasted: dict[int, float] = {}
         for row in blocks:
-            wasted[row.line] = wasted.get(row.line, 0.0) + time_of(row)
+            wasted[row["line"]] = wasted.get(row["line"], 0.0) + time_of(row)
         longest = sorted(((time, line) for line, time in wasted.items() if time >= MIN_WASTE), reverse=True)[:count]
         if longest:
             found.append(f"wasted by {what}: " + ", ".join(f"line {line} {time:.1f} s" for time, line in longest))
@@ -205,3 +183,72 @@ def schedule_table(sections: Sequence[Section]) -> str:
         for each in sections
     ]
     return "\n".join([f"line,pass,tool,{points},depth [mm],feed [mm/rev],override [%],speed [m/min]", *rows]) + "\n"
+
+
+def implausible(situation: Situation, played: Play) -> dict[str, str]:
+    """Return texts by the names of what is implausible; empty if nothing is."""
+    s, slices = situation, situation.removal.slices
+    on, deep = s.engaged, s.engaged & (slices.depth > MIN_DEEP)
+    found: dict[str, str] = {}
+
+    def add(name: str, where: NDArray[np.bool_] | Iterable[int], text: str) -> None:
+        lines = set(s.line[where].tolist()) if isinstance(where, np.ndarray) else set(where)
+        if lines:
+            found[name] = f"{at_lines(lines)}: {text}"
+
+    rapids = s.removal.rapids
+    add("rapid in metal", rapids, f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal")
+    add("load", on & (played.load > MAX_LOAD), f"the load is above {100 * MAX_LOAD:g} % of its limit")
+    radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
+    above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)
+    add("depth of cut", deep & above, "the depth of cut is above half the diameter")
+    add("spindle stands", on & ~s.spindle_on, "the tool cuts while the spindle stands: M3 or M4 is missing")
+    add("back of the tool", deep & _backwards(s), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
+    gouged = s.removal.gouged
+    text = f"the insert's back takes {sum(gouged.values()):.1f} mm2 of the part: is it a copying one, --tool NAME=copying?"
+    add("gouged contour", gouged, text)
+    lives = {tool: float(played.used_life[mine].sum()) for tool, mine in s.by_tool.items()}
+    for tool, life in lives.items():
+        if 0.0 < life < 1.0 / MAX_PARTS:
+            add("edge life", on & s.by_tool[tool], f"an edge of {tool} would last {1.0 / life:,.0f} parts")
+    if not s.moves.states_unit and (fed := s.fed & on).any():
+        feed, diameter = float(played.feed[fed].max()), 2.0 * float(slices.radius[fed].max())
+        if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
+            text = f"feeds up to {feed:.3g} per revolution and diameters up to {diameter:.3g} speak for inches: set --unit inch"
+            add("unit", on, text)
+    return found
+
+
+def _backwards(s: Situation) -> NDArray[np.bool_]:
+    """Return where a tool that is not neutral moves away from its hand in metal."""
+    slices = s.removal.slices
+    along = (slices.end[:, 0] - slices.start[:, 0]) / np.maximum(slices.length, 1e-9)
+    hand = np.zeros(len(along))
+    for tool, mine in s.by_tool.items():
+        kind = s.removal.tools[tool]
+        if not kind.startswith(("groove", "drill", "neutral")):
+            hand[mine] = -1.0 if "left" in kind else 1.0
+    return np.asarray(along * hand > BACKWARDS)
+
+
+def extrapolated(situation: Situation, played: Play) -> list[str]:
+    """Return notes on cuts outside of the settings at which the scenario's laws were measured.
+
+    Raises:
+        NcError: the scenario's table ``calibration`` is damaged.
+    """
+    scenario, on = situation.scenario, situation.engaged
+    values = {"cutting_speed": played.cutting_speed, "feed": played.feed, "depth_of_cut": situation.removal.slices.depth}
+    notes: dict[str, set[int]] = {}
+    try:
+        for name, law in (scenario.calibration or {}).get("laws", {}).items():
+            if getattr(scenario.material, name).coefficient != law["coefficient"]:
+                continue
+            for factor, (low, high) in law["measured"].items():
+                if factor in values:
+                    outside = on & ((values[factor] < 0.99 * low) | (values[factor] > 1.01 * high))
+                    text = f"{factor.replace('_', ' ')} outside the measured {low:g} to {high:g}: results are extrapolated"
+                    notes.setdefault(text, set()).update(situation.line[outside].tolist())
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise NcError(f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it") from error
+    return [f"{at_lines(lines)}: {text}" for text, lines in notes.items() if lines]

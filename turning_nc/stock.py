@@ -7,7 +7,7 @@ as a control with tool radius compensation makes it; its nose radius is neglecte
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,59 +36,42 @@ DRILL = "drill"
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 
-def _insert(first: float, second: float, *, left: bool = False, inside: bool = False) -> Values:
-    """Return the corners of an insert with its tip at the origin; angles of its edges from the Z axis [degrees]."""
+ANGLES = {"outside": (5.0, 85.0), "copying": (52.0, 87.0), "neutral": (72.5, 107.5)}
+"""Angles of an insert's edges from the Z axis [degrees]: corners of 80 degrees for turning and facing, of 35 for other work."""
+KINDS = f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; groove:WIDTH, drill:DIAMETER"
+
+
+def _insert(first: float, second: float, marks: Iterable[str]) -> Values:
+    """Return the corners of an insert with its tip at the origin: right-hand and for outside, if it is not marked otherwise."""
     a, b = ((_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle))) for angle in (first, second))
-    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (-1.0 if left else 1.0, -1.0 if inside else 1.0)
+    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (-1.0 if "left" in marks else 1.0, -1.0 if "inside" in marks else 1.0)
 
 
-TOOLS: dict[str, Values] = {
-    "outside": _insert(5.0, 85.0),
-    "inside": _insert(5.0, 85.0, inside=True),
-    "left": _insert(5.0, 85.0, left=True),
-    "left-inside": _insert(5.0, 85.0, left=True, inside=True),
-    "copying": _insert(52.0, 87.0),
-    "copying-inside": _insert(52.0, 87.0, inside=True),
-    "copying-left": _insert(52.0, 87.0, left=True),
-    "neutral": _insert(72.5, 107.5),
-    "neutral-inside": _insert(72.5, 107.5, inside=True),
-}
-"""Inserts by the kind of work: corners of 80 degrees for turning and facing, of 35 degrees for copying. A right-hand tool turns
-towards the chuck, a left-hand tool away from it, and a neutral one both ways."""
-DEFAULT_TOOL = "outside"
-_SLIM = {
-    "outside": _insert(52.0, 85.0),
-    "inside": _insert(52.0, 85.0, inside=True),
-    "left": _insert(52.0, 85.0, left=True),
-    "left-inside": _insert(52.0, 85.0, left=True, inside=True),
-}
-"""Inserts as by ``TOOLS``, with the back of a copying insert."""
-
-
-def tool_shape(kind: str) -> Values | None:
+def tool_shape(kind: str, slim: bool = False) -> Values | None:
     """Return the corners of a tool; None if it removes nothing, as a drill without a diameter.
 
-    A tool is a name of ``TOOLS``, ``groove:WIDTH`` with its left corner as tip, or ``drill:DIAMETER`` [mm].
+    The tip of a grooving tool is its left corner. ``slim`` gives an insert of 80 degrees the back of a copying one.
 
     Raises:
         NcError: there is no such kind.
     """
-    if kind in TOOLS:
-        return TOOLS[kind]
-    if kind == DRILL:
-        return None
+    shape, *marks = kind.split("-") if kind.split("-")[0] in ANGLES else ("outside", *kind.split("-"))
+    if set(marks) <= {"left", "inside"} and len(set(marks)) == len(marks):
+        first, second = ANGLES[shape]
+        return _insert(ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks)
     match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)", kind)
-    if match is None or not 0.0 < float(match[2]) <= 500.0:
-        kinds = f"{', '.join(TOOLS)}, groove:WIDTH or drill:DIAMETER, above 0 and up to 500 mm"
-        raise NcError(f"{kind!r} is no kind of tool: {kinds}")
+    if kind != DRILL and (match is None or not 0.0 < float(match[2]) <= 500.0):
+        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, above 0 and up to 500 mm")
+    if match is None:
+        return None
     width = float(match[2])
-    if match[1] == "drill":  # with a flat end
+    if match[1] == DRILL:  # with a flat end
         return np.array(((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0)))
     return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE)))
 
 
 def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the kinds of all tools: as given; a drill, if it cuts along the axis alone; inside, if it returns nearer to the axis.
+    """Return the kinds of all tools: as given; a drill, if it cuts on the axis alone; inside, if it returns nearer to the axis.
 
     Raises:
         NcError: a given tool is not in the program.
@@ -112,8 +95,8 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
             cut = None
     kinds = {}
     for tool, paths in feeds.items():
-        on_axis = paths and max(abs(x) for path in paths for _, x in (path.start, path.end)) < 1e-6
-        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if votes[tool] < 0.0 else DEFAULT_TOOL)
+        on_axis = paths and max(abs(x) for path in paths for x in path.reach) < 1e-6
+        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if votes[tool] < 0.0 else "outside")
     return kinds
 
 
@@ -127,17 +110,11 @@ def read_stock(text: str) -> Any:
         NcError: it is none of these, or encloses no area; says which.
         OSError: the file cannot be read.
     """
-    match = re.fullmatch(r"(bar|tube):([\d.]+(?:x[\d.]+)*)(?:\+([\d.]+))?", text)
-    if match is not None:
-        try:
-            sizes = [float(size) for size in match[2].split("x")]
-            face = float(match[3] or 0.0)
-        except ValueError:
-            raise NcError(f"stock {text!r}: its sizes must be numbers in mm") from None
-        if len(sizes) != (2 if match[1] == "bar" else 3):
-            raise NcError(f"stock {text!r}: a bar has bar:DIAMETERxLENGTH, a tube tube:OUTERxINNERxLENGTH")
-        outer, inner, length = sizes[0], 0.0 if match[1] == "bar" else sizes[1], sizes[-1]
-        if not (0.0 <= inner < outer <= 10_000.0 and 0.0 < length <= 100_000.0):
+    size = r"(\d+\.?\d*)"
+    if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
+        bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
+        outer = bar or tube
+        if not (inner < outer <= 10_000.0 and 0.0 < length <= 100_000.0):
             raise NcError(f"stock {text!r}: sizes must be above 0, and the inner diameter below the outer")
         return shapely.box(-length, inner / 2.0, face, outer / 2.0)
     path = Path(text)
@@ -191,14 +168,13 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
 def _closed(lines: Sequence[Sequence[Point]], path: Path) -> Any:
     """Return the area that lines enclose, closed along the axis if they do not close themselves."""
     chains = [shapely.LineString(line) for line in lines if len(line) > 1]
-    snapped = shapely.set_precision(shapely.union_all(chains), 1e-4) if chains else None
-    merged = shapely.line_merge(snapped) if snapped is not None else None
-    areas = [] if merged is None else list(shapely.get_parts(shapely.polygonize([shapely.node(merged)])))
-    if not areas and isinstance(merged, shapely.LineString):
+    merged = shapely.line_merge(shapely.set_precision(shapely.union_all(chains), 1e-4))
+    areas = list(shapely.get_parts(shapely.polygonize([shapely.node(merged)])))
+    if not areas and isinstance(merged, shapely.LineString) and merged.length:
         points = list(merged.coords)
         areas = [shapely.Polygon([*points, (points[-1][0], 0.0), (points[0][0], 0.0)])]
-    area = shapely.union_all(areas) if areas else None
-    if area is None or area.is_empty or not area.is_valid or area.area < 1e-6:
+    area = shapely.union_all(areas)
+    if not area.is_valid or area.area < 1e-6:
         raise NcError(f"{path}: its lines enclose no area: close the contour, or end it on the axis")
     if area.bounds[1] < -1e-6:
         raise NcError(f"{path}: the contour reaches below the axis: draw only the half above it, with the axis at 0")
@@ -267,8 +243,11 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which the stock has no metal.
     """
     kinds = kinds_of(moves, tools)
-    shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
-    beyond = [name for name in kinds if _works_beyond_the_axis(moves, name)]
+    shapes, slim_shapes = ({name: tool_shape(kind, slim) for name, kind in kinds.items()} for slim in (False, True))
+    reach = {
+        name: [x for move in moves.moves if (move.tool, move.kind) == (name, "feed") for x in move.path.reach] for name in kinds
+    }
+    beyond = [name for name, x in reach.items() if x and max(x) < -0.2 * min(x)]  # tools that work beyond the axis
     rows: list[Values] = []
     rapids: dict[int, float] = {}
     taken: list[tuple[int, Any]] = []  # metal of every move, with its line
@@ -290,10 +269,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
                 areas, moments, metal, swept = _swept(left, shape, *ends_of_path, shares)
                 if move.kind == "feed" and areas[-1] > 0.0:
                     left = shapely.difference(left, swept)
-                    if kinds[move.tool] in _SLIM:
-                        taken.append((move.line, metal))
-                        swept = _hull(_SLIM[kinds[move.tool]], *ends_of_path)
-                    slim = shapely.difference(slim, swept)
+                    taken.append((move.line, metal))
+                    slim = shapely.difference(slim, _hull(slim_shapes[move.tool], *ends_of_path))
                 elif move.kind == "rapid":
                     if areas[-1] > COLLISION and move.tool not in threading:
                         rapids[move.line] = max(rapids.get(move.line, 0.0), float(areas[-1]))
@@ -315,12 +292,6 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     ]
     notes += [f"tool {name} is taken as turning inside" for name, kind in kinds.items() if kind == "inside" and name not in tools]
     return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
-
-
-def _works_beyond_the_axis(moves: Moves, tool: str) -> bool:
-    feeds = [move.path for move in moves.moves if move.tool == tool and move.kind == "feed"]
-    x = [point[1] for path in feeds for point in (path.start, path.end)]
-    return bool(x) and max(x) < -0.2 * min(x)
 
 
 def _check_side(moves: Moves, line: int, left: Any) -> None:
@@ -348,7 +319,7 @@ def _gouged(taken: Sequence[tuple[int, Any]], lost: Any) -> dict[int, float]:
     return {line: area for line, area in areas.items() if area > COLLISION}
 
 
-def _hull(shape: Values, start: Point, end: Point) -> Any:
+def _hull(shape: Any, start: Point, end: Point) -> Any:
     return shapely.convex_hull(shapely.multipoints(shapely.points(np.concatenate((shape + start, shape + end)))))
 
 

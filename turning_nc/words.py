@@ -41,7 +41,7 @@ def naming(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 class Problem(ValueError):
-    """A block that is not understood: the present one, or that of another line."""
+    """A block that is not understood: the present one, or that of another line. All that reads or expands blocks may raise it."""
 
     def __init__(self, text: str, line: int | None = None) -> None:
         super().__init__(text)
@@ -56,11 +56,7 @@ def at_lines(numbers: Iterable[int]) -> str:
 
 
 def evaluated(expression: str, variables: Mapping[str, float]) -> float:
-    """Return the value of an expression while the program runs.
-
-    Raises:
-        Problem: a variable has no value, or the expression is not understood.
-    """
+    """Return the value of an expression while the program runs."""
     try:
         return parse(expression).value(variables)
     except KeyError as error:
@@ -140,12 +136,7 @@ class PartProgram:
 
 
 def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram:
-    """Return the program in a file; see ``divide``.
-
-    Raises:
-        NcError: see ``divide``; names the file.
-        OSError: the file cannot be read.
-    """
+    """Return the program in a file; see ``divide``."""
     with path.open("rb") as file:  # which may have no end
         data = file.read(MAX_BYTES + 1)
     with naming(path):

@@ -304,3 +304,104 @@ def test_cycle97_cuts_its_passes(variant: int, roots: tuple[float, ...]) -> None
     assert [move.path.end for move in cuts] == [pytest.approx((-34.0, root), abs=1e-3) for root in roots]
     assert {move.feed.value for move in cuts} == {1.5}
     assert made.moves[-1].feed.value == 0.2
+
+
+# What real programs hold.
+
+BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
+LOOP = "#1=56.\nWHILE [#1 GE 48.] DO1\nG0 X#1\nG1 Z-40. F0.2\nG0 X62.\nZ2.\n#1=#1-4.\nEND1"
+JUMP = (
+    "#1=3\nN5 #2=#1*10.\nG0 X[#2+20.]\nG1 Z-#1 F0.2\nIF [#1 LE 1] THEN #3=7\n#1=#1-1\nIF [#1 GT 0] GOTO 5\nGOTO 9\nG1 X0.\nN9 M30"
+)
+AGAIN = "R1=2\nANF: G1 Z=-R1\nR1=R1-1\nIF R1>0 GOTOB ANF\nWHILE R1<2\nG1 X=20-R1\nR1=R1+1\nENDWHILE\nM30"
+CUTS: dict[str, list[tuple[float, float]]] = {
+    f"{BAR}G90 X56. Z-40. F0.25\nX52.\nG0 X70.": [(-40.0, 28.0), (-40.0, 31.0), (-40.0, 26.0), (-40.0, 31.0)],
+    f"{BAR}G90 X50. Z-40. R-2. F0.25": [(-40.0, 25.0), (-40.0, 31.0)],
+    f"{BAR}G94 X0. Z1. F0.2\nZ0.": [(1.0, 0.0), (2.0, 0.0), (0.0, 0.0), (2.0, 0.0)],
+    f"{BAR}G92 X56. Z-25. F2.\nX55.": [(-25.0, 28.0), (-25.0, 27.5)],
+    f"{BAR}G76 X58. Z-30. K1. D0.5 F1.5": [(-30.0, 29.5), (-30.0, 29.5 - 0.5 * (2**0.5 - 1)), (-30.0, 29.134), (-30.0, 29.0)],
+    f"{BAR}G0 Z-10.\nG75 R1.\nG75 X56. Z-14. P2000 Q4000 F0.1": [(-10.0, 29.0), (-10.0, 28.0), (-14.0, 29.0), (-14.0, 28.0)],
+    f"{BAR}G0 X0.\nG74 Z-5. Q9000 F0.1\nG83 Z-8. Q2. F0.1": [(-5.0, 0.0), (-8.0, 0.0)],
+    f"{BAR}{LOOP}": [(-40.0, 28.0), (-40.0, 26.0), (-40.0, 24.0)],
+    f"{BAR}{JUMP}": [(-3.0, 25.0), (-2.0, 20.0), (-1.0, 15.0)],
+    f"DIAMON G71 G95 G97 S500 F0.2 M3\nG0 X20 Z0\n{AGAIN}": [(-2.0, 10.0), (-1.0, 10.0), (-1.0, 9.5)],
+    f"{BAR}G1 X56. F0.25\n/2 Z-10.\n/Z-12.": [(2.0, 28.0), (-10.0, 28.0), (-12.0, 28.0)],
+    "\ufeff%\nG21 G91 G28 X0. Z0.\nG90\nG99 G97 S500 M3\nG0 X62. Z2.\nG1 Z-5. F0.2 (A (NESTED) COMMENT\nM30%": [(-5.0, 31.0)],
+    "DIAMON G71 G95 G97 S500 M3\nG0 X30 Z5\nG33 Z-25 K1.5 SF=0": [(-25.0, 15.0)],
+    f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R3.\nZ-12.": [(0.0, 30.0), (5.0, 25.0), (-10.0, 26.0), (-12.0, 26.0)],
+}
+
+
+@pytest.mark.parametrize("text", CUTS)
+def test_everyday_words_make_the_cuts_of_a_control(text: str) -> None:
+    text = text.replace("R3.", "R9.")  # an arc that exists
+    made = [move.path for move in moves(text).moves if move.kind in ("feed", "thread")]
+    ends = [path.end for path in made if path.end != path.start]
+    assert ends == [pytest.approx(end, abs=1e-3) for end in CUTS[text.replace("R9.", "R3.")]]
+
+
+PROFILE = "N10 G0 X{first}\nG1 Z-20.\nX{last}\n{more}N20 {leave}\nG0 X100."
+
+
+def roughing(start: str = "62.", cycle: str = "U0.4 W0.1", **changed: str) -> str:
+    words = {"first": "20.", "last": "60.", "more": "", "leave": "G0 G40 Z2."} | changed
+    return f"{BAR}G0 X{start}\nG71 U2. R1.\nG71 P10 Q20 {cycle} F0.25\n{PROFILE.format(**words)}"
+
+
+@pytest.mark.parametrize(
+    ("text", "side"),
+    [
+        (roughing(), "outside"),
+        (roughing(more="Z-40.\n", leave="G1 X62."), "outside"),
+        (roughing(first="50.", last="20."), "outside"),  # whatever the ends of the contour
+        (roughing("18.", "U-0.4 W0.1", first="50.", last="20."), "inside"),
+        (roughing("18.", "W0.1", first="50.", last="20."), "inside"),
+        (roughing("-62.", "U-0.4", first="-20.", last="-60."), "outside"),  # beyond the axis
+        (SIEMENS.replace(",9)", ",1)"), "outside"),
+        (SIEMENS.replace(",9)", ",3)"), "inside"),
+    ],
+)
+def test_the_side_is_that_of_the_control(text: str, side: str) -> None:
+    made = moves(text)
+    assert [each.name for each in made.sides.values()] == [side]
+    levels = [abs(move.path.end[1]) for move in made.moves if move.cycle_pass == 1 and move.kind == "feed"]
+    assert (levels[0] > 20.0) == (side == "outside")
+
+
+def test_a_given_side_wins_and_a_contradiction_names_it() -> None:
+    wrong = roughing("18.", "U0.4 W0.1", first="50.", last="20.")
+    with pytest.raises(NcError, match=r"line 6: .*--side 6=outside"):
+        moves(wrong)
+    assert [side.name for side in run(divide(wrong), Reading(sides={6: "inside"})).sides.values()] == ["inside"]
+    with pytest.raises(NcError, match="line 5"):
+        run(divide(wrong), Reading(sides={5: "inside"}))
+
+
+def test_a_program_without_a_unit_is_in_millimetres_with_a_note_or_in_the_given_unit() -> None:
+    text = "G99 G97 S500 M3\nG0 X2. Z0.\nG1 Z-1. F0.01"
+    assert any("--unit inch" in note for note in moves(text).notes)
+    last = run(divide(text), Reading(unit="inch")).moves[-1]
+    assert (last.path.end, last.feed.value) == ((-25.4, 25.4), pytest.approx(0.254))
+
+
+def test_cycles_of_programs_with_decimal_points_count_steps() -> None:
+    text = "G20 G99 G97 S500 M3\nG0 X2.5 Z.1\nG71 U625 R500\nG71 P1 Q2 U420 W100 F.01\nN1 G0 X2.\nN2 G1 Z-1.\n"
+    cuts = [move.path.end for move in moves(text).moves if move.kind == "feed"]
+    assert cuts[-1] == pytest.approx((-0.99 * 25.4, 1.021 * 25.4))
+    assert cuts[0][1] == pytest.approx((1.25 - 0.0625) * 25.4)
+
+
+@pytest.mark.parametrize(
+    ("line", "control"),
+    [("NAT01", "Okuma"), ("G85 NLAP1", "Okuma"), ("O100 IF [#1 GT 2]", "LinuxCNC"), ("%00042", "Fagor"), ("UNO. 1", "Mazatrol")],
+)
+def test_controls_that_are_not_read_are_named(line: str, control: str) -> None:
+    with pytest.raises(NcError, match=f"line 2: .*{control}"):
+        divide(f"G21\n{line}\n")
+    with pytest.raises(NcError, match=r"Mazak.*read as Fanuc(?s:.*)line 4"):
+        moves(f"{BAR}G53.5")
+
+
+def test_notes_stand_once_with_their_lines() -> None:
+    made = moves(BAR + "G1 Z-5. F0.2 M77\nZ-6. M77\n" + "/Z-7.\n" * 7)
+    assert [note.partition(":")[0] for note in made.notes] == ["lines 4, 5", "lines 6, 7, 8, 9, 10, ... (7 lines)"]

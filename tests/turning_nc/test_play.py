@@ -14,11 +14,12 @@ pytest.importorskip("shapely")
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, WEAR, path_of, situation_of
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
 from tests.walking import ROOT
+from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt, schedule
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.moves import Moves, run
-from turning_nc.report import summary
+from turning_nc.report import extrapolated, implausible, summary
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
 from turning_nc.words import NcError, divide, read_program_file
 
@@ -127,7 +128,7 @@ STOCKS = {
     "bar:50": "bar:DIAMETERxLENGTH",
     "bar:0x50": "above 0",
     "tube:50x60x70": "below the outer",
-    "bar:5.0.1x50": "numbers",
+    "bar:5.0.1x50": "no bar",
     "cube:5": "no bar",
 }
 POINTS = {"1,2,3\n4,5,6": "line 1|line 2", "0,0\n1,-5": "line 2", "0,10\n": "no area", "a\nb": "line 2"}
@@ -263,3 +264,92 @@ def test_without_words_to_change_nothing_is_adapted(tmp_path: Path) -> None:
     path = tmp_path / "a.nc"
     path.write_text("G98 G97 S500 M3\nG0 X46. Z2.\nG1 Z-30. F100.\n")
     assert main(["program", str(path), "--scenario", "rough_turning", "--adapt", "words"]) == 2
+
+
+# Plausibility.
+
+BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
+NECK = "G71 U1. R0.5\nG71 P1 Q2 U0.3 W0. F0.2\nN1 G0 X20.\nG1 Z-14.\nX14. Z-18.\nZ-30.\nN2 X34.\nG0 X100."
+AWAY = "G0 Z-60.\nG1 X50. F0.1\nZ-10. F0.25\nG0 X62."
+IMPLAUSIBLE: list[tuple[str, str, dict[str, str], set[str]]] = [
+    (f"{BAR}G1 X56. F0.25\nZ-40.", "bar:60x60", {}, set()),
+    (f"{BAR}G0 X50.\nZ-40.\nX62.\nZ2.\nG1 X56. F0.2\nZ-9.", "bar:60x60", {}, {"rapid in metal"}),
+    (f"{BAR}G0 X20.\nG1 Z-40. F0.3", "bar:60x60", {}, {"load", "depth of cut"}),
+    (f"{BAR.replace('M3', '')}G1 X56. F0.25\nZ-40.", "bar:60x60", {}, {"spindle stands"}),
+    (f"{BAR}M5\nG1 X56. F0.25\nM3\nG1 Z-40.", "bar:60x60", {}, set()),
+    (BAR + AWAY, "bar:60x80", {}, {"back of the tool", "gouged contour"}),
+    (BAR + AWAY, "bar:60x80", {"T0101": "neutral"}, set()),
+    (f"{BAR}G0 X34.\n{NECK}", "bar:32x40", {}, {"depth of cut", "gouged contour"}),
+    (f"{BAR}G0 X34.\n{NECK}", "bar:32x40", {"T0101": "copying"}, set()),
+    (f"{BAR}G1 X59.9 F0.02\nZ-0.1", "bar:60x60", {}, {"edge life"}),
+    ("G99 G97 S900 M3\nG0 X2.1 Z0.1\nG1 X1.8 F0.02\nZ-2.5 F0.012", "bar:2x5", {}, {"edge life", "unit"}),
+]
+
+
+@pytest.mark.parametrize(("text", "stock", "tools", "names"), IMPLAUSIBLE)
+def test_what_no_machinist_would_run_is_named_with_its_lines(
+    text: str, stock: str, tools: dict[str, str], names: set[str]
+) -> None:
+    made = moves(text)
+    situation = Situation(SCENARIO, Machine(), made, remove(made, read_stock(stock), tools))
+    found = implausible(situation, play(situation, WEAR))
+    assert set(found) == names
+    assert all(re.match(r"lines? \d+", reason) for reason in found.values())
+
+
+def test_an_implausible_program_is_adapted_by_force_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.nc"
+    path.write_text(f"{BAR.replace('M3', '')}G1 X56. F0.25\nZ-40.\n")
+    command = ["program", str(path), "--scenario", "rough_turning", "--stock", "bar:60x60", "--adapt", "words"]
+    assert main(command) == 2
+    assert "spindle stands" in capsys.readouterr().err
+    assert main([*command, "--force"]) == 0
+    assert "need a nose radius" in capsys.readouterr().out
+    assert main([*command, "--force", "--nose-radius", "0.8"]) == 0
+    assert "F0.25 -> F0.4 (theoretical roughness Rt 9.8 -> 25.0 um)" in capsys.readouterr().out
+
+
+def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
+    bored = moves(f"{BAR}G0 X0.\nG1 Z-40. F0.1\nG0 Z5.\nT0202\nG0 X20. Z2.\nG1 X24. F0.2\nZ-30.\nX22.\nG0 Z2.\nX70.\nG1 Z-5.")
+    removal = remove(bored, read_stock("tube:60x20x60"))
+    assert dict(removal.tools) == {"T0101": "drill", "T0202": "inside"}
+    assert guessed_stock(bored)[1].startswith("tube:")
+    drilled = remove(bored, read_stock("bar:60x60"), {"T0101": "drill:20"})
+    assert volume(drilled.stock) - volume(drilled.part) > math.pi * 10.0**2 * 40.0
+    mirrored, plain = (remove(moves(f"{BAR}G0 X{x}\nG1 Z-30. F0.2"), read_stock("bar:60x60")) for x in ("-54.", "54."))
+    assert mirrored.slices.volume.sum() == plain.slices.volume.sum() > 0.0
+
+
+def test_a_side_without_metal_is_refused() -> None:
+    text = f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\nN1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18."
+    with pytest.raises(NcError, match=r"line 6: .*no hole"):
+        remove(moves(text), read_stock("bar:60x60"))
+    assert remove(moves(text), read_stock("tube:60x18x60")).slices.volume.sum() > 0.0
+
+
+def test_a_speed_that_cuts_nothing_stays() -> None:
+    text = "G21 G99 T0101\nG96 S120 M3\nG0 X70. Z2.\nG1 X62. F0.5\nG96 S160\nG0 X54.\nG1 Z-40. F0.2"
+    made = moves(text)
+    changed = adapt(Situation(SCENARIO, Machine(), made, remove(made, read_stock("bar:60x60"))), WEAR).changes
+    assert {change.line for change in changed} & {2} == set()
+    assert any(change.before == "F0.2" for change in changed)
+
+
+def test_cuts_beyond_the_measured_settings_are_noted() -> None:
+    law = {"coefficient": SCENARIO.material.wear.coefficient, "measured": {"cutting_speed": [180.0, 300.0]}}
+    scenario = Scenario.load({"base": "rough_turning", "calibration": {"laws": {"wear": law}}})
+    made = moves(f"{BAR}G1 X56. F0.25\nZ-40.")
+    situation = Situation(scenario, Machine(), made, remove(made, read_stock("bar:60x60")))
+    assert extrapolated(situation, play(situation, WEAR)) == [
+        "line 5: cutting speed outside the measured 180 to 300: results are extrapolated"
+    ]
+
+
+def test_files_that_are_no_text_end(tmp_path: Path) -> None:
+    (tmp_path / "a.nc").write_bytes(b"G1\n" * 4_000_000)
+    with pytest.raises(NcError, match="more than"):
+        read_program_file(tmp_path / "a.nc")
+    nan = tmp_path / "a.dxf"
+    nan.write_text("0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nnan\n20\n1\n11\n2\n21\n3\n0\nENDSEC\n0\nEOF\n")
+    with pytest.raises(NcError, match="LINE"):
+        read_stock(str(nan))
