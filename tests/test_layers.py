@@ -30,7 +30,7 @@ FLOORS = (
     {"physics"},
     {"observation", "info"},
     {"batch"},
-    {"env", "vector_env", "family_env", "tasks", "wrappers", "action"},
+    {"env", "vector_env", "family_env", "tasks", "action"},
     {"scoring", "adapters"},
     {"__main__"},
 )

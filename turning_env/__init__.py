@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from turning_env.scenario.power_law import PowerLaw
     from turning_env.scoring.score import Score, score
     from turning_env.vector_env import RoughTurningVectorEnv
-    from turning_env.wrappers import FeedSwitch, VectorFeedSwitch
 
 _MODULES = {
     "env": ("RoughTurningEnv",),
@@ -32,7 +31,6 @@ _MODULES = {
     "scenario.power_law": ("PowerLaw",),
     "scoring.score": ("Score", "score"),
     "vector_env": ("RoughTurningVectorEnv",),
-    "wrappers": ("FeedSwitch", "VectorFeedSwitch"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -60,7 +58,6 @@ __all__ = [
     "Family",
     "FamilyEnv",
     "FamilyVectorEnv",
-    "FeedSwitch",
     "PowerLaw",
     "Reading",
     "RoughTurningEnv",
@@ -68,7 +65,6 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Score",
-    "VectorFeedSwitch",
     "__version__",
     "presets",
     "read",

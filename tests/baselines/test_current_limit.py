@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt, sosfreqz
 
-from baselines.current_limit import ORDER, CurrentLimit, ForceEstimator, Smoother, delay
+from baselines.current_limit import FEED_GRADES, ORDER, CurrentLimit, ForceEstimator, Smoother, delay
 from baselines.models.part_program import PartProgram
 from turning_env import Reading, RoughTurningVectorEnv, Scenario
 from turning_env.physics.drives import steady_current
 from turning_env.physics.records import parameter_records
 from turning_env.scoring.seeds import tuning_seeds
-from turning_env.wrappers import FEED_GRADES
 
 CURRENT = Scenario.load("override_current")
 

@@ -62,11 +62,6 @@ def _imported(name: str) -> Any:
     return found
 
 
-def _clipped(actions: Any) -> Actions:
-    clipped: Actions = np.clip(np.asarray(actions, np.float32), -1.0, 1.0)
-    return clipped
-
-
 @dataclass
 class _Function(Policy):
     """A function of observations, and a function that clears its memory, if any."""
@@ -78,7 +73,8 @@ class _Function(Policy):
         self.forget(mask)
 
     def act(self, observations: Observations) -> Actions:
-        return _clipped(self.function(observations))
+        actions: Actions = np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0)
+        return actions
 
 
 @dataclass
