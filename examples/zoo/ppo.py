@@ -1,0 +1,5 @@
+"""The zoo's settings of PPO."""
+
+from examples.zoo import settings
+
+hyperparams = settings("ppo")

@@ -1,0 +1,5 @@
+"""The zoo's settings of SAC."""
+
+from examples.zoo import settings
+
+hyperparams = settings("sac")
