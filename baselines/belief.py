@@ -52,9 +52,8 @@ ENTRIES = (
     "log_used_life",  # share of the edge's life
     "bar_measured",  # 0 or 1
     "log_time_to_bar",  # 1 + time [s] until the next bar's approach, at the present speed and feed
-    *(
-        f"{bar}_log_{law}" for bar in ("this", "next") for law in ("force", "power")
-    ),  # over the limit, a step later at the present wear
+    # Over the limit, a step later at the present wear:
+    *(f"{bar}_log_{law}" for bar in ("this", "next") for law in ("force", "power")),
     *(f"{bar}_log_{law}_deviation" for bar in ("this", "next") for law in ("force", "power")),
 )
 """Names of the entries [-], each limited to -10..10."""
@@ -91,31 +90,20 @@ class Belief:
                 )
         self._errors = law_errors.read() if learns_laws else None
         self._filter = LoadFilter(scenarios, len(scenarios), self._errors)
-        self._models: dict[int, tuple[list[float], Any]] = {}
+        self._models: dict[int, tuple[dict[str, float], Any]] = {}
         self._entries = len(layout(scenarios[0]))
-        self._shared = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})))
-        self._names = list(_leaves(scenarios[0]))
-        self._leaves = np.array([list(_leaves(scenario).values()) for scenario in scenarios]).T
-        self._scenario = self._columns()
-
-    def _columns(self) -> Any:
-        """Return the nominal models, whose numbers are views of ``_leaves``."""
-        return unchecked(nested((self._shared | dict(zip(self._names, self._leaves, strict=True))).items()))
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out the views, which a copy must have of its own numbers."""
-        return {name: value for name, value in vars(self).items() if name != "_scenario"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._scenario = self._columns()
+        shared, leaves = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"}))), [*map(_leaves, scenarios)]
+        self._leaves = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
+        self._scenario = unchecked(nested((shared | self._leaves).items()))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates; models are kept by their number."""
         if number not in self._models:
             found = scenario()
-            self._models[number] = list(_leaves(found).values()), model_of([found], self._errors)
-        self._leaves[:, env_index], model = self._models[number]
+            self._models[number] = _leaves(found), model_of([found], self._errors)
+        leaves, model = self._models[number]
+        for name, value in leaves.items():
+            self._leaves[name][env_index] = value  # and so in the scenario
         self._filter.assign(env_index, model)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
@@ -197,7 +185,6 @@ class BeliefPolicy(Policy):
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the policy's actions, shape (num_envs, actions), for observations, shape (num_envs, entries)."""
         return self._policy.act(np.concatenate([observations, self._belief.observe(observations)], axis=1))
 
 

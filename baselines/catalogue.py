@@ -39,12 +39,11 @@ CHANGE_AT = "change_at"
 """Parameter of rules that do not change edges themselves: nominal wear over the criterion at which the edge is changed [-]."""
 
 
-class TimelyChanges:
+class TimelyChanges(Policy):
     """A policy that adds edge changes at a nominal wear, as tool-life management does, to another's cutting speed and feed.
 
     Args:
         policy: policy that sets cutting speed and feed.
-        scenario: task.
         change_at: nominal wear over the criterion at which the edge is changed [-]. It is tuned: inserts wear faster or slower
             than nominal, and an edge that wears out without a command costs more time.
     """
@@ -54,11 +53,9 @@ class TimelyChanges:
         self._wear = change_at * scenario.tool.wear_criterion
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Reset the policy."""
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the policy's actions, with the edge change in the last column."""
         actions = self._policy.act(observations).copy()
         actions[:, -1] = np.where(read(observations, self._scenario).nominal_wear >= self._wear, 1.0, -1.0)
         return actions

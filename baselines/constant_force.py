@@ -18,6 +18,7 @@ the model gives the feed, the force must grow with the feed.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,12 +60,10 @@ def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float 
     return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 
-class ConstantForce:
+class ConstantForce(Policy):
     """The paper's control law.
 
     Args:
-        program: part program.
-        num_envs: number of environments.
         force_share: reference of force over the force limit [-]; unused if a roughness is to be held.
         on_command: whether f(t - 1) is the commanded feed, not the actual one.
     """
@@ -72,64 +71,50 @@ class ConstantForce:
     def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
         scenario = program.scenario
         self._program = program
-        self._reference = force_share * scenario.limits.thrust_force
+        self._reference: Array | float = force_share * scenario.limits.thrust_force
         self._on_command = on_command
         self._steps_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
         self._steps_engaged = np.zeros(num_envs, np.int64)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Start out of the metal."""
         self._steps_engaged[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        reading = read(observations, self._program.scenario)
-        feed, engaged = self._next_feed(reading)
-        return self._program.act(reading, np.where(engaged, feed / self._program.feed, 1.0))
-
-    def _next_feed(self, reading: Reading) -> tuple[Array, NDArray[np.bool_]]:
-        """Return the law's feed [mm/rev] and whether the law acts, shape (num_envs,) each."""
-        scenario, force = self._program.scenario, reading.thrust_force
+        program = self._program
+        reading = read(observations, program.scenario)
+        force, reference = reading.thrust_force, self._reference
         self._steps_engaged = np.where(force > THRESHOLD, self._steps_engaged + 1, 0)
-        reference: Array | float = self._reference
-        if scenario.control.aim == "roughness":
-            reference = force_of_roughness(scenario.surface, reading.roughness_reference)
+        if program.scenario.control.aim == "roughness":
+            reference = force_of_roughness(program.scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
-        return before * reference / np.maximum(force, THRESHOLD), self._steps_engaged >= self._steps_needed
+        feed = before * reference / np.maximum(force, THRESHOLD)
+        return program.act(reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed))
+
+    def _override(self, reading: Reading, feed: Array, engaged: NDArray[np.bool_]) -> Array:
+        """Return the override [-] for the law's feed [mm/rev], which acts where the tool is ``engaged``."""
+        return np.where(engaged, feed / self._program.feed, 1.0)
 
 
-class Network:
-    """A radial basis network, w_0 + sum of w_j exp(-(distance to centre j / width)^2 / 2), with inputs scaled to 0..1.
+def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
+    """Return the recommended feed [mm/rev] as a function of the desired Ra [um].
 
-    The centres are samples, evenly spaced in their order; the weights follow by linear least squares. So the fit has one
-    solution.
-
-    Args:
-        inputs: samples, shape (samples, inputs).
-        outputs: wanted outputs, shape (samples,).
-        units: number of hidden units.
-        width: of a unit, over the range of an input [-].
+    It is a radial basis network, w_0 + sum of w_j exp(-(x - centre j)^2 / (2 width^2)), with Ra scaled to x of 0..1. The paper
+    does not print its network; this one is fitted to the nominal model. Its centres are samples; the weights follow by linear
+    least squares.
     """
+    surface, machine = scenario.surface, scenario.machine
+    samples = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
+    low, span = samples.min(), np.ptp(samples) or 1.0
+    centres = ((samples - low) / span)[np.linspace(0, SAMPLES - 1, UNITS).round().astype(np.int64)]
 
-    def __init__(self, inputs: Array, outputs: Array, units: int, width: float) -> None:
-        self._low = inputs.min(axis=0)
-        self._span = np.where(np.ptp(inputs, axis=0) > 0.0, np.ptp(inputs, axis=0), 1.0)
-        self._width = width
-        self._centres = self._scaled(inputs)[np.linspace(0, len(inputs) - 1, units).round().astype(np.int64)]
-        hidden = self._hidden(inputs)
-        products = (hidden[:, :, np.newaxis] * hidden[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(units + 1)
-        self._weights = _solved(products, (hidden * outputs[:, np.newaxis]).sum(axis=0))
+    def hidden(roughness: Array) -> Array:
+        distance = (((roughness - low) / span)[:, np.newaxis] - centres) ** 2
+        return np.column_stack([np.ones(len(roughness)), exp(-0.5 * distance / WIDTH**2)])
 
-    def __call__(self, inputs: Array) -> Array:
-        """Return the outputs, shape (samples,), for inputs, shape (samples, inputs)."""
-        return np.asarray((self._hidden(inputs) * self._weights).sum(axis=1))
-
-    def _scaled(self, inputs: Array) -> Array:
-        return np.asarray((inputs - self._low) / self._span)
-
-    def _hidden(self, inputs: Array) -> Array:
-        distance = ((self._scaled(inputs)[:, np.newaxis] - self._centres) ** 2).sum(axis=2)
-        return np.column_stack([np.ones(len(inputs)), exp(-0.5 * distance / self._width**2)])
+    units = hidden(samples)
+    products = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(UNITS + 1)
+    weights = _solved(products, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0))
+    return lambda desired: np.clip((hidden(desired) * weights).sum(axis=1), machine.feed_min, machine.feed_max)
 
 
 def _solved(matrix: Array, right: Array) -> Array:
@@ -142,23 +127,6 @@ def _solved(matrix: Array, right: Array) -> Array:
     return rows[:, -1]
 
 
-class RecommendedFeed:
-    """The network of the recommended feed. The paper does not print its network; this one is fitted to the nominal model.
-
-    Args:
-        scenario: task, whose nominal model gives the samples.
-    """
-
-    def __init__(self, scenario: Scenario) -> None:
-        surface, self._machine = scenario.surface, scenario.machine
-        roughness = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
-        self._network = Network(roughness[:, np.newaxis], feed_of_roughness(scenario, roughness), UNITS, WIDTH)
-
-    def __call__(self, roughness: Array) -> Array:
-        """Return the recommended feed [mm/rev] for a desired Ra [um]."""
-        return np.clip(self._network(roughness[:, np.newaxis]), self._machine.feed_min, self._machine.feed_max)
-
-
 class ConstantForceNetwork(ConstantForce):
     """The paper's control law around the recommended feed, within the chip thickness (steps 2 to 9).
 
@@ -166,8 +134,6 @@ class ConstantForceNetwork(ConstantForce):
     allowed chip thickness h = f sin(kappa). The paper names this restriction without numbers; they are assumptions.
 
     Args:
-        program: part program.
-        num_envs: number of environments.
         chip_thickness_min: lowest chip thickness h [mm].
         chip_thickness_max: highest chip thickness h [mm].
         entering_angle: angle kappa between the edge and the feed's direction [deg].
@@ -182,31 +148,23 @@ class ConstantForceNetwork(ConstantForce):
         entering_angle: float = 90.0,
     ) -> None:
         super().__init__(program, num_envs)
-        self._recommended = RecommendedFeed(program.scenario)
+        self._recommended = recommended_feed(program.scenario)
         over_feed, _ = sine_and_cosine(entering_angle / 360.0)
         self._feed_range = chip_thickness_min / over_feed, chip_thickness_max / over_feed
 
-    def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
-        reading = read(observations, self._program.scenario)
+    def _override(self, reading: Reading, feed: Array, engaged: NDArray[np.bool_]) -> Array:
         recommended = self._recommended(reading.roughness_reference)
-        feed, engaged = self._next_feed(reading)
         feed = np.where(engaged, np.minimum(feed, self._program.override_max * recommended), recommended)
-        return self._program.act(reading, np.clip(feed, *self._feed_range) / self._program.feed)
+        return np.clip(feed, *self._feed_range) / self._program.feed
 
 
 class ModelFeed(Policy):
-    """Open-loop control: the feed at which the nominal model has the force for the reference of Ra.
-
-    Args:
-        scenario: task, with the nominal law of thrust force and depth of cut.
-    """
+    """Open-loop control of a task: the feed at which the nominal model has the force for the reference of Ra."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         scenario = self._scenario
         reading = read(observations, scenario)
         speed = np.full(len(observations), scenario.control.initial_cutting_speed)

@@ -26,7 +26,7 @@ from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import real_power, sine_and_cosine
 from turning_env.physics.drives import force_from_current
 from turning_env.physics.records import parameter_records
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,6 @@ class Smoother:
     The first sample after ``reset`` counts as steady before; the root mean square then covers the samples since.
 
     Args:
-        num_envs: number of environments.
         signals: number of signals per environment.
         cutoff: half-power frequency over the Nyquist frequency [-], between 0 and 1.
         window: samples of the root mean square, 1 or more.
@@ -84,22 +83,19 @@ class Smoother:
         steady = np.stack([1.0 - b[:, 0], b[:, 2] - a[:, 2]], axis=1)  # state per unit of a constant signal
         self._steady = steady[:, np.newaxis, np.newaxis, :]
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
-        self._fresh = np.ones(num_envs, np.bool_)
         self._window = np.zeros((window, num_envs, signals))
-        self._count = np.zeros(num_envs, np.int64)
+        self._count = np.zeros(num_envs, np.int64)  # of each environment's samples
         self._next = 0
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the samples."""
-        self._fresh |= mask
         self._window[:, mask] = 0.0
         self._count[mask] = 0
 
     def update(self, samples: Array) -> Array:
         """Return the smoothed signals after the next samples, both of shape (num_envs, signals)."""
-        if self._fresh.any():
-            self._state[:, self._fresh] = self._steady * samples[self._fresh][..., np.newaxis]
-            self._fresh[:] = False
+        fresh = self._count == 0
+        if fresh.any():
+            self._state[:, fresh] = self._steady * samples[fresh][..., np.newaxis]
         filtered, self._state = self._filter(self._sections, samples[..., np.newaxis], axis=-1, zi=self._state)
         self._window[self._next] = filtered[..., 0]
         self._next = (self._next + 1) % len(self._window)
@@ -110,11 +106,7 @@ class Smoother:
 class ForceEstimator:
     """An estimator of the thrust force from the servo current or, if the scenario measures it, from the force.
 
-    Args:
-        scenario: task.
-        num_envs: number of environments.
-        cutoff: cut-off frequency of the filter over the Nyquist frequency [-], between 0 and 1.
-        window: number of samples of the root mean square, 1 or more.
+    See ``Smoother`` for the arguments.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, cutoff: float, window: int) -> None:
@@ -138,16 +130,14 @@ class ForceEstimator:
         return np.maximum(force, 0.0), np.clip(feed, self._machine.feed_min, self._machine.feed_max)
 
 
-class CurrentLimit:
+class CurrentLimit(Policy):
     """Control that keeps the estimated force below a share of its limit with the 16 grades of the feed switch.
 
     Args:
         program: part program. If the scenario measures the force, the force is filtered instead of the current.
-        num_envs: number of environments.
         force_share: upper limit over the force limit [-].
         hysteresis: (upper limit - lower limit) / upper limit [-].
-        cutoff: cut-off frequency of the current's filter over the Nyquist frequency [-]; above 0 and below 1.
-        window: number of samples of the current's root mean square, 1 or more.
+        cutoff, window: see ``Smoother``.
     """
 
     def __init__(
@@ -172,13 +162,11 @@ class CurrentLimit:
         self._grade = np.full(num_envs, _PROGRAMMED)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Start in air, with the switch at the programmed feed."""
         self._estimator.reset(mask)
         self._steps_in_metal[mask] = 0
         self._grade[mask] = _PROGRAMMED
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         scenario = self._program.scenario
         reading = read(observations, scenario)
         self.reset(~reading.cutting)

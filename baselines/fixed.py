@@ -23,7 +23,6 @@ class FixedParameters(Policy):
     """A policy that commands one set point, clipped to the machine's ranges.
 
     Args:
-        scenario: task.
         cutting_speed: set point [m/min], one number or shape (num_envs,).
         feed: set point [mm/rev], one number or shape (num_envs,).
     """
@@ -40,7 +39,6 @@ class FixedParameters(Policy):
         return cls(scenario, scenario.control.initial_cutting_speed, override * scenario.control.initial_feed)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         speeds = np.broadcast_to(self._cutting_speed, len(observations))
         feeds = np.broadcast_to(self._feed, len(observations))

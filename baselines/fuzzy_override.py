@@ -44,18 +44,8 @@ def new_override(override: Array, load: Array, target: float, override_max: floa
 
 
 def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float, p: float, d: float) -> OverrideLaw:
-    """Return the controller that applies the equations in every step.
-
-    Args:
-        program: part program.
-        num_envs: number of environments.
-        target: load over the load at the power limit [-].
-        k: share of the rise below the target [-].
-        p: share of the fall from the target on [-].
-        d: override that the fall leaves [-].
-    """
-    aim = target_load(program.scenario, target)
-    highest = program.override_max
+    """Return the controller that applies the equations in every step; ``target``: over the load at the power limit [-]."""
+    aim, highest = target_load(program.scenario, target), program.override_max
     return OverrideLaw(program, lambda reading, override: new_override(override, reading.load, aim, highest, k, p, d))
 
 

@@ -99,7 +99,6 @@ class GridSearch(Policy):
 
     Args:
         scenario: task, with its nominal models and limits. No response may fall with feed, because of the bisection.
-        num_envs: number of environments.
     """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
@@ -110,7 +109,6 @@ class GridSearch(Policy):
         self._power_limits = np.full(num_envs, scenario.limits.power)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         chosen = np.empty((len(observations), 2))
         search(
@@ -131,8 +129,6 @@ class RescaledGridSearch(GridSearch):
     """The grid search on models rescaled by measured over predicted force and power.
 
     Args:
-        scenario: task.
-        num_envs: number of environments.
         margin: factor on the limits of force and power [-].
         smoothing: weight of the newest ratio in a scale [-].
     """
@@ -142,11 +138,9 @@ class RescaledGridSearch(GridSearch):
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Return to the nominal models."""
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
         force_scale, power_scale = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)

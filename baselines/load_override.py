@@ -17,7 +17,7 @@ from turning_env.action import sets_feed
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.spindle import capacity_at
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 
@@ -52,13 +52,8 @@ def towards_load(override: Array, load: Array, target: Array | float, share: flo
 def constant_load(program: PartProgram, num_envs: int, target: float, gain: float) -> OverrideLaw:
     """Return a controller in the manner of FANUC iAdaptS: the override integrates the relative deviation of the load.
 
-    The dithering of the feed against chatter is left out, because the model has no stability limit.
-
-    Args:
-        program: part program.
-        num_envs: number of environments.
-        target: load over the load at the power limit [-].
-        gain: gain of the integration [1/s].
+    The dithering of the feed against chatter is left out, because the model has no stability limit. ``target``: load over the
+    load at the power limit [-]; ``gain``: of the integration [1/s].
     """
     aim = target_load(program.scenario, target)
     share = lag_share(program.scenario.control.interval, 1.0 / gain)
@@ -70,7 +65,7 @@ def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
     return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 
-class LearnedPower:
+class LearnedPower(Policy):
     """Constant power within limits relative to each edge's learned power, in the manner of Caron TMAC.
 
     Each edge cuts its first seconds at the programmed feed; their mean power is the learned power. Then there are four limits:
@@ -86,8 +81,6 @@ class LearnedPower:
     smoothing averages over depth and hardness.
 
     Args:
-        program: part program.
-        num_envs: number of environments.
         target: power over the power limit at the present speed [-].
         gain: gain of the integration [1/s].
         extreme: extreme limit over the learned power [-].
@@ -107,13 +100,11 @@ class LearnedPower:
         self._growth = np.ones(num_envs)  # smoothed power over the learned power [-]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the edge."""
         for numbers in (self._cutting_time, self._sum, self._count):
             numbers[mask] = 0.0
         self._growth[mask] = 1.0
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         program, law = self._program, self._program.scenario.material.power
         reading = read(observations, program.scenario)
         self.reset(reading.cutting_time < self._cutting_time)  # a fresh edge
@@ -145,7 +136,7 @@ class LearnedPower:
         return program.act(reading, override, self._growth > self._wear)
 
 
-class AirGapControl:
+class AirGapControl(Policy):
     """Different laws in air, at entry and in metal, in the manner of OMATIVE ACM.
 
     In air, it commands the highest override, and for a moment after the tool touches metal, the entry override. Then it follows
@@ -154,8 +145,6 @@ class AirGapControl:
     to it gradually.
 
     Args:
-        program: part program.
-        num_envs: number of environments.
         target: load over the load at the power limit [-].
         entry: override when the tool touches metal [-].
         rise: rate at which the override rises to a higher one [1/s].
@@ -170,11 +159,9 @@ class AirGapControl:
         self._time_in_metal = np.zeros(num_envs)  # since the touch [s]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Start in air."""
         self._time_in_metal[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         program, exponent = self._program, self._program.scenario.material.power.feed
         reading = read(observations, program.scenario)
         present = program.override(reading)

@@ -47,7 +47,6 @@ class Optimiser(Policy):
 
     Args:
         scenario: task, or one for each environment, which all have the same actions and sensors.
-        num_envs: number of environments.
         severity: factor on the price of overload [-].
         caution: factor on the standard deviations of force and power [-].
         wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn out [-].

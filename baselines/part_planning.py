@@ -47,7 +47,6 @@ class RuledParts(Policy):
     """A policy that plans the cheapest number of passes, with cutting speed and feed by a rule at each pass's depth of cut.
 
     Args:
-        scenario: task.
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
         corrected: whether the path is made for the measured size, not for the drawing's allowance.
         margin: factor on the limits of force, power and torque [-].
@@ -61,7 +60,6 @@ class RuledParts(Policy):
         self._shares[0] = first_margin
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         scenario = self._scenario
         reading = read(observations, scenario)
         drawn = np.full(len(observations), scenario.workpiece.depth_of_cut)

@@ -31,14 +31,13 @@ def mixed(words: Words) -> Words:
     return words ^ (words >> np.uint64(31))
 
 
-class RandomActions:
+class RandomActions(Policy):
     """A policy of actions drawn uniformly from the action space.
 
     The random numbers are keyed by all observations since the environment's reset. So an episode of a seed is the same in any
     batch, and other seeds, with other bars, give other actions.
 
     Args:
-        num_envs: number of environments.
         actions: number of actions per environment.
     """
 
@@ -47,11 +46,9 @@ class RandomActions:
         self._numbers = np.arange(1, actions + 1, dtype=np.uint64)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget past observations."""
         self._keys[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         for entry in np.ascontiguousarray(observations.T, np.float32).view(np.uint32):
             self._keys = mixed(self._keys ^ entry)
         words = mixed(self._keys[:, np.newaxis] ^ self._numbers) >> np.uint64(40)
@@ -69,7 +66,6 @@ class ConstantActions(Policy):
         self._action = action
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size)."""
         return np.broadcast_to(self._action, (len(observations), self._action.shape[-1])).copy()
 
 
@@ -77,7 +73,6 @@ class FirstThen(Policy):
     """A policy that repeats an action at first and then plays another policy.
 
     Args:
-        num_envs: number of environments.
         action: the action of the first steps, shape (action size,), or (num_envs, action size).
         steps: number of these steps, one or shape (num_envs,).
         policy: policy without memory that plays after them.
@@ -88,11 +83,9 @@ class FirstThen(Policy):
         self._steps = np.zeros(num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Begin anew in the environments of the mask, shape (num_envs,)."""
         self._steps[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         first = self._steps < self._first_steps
         self._steps += 1.0
         then = self._action if first.all() else self._policy.act(observations)

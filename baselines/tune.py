@@ -6,8 +6,8 @@
 
 The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
 number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
-steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. With ``--jobs`` or ``--scheduler``, rules are tuned
-in parallel, with the same result (docs/scaling.md).
+steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. With ``--jobs``, rules are tuned in parallel, with
+the same result.
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. The best mean return wins
 among the feasible trials, or among all if none is feasible. A trial's parameters depend only on its number and the trials before
@@ -39,7 +39,7 @@ from turning_env.files import exclusive_lock, file_lock, replace_file
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import severe_limit, severe_share
-from turning_env.scoring.workers import Workers, workers
+from turning_env.scoring.workers import spread, workers
 
 Budget = dict[str, int]
 BUDGET: Budget = {"trials": 64, "seeds": 32}
@@ -69,114 +69,68 @@ def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, s
     return Played(float(episodes["return"].mean()), severe_share(*times), severe_limit(*times), int(episodes["steps"].sum()))
 
 
-class Search:
-    """The search for the best parameters of a rule; any process may play its trials, one after the other.
+def search(
+    name: str,
+    rule: Rule,
+    scenario: Scenario,
+    budget: Budget,
+    log: Path,
+    play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], Played] = play_trial,
+) -> dict[str, Any]:
+    """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all.
 
     Args:
         name: name of the rule.
         rule: rule to tune.
         scenario: scenario to play.
-        trials: number of trials.
-        seeds: number of tuning seeds that each trial plays.
-        log: file with the results of trials, one in a line, which are not played again.
+        budget: number of trials, and of tuning seeds that each plays.
+        log: file that keeps the results of trials, one in a line; those that it holds are not played again.
+        play: function that plays a trial.
     """
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    known, seeds = _read(log), tuning_seeds(budget["seeds"])
+    ranges: dict[str, BaseDistribution] = {
+        key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()
+    }
+    study = optuna.create_study(direction="maximize")
+    played: list[tuple[Parameters, Played]] = []
+    study.enqueue_trial({key: middle(each) for key, each in rule.ranges.items()})
+    for number in range(budget["trials"]):
+        study.sampler = TPESampler(seed=number, n_ei_candidates=_CANDIDATES)
+        trial = study.ask(ranges)
+        setting = rule.fixed | trial.params
+        about = json.dumps([MODEL_VERSION, rule.version, scenario.digest(), len(seeds), setting])
+        if about not in known:
+            known[about] = play(name, rule, scenario, setting, seeds)
+            with log.open("a", encoding="utf-8") as file:
+                file.write(f"\n{json.dumps([about, known[about]])}\n")
+        played.append((trial.params, known[about]))
+        trial.set_constraint("overload", known[about].severe_limit - scenario.limits.overload_allowance)
+        study.tell(trial, known[about].mean_return)
 
-    def __init__(self, name: str, rule: Rule, scenario: Scenario, trials: int, seeds: int, log: Path) -> None:
-        optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self.name, self._rule, self._scenario, self._trials = name, rule, scenario, trials
-        self._seeds, self._log, self._known = tuning_seeds(seeds), log, {}
-        for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
-            with suppress(ValueError, TypeError, RecursionError):  # the process was killed while writing it
-                about, values = json.loads(line)
-                self._known[about] = Played(*values)
-        self._ranges: dict[str, BaseDistribution] = {
-            key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()
-        }
-        self._study = optuna.create_study(direction="maximize")
-        self._study.enqueue_trial({key: middle(each) for key, each in rule.ranges.items()})
-        self._played: list[tuple[Parameters, Played]] = []
-        self._ask()
+    def feasible(result: Played) -> bool:
+        return result.severe_limit <= scenario.limits.overload_allowance
 
-    def _ask(self) -> None:
-        """Go on to the next trial whose result is not known."""
-        while self.left:
-            self._study.sampler = TPESampler(seed=len(self._played), n_ei_candidates=_CANDIDATES)
-            self._trial = self._study.ask(self._ranges)
-            about = [MODEL_VERSION, self._rule.version, self._scenario.digest(), len(self._seeds), self._setting]
-            self._about = json.dumps(about)
-            if self._about not in self._known:
-                break
-            self._take(self._known[self._about])
-
-    def _take(self, played: Played) -> None:
-        self._trial.set_constraint("overload", played.severe_limit - self._scenario.limits.overload_allowance)
-        self._study.tell(self._trial, played.mean_return)
-        self._played.append((self._trial.params, played))
-
-    @property
-    def _setting(self) -> Parameters:
-        return self._rule.fixed | self._trial.params
-
-    @property
-    def left(self) -> int:
-        """Return the number of trials left."""
-        return self._trials - len(self._played)
-
-    def next(self) -> tuple[str, Rule, Scenario, Parameters, list[int]]:
-        """Return the next trial: the arguments of ``play_trial``."""
-        return self.name, self._rule, self._scenario, self._setting, self._seeds
-
-    def tell(self, played: Played) -> None:
-        """Take the result of the next trial and log it."""
-        with self._log.open("a", encoding="utf-8") as file:
-            file.write(f"\n{json.dumps([self._about, played])}\n")
-        self._take(played)
-        self._ask()
-
-    def found(self) -> dict[str, Any]:
-        """Return the rule's entry in a file of tuned parameters: the best trial so far and the budget of all."""
-
-        def feasible(played: Played) -> bool:
-            return played.severe_limit <= self._scenario.limits.overload_allowance
-
-        parameters, best = max(self._played, key=lambda trial: (feasible(trial[1]), trial[1].mean_return))
-        return {
-            "version": self._rule.version,
-            "parameters": parameters,
-            "mean_return": best.mean_return,
-            "severe_share": best.severe_share,
-            "feasible": feasible(best),
-            "episodes_played": len(self._played) * len(self._seeds),
-            "steps_played": sum(played.steps for _, played in self._played),
-        }
+    parameters, best = max(played, key=lambda each: (feasible(each[1]), each[1].mean_return))
+    return {
+        "version": rule.version,
+        "parameters": parameters,
+        "mean_return": best.mean_return,
+        "severe_share": best.severe_share,
+        "feasible": feasible(best),
+        "episodes_played": len(played) * len(seeds),
+        "steps_played": sum(result.steps for _, result in played),
+    }
 
 
-def run_all(searches: Sequence[Search], over: Workers | None = None, play: Callable[..., Played] = play_trial) -> None:
-    """Play the searches' remaining trials: one search after the other, or with workers one trial of each search at a time.
-
-    Raises:
-        WorkersError: no workers are left.
-        Exception: what a trial raised.
-    """
-    with tqdm(total=sum(search.left for search in searches), desc="tuning", unit="trial", disable=None) as bar:
-
-        def note(search: Search, played: Played) -> None:
-            search.tell(played)
-            best = search.found()
-            infeasible = "" if best["feasible"] else ", not feasible"
-            bar.set_postfix_str(f"{search.name}: best {best['mean_return']:.1f} s{infeasible}", refresh=False)
-            bar.update()
-
-        for search in searches:
-            if over is not None and search.left:
-                over.start(search, play, *search.next())
-            while over is None and search.left:
-                note(search, play(*search.next()))
-        while over is not None and any(search.left for search in searches):
-            search, played = over.finished()
-            note(search, played)
-            if search.left:
-                over.start(search, play, *search.next())
+def _read(log: Path) -> dict[str, Played]:
+    """Return the results that a log holds, by what they depend on; lines that a killed process left incomplete are skipped."""
+    found = {}
+    for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
+        with suppress(ValueError, TypeError, RecursionError):
+            about, values = json.loads(line)
+            found[about] = Played(*values)
+    return found
 
 
 def middle(values: Range) -> float:
@@ -236,7 +190,11 @@ def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Bud
     return kept
 
 
-def log(name: str, target: Path) -> Path:
+def _searched(arguments: tuple[str, Rule, Scenario, Budget, Path]) -> dict[str, Any]:
+    return search(*arguments)
+
+
+def log_of(name: str, target: Path) -> Path:
     """Return the path of the log of a rule's unfinished search, beside the file that will hold its result."""
     return target.with_name(f".unfinished-{target.stem}-{name}.log")
 
@@ -255,7 +213,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: TOML.tuned.json beside the TOML)")
     parser.add_argument("--shipped", action="store_true", help="for maintainers: rewrite the parameters that ship for a preset")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="number of processes, one rule each (default: 1)")
-    parser.add_argument("--scheduler", metavar="URL", help="play on the workers of this Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
     budget = {what: getattr(parsed, what) or number for what, number in (QUICK if parsed.quick else BUDGET).items()}
     for what in ("trials", "seeds", "jobs"):
@@ -268,23 +225,20 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
     some = parsed.quick or parsed.rules is not None
     _kept(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
-    logs = {name: log(name, target) for name in chosen}
-    with workers(parsed.jobs, parsed.scheduler) as over, ExitStack() as held:
+    command = ["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *["--shipped"] * parsed.shipped]
+    command += [word for what, number in budget.items() for word in (f"--{what}", str(number))]
+    values = {"command": shlex.join(command), "scenario_digest": scenario.digest(), "budget": budget}
+    logs = {name: log_of(name, target) for name in chosen}
+    with workers(parsed.jobs, None) as over, ExitStack() as held:
         for path in logs.values():
             held.enter_context(file_lock(path))
-        searches = [Search(name, rule, scenario, **budget, log=logs[name]) for name, rule in chosen.items()]
-        run_all(searches, over)
-        found = {search.name: search.found() for search in searches}
-        for name, best in found.items():
+        found = {}
+        pieces = [(name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()]
+        for name, best in tqdm(spread(over, _searched, pieces), "tuning", len(pieces), unit="rule", disable=None):
+            found[name] = best
             feasible = "feasible" if best["feasible"] else "not feasible"
             result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
-            print(f"{name}: {best['parameters']}, {result}")
-        words = ["--shipped"] * parsed.shipped + [word for what, number in budget.items() for word in (f"--{what}", str(number))]
-        values = {
-            "command": shlex.join(["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *words]),
-            "scenario_digest": scenario.digest(),
-            "budget": budget,
-        }
+            tqdm.write(f"{name}: {best['parameters']}, {result}")
         with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
             rules = found | (_kept(found, scenario, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}

@@ -34,7 +34,7 @@ from baselines.rule import Parameters, Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log, real_power
-from turning_env.scoring.policy import Actions, Observations
+from turning_env.scoring.policy import Actions, Observations, Policy
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
 """The paper's rules."""
@@ -104,12 +104,8 @@ def set_point(
     return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(exp(log_feed), *process.feed_range)
 
 
-def depth_exponents(rule: str, process: Process) -> tuple[float, float]:
-    """Return the exponents of depth of cut in a rule's cutting speed and feed [-] while only its own two limits are active."""
-    return _exponents(*limits(rule, process))
-
-
-def _exponents(one: Limit, other: Limit) -> tuple[float, float]:
+def depth_exponents(one: Limit, other: Limit) -> tuple[float, float]:
+    """Return the exponents of depth of cut in the cutting speed and feed [-] of two limits."""
     first, second = one.law, other.law
     determinant = first.cutting_speed * second.feed - first.feed * second.cutting_speed
     speed = first.feed * second.depth_of_cut - first.depth_of_cut * second.feed
@@ -147,7 +143,7 @@ def along(process: Process, first: Limit, second: Limit) -> Along:
     """Return the cost of metal along two limits, at nominal hardness and mean wear."""
     cut = (1.0, 1.0, process.mean_wear)
     log_speed, log_feed = (float(value) for value in first.line(*cut).crossing(second.line(*cut)))
-    speed, feed = _exponents(first, second)
+    speed, feed = depth_exponents(first, second)
     mu, nu, rho = process.life_exponents
     return Along(
         a=float(exp(-log_speed - log_feed)),
@@ -230,14 +226,12 @@ def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, ND
     return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0], best[0]
 
 
-class AdaptiveRule:
+class AdaptiveRule(Policy):
     """A policy that applies a rule in every step to models rescaled by measured over predicted force and power.
 
     Predictions and limits use nominal wear, depth and hardness; the scales absorb the deviations.
 
     Args:
-        scenario: task.
-        num_envs: number of environments.
         rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
         margin: factor on the limits of force, power and torque [-].
         smoothing: weight of the newest ratio in a scale [-].
@@ -248,11 +242,9 @@ class AdaptiveRule:
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Return to the nominal models."""
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenario)
         depth = self._scenario.workpiece.depth_of_cut
         interval = self._scenario.control.interval / 60.0

@@ -1,10 +1,12 @@
-"""Offline data sets of RoughTurning-v0 in Minari's format.
+"""Offline data sets in Minari's format.
 
     python -m examples.offline make --out runs/datasets
     python -m examples.offline make --behaviours mixture --episodes 20 --out runs/small
+    python -m examples.offline make --env RoughTurning-Family-v0 --behaviours self_tuning --episodes 20
 
 Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best policy that ships; `mixture`, both by turns,
 with noise; `load_rule`, a simple rule with noise that needs the wheel alone. Without --behaviours the first three are recorded.
+On other ids, a behaviour is the name of a controller that is tuned there.
 Episodes are those of seeds that no agent is trained on, no rule is tuned on and nothing is scored on.
 """
 
@@ -23,13 +25,15 @@ from unittest.mock import patch
 import gymnasium
 import minari  # type: ignore[import-untyped]
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 from tqdm import tqdm
 
 from examples.shared import ENV_ID, at_least, run
-from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
-from turning_env.physics.quantities import OBS
+from turning_env.family_env import vector_env
+from turning_env.physics.quantities import OBS, layout
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
 from turning_env.scoring.seeds import TUNING_START
@@ -58,8 +62,12 @@ def load_rule(observations: Observations) -> Any:
     return np.stack((np.zeros_like(feed), feed), axis=1)
 
 
-def policy(name: str) -> PolicyFactory:
-    """Return the rule or the agent with a name."""
+def policy(name: str, env_id: str = ENV_ID, seeds: Sequence[int] = ()) -> PolicyFactory:
+    """Return the controller or the agent with a name, as it plays the episodes of seeds.
+
+    Raises:
+        KeyError, ValueError: there is none on the id.
+    """
     if name == "load_rule":
         return as_factory(load_rule)
     if name == "analytic_gradient":
@@ -68,15 +76,19 @@ def policy(name: str) -> PolicyFactory:
         return onnx_policy.load(AGENT).make
     from baselines import catalogue
 
-    return catalogue.spec(name, Scenario.load("rough_turning")).make
+    if env_id == FAMILY_ID:
+        family = Family.load("shop")
+        return catalogue.spec(name, [family.job(seed).scenario for seed in seeds], Scenario.load(family.base)).make
+    return catalogue.spec(name, Scenario.load(IDS[env_id])).make
 
 
-def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0) -> list[EpisodeBuffer]:
-    """Play one episode per seed, all side by side: observations (T + 1, 11), actions (T, 2), rewards [s] and ends (T).
+def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id: str = ENV_ID) -> list[EpisodeBuffer]:
+    """Play one episode per seed, all side by side: observations (T + 1, entries), actions (T, size), rewards [s] and ends (T).
 
     The noise of an episode depends on its seed alone.
     """
-    envs = RoughTurningVectorEnv(len(seeds), "rough_turning")
+    envs = vector_env("shop" if env_id == FAMILY_ID else IDS[env_id], len(seeds), AutoresetMode.NEXT_STEP)
+    own = len(layout(envs.scenario))  # a controller does not see the context
     controller = make(len(seeds))
     generators = [np.random.default_rng(seed) for seed in seeds]
     observations, _ = envs.reset(seed=list(seeds))
@@ -84,9 +96,9 @@ def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0) -> lis
     seen, steps = [observations], []
     lengths = np.zeros(len(seeds), np.int64)
     while not lengths.all():
-        actions = controller.act(observations)
+        actions = controller.act(observations[:, :own])
         if noise:
-            actions = actions + np.stack([each.normal(0.0, noise, 2) for each in generators])
+            actions = actions + np.stack([each.normal(0.0, noise, actions.shape[1]) for each in generators])
         actions = actions.clip(-1.0, 1.0).astype(np.float32)
         observations, rewards, terminated, truncated, _ = envs.step(actions)
         seen.append(observations)
@@ -101,46 +113,48 @@ def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0) -> lis
     ]
 
 
-def make(behaviour: str, episodes: int, out: Path) -> Path:
+def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path:
     """Play and write a data set, whole or not at all; returns its folder. What is there already is left as it is."""
-    name = f"rough_turning-{behaviour}-v0"
+    name = f"{IDS.get(env_id, 'family')}-{behaviour}-v0"
     if (out / name).exists():
         return out / name
-    policies, noise = BEHAVIOURS[behaviour]
+    policies, noise = BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
         for number, each in enumerate(policies):  # by turns: seed i is played by policy i modulo their number
             seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(policies))
             for start in range(0, len(seeds), NUM_ENVS):
-                buffers += record(policy(each), seeds[start : start + NUM_ENVS], noise)
+                some = seeds[start : start + NUM_ENVS]
+                buffers += record(policy(each, env_id, some), some, noise, env_id)
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=out.resolve(), prefix=".partial-") as folder:
-        write(name, behaviour, buffers, Path(folder))
+        write(name, behaviour, buffers, Path(folder), env_id)
         (Path(folder) / name).replace(out / name)
     return out / name
 
 
-def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path) -> None:
+def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, env_id: str) -> None:
     """Have Minari write a data set below ``root``, with a description."""
-    scenario, (policies, noise) = Scenario.load("rough_turning"), BEHAVIOURS[behaviour]
+    source = Family.load("shop") if env_id == FAMILY_ID else Scenario.load(IDS[env_id])
+    policies, noise = BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
         dataset = minari.create_dataset_from_buffers(
             name,
             buffers,
-            env=gymnasium.spec(ENV_ID),
-            eval_env=gymnasium.spec(ENV_ID),
+            env=gymnasium.spec(env_id),
+            eval_env=gymnasium.spec(env_id),
             algorithm_name=behaviour,
-            description=f"One edge per episode, by {' and '.join(policies)}; rewards in s of machine time.",
+            description=f"{env_id}, by {' and '.join(policies)}; rewards in s of machine time.",
             requirements=["rough-turning"],
         )
     dataset.storage.update_metadata(
         {
-            "scenario": scenario.to_toml(),
-            "scenario_digest": scenario.digest(),
+            "scenario": source.to_toml() if isinstance(source, Scenario) else source.name,
+            "scenario_digest": source.digest(),
             "action_noise": noise,
             "first_seed": buffers[0].seed,
             "last_seed": buffers[-1].seed,
@@ -159,8 +173,8 @@ def load(folder: Path) -> minari.MinariDataset:
         ValueError: the folder holds none.
     """
     dataset = minari.MinariDataset(folder.resolve() / "data")
-    if (behaviour := dataset.storage.metadata.get("algorithm_name")) not in BEHAVIOURS:
-        raise ValueError(f"{folder} is by {behaviour!r}, but must be by {', '.join(BEHAVIOURS)}")
+    if "scenario_digest" not in dataset.storage.metadata:
+        raise ValueError(f"{folder} holds a data set that this command did not make")
     return dataset
 
 
@@ -173,23 +187,29 @@ def checksum(dataset: minari.MinariDataset) -> str:
     return digest.hexdigest()
 
 
-@exits(ValueError)
+@exits(ValueError, KeyError)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, write data sets, print their checksums")
-    making.add_argument("--behaviours", nargs="+", choices=BEHAVIOURS, default=CANONICAL, help=f"default: {' '.join(CANONICAL)}")
+    making.add_argument("--env", choices=[*IDS, FAMILY_ID], default=ENV_ID, help="environment id (default: %(default)s)")
+    making.add_argument("--behaviours", nargs="+", metavar="NAME", default=CANONICAL, help=f"default: {' '.join(CANONICAL)}")
     making.add_argument("--episodes", type=at_least(1), default=200, help="of each (default: %(default)s)")
     making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
     options = parser.parse_args(arguments)
     if options.episodes > MAX_EPISODES:
         parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
+    if options.env == ENV_ID and (unknown := [each for each in options.behaviours if each not in BEHAVIOURS]):
+        parser.error(f"--behaviours has {unknown[0]!r}, but must be of {', '.join(BEHAVIOURS)}")
     for behaviour in options.behaviours:
-        folder = make(behaviour, options.episodes, options.out)
+        folder = make(behaviour, options.episodes, options.out, options.env)
         dataset = load(folder)
         marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
-        returns = {name: [each["return"] for each in marks if each["behaviour"] == name] for name in BEHAVIOURS[behaviour][0]}
+        returns = {
+            name: [each["return"] for each in marks if each["behaviour"] == name]
+            for name in BEHAVIOURS.get(behaviour, ((behaviour,),))[0]
+        }
         means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
         print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
         print(f"    sha256 {checksum(dataset)}", flush=True)

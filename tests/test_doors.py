@@ -83,8 +83,20 @@ def trained_exported_and_ranked(env_id: str, tmp_path: Path) -> None:
     assert leaderboard(["verify", "--env", env_id, *results, *verified]) == 0
 
 
+def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    from examples.offline import main
+
+    behaviour = {
+        **{"RoughTurning-v0": "load_rule", "RoughTurning-Paper-v0": "grid_search", "RoughTurning-Override-v0": "override_tuned"},
+        **{"RoughTurning-Surface-v1": "programmed_feed", "RoughTurning-Shift-v0": "predictive"},
+        **{"RoughTurning-Batch-v0": "parts_fixed_tuned", FAMILY_ID: "self_tuning"},
+    }[env_id]
+    assert main(["make", "--env", env_id, "--behaviours", behaviour, "--episodes", "1", "--out", str(tmp_path)]) == 0
+
+
 DOORS = (
-    *(made_by_gymnasium, drawn, learned_with_make_vec_env, learned_in_a_batch, taken_by_torchrl, scored),
+    *(made_by_gymnasium, drawn, learned_with_make_vec_env, learned_in_a_batch, taken_by_torchrl, scored, recorded_for_minari),
     pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
 )
 

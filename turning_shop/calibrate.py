@@ -22,8 +22,7 @@ from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
-from turning_shop.headers import COLUMNS
-from turning_shop.measurements import Measurements
+from turning_shop.measurements import COLUMNS, Measurements
 from turning_shop.plausibility import law_problems, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers
@@ -146,9 +145,9 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]
                 "name edges in a column 'edge'; otherwise no power law fits"
             )
         for name in fitted.exponents:
-            found = fitted.estimates[name]
-            if found.high - found.low > 2.0 * WIDE:
-                known = f"{found.value:.3g} +- {0.5 * (found.high - found.low):.2g}"
+            value, low, high = fitted.estimates[name]
+            if high - low > 2.0 * WIDE:
+                known = f"{value:.3g} +- {0.5 * (high - low):.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
 
 

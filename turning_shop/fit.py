@@ -11,6 +11,7 @@ If it does, the rows of one edge share a deviation: a random effect, whose varia
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,8 @@ from pydantic import ValidationError
 from scipy import stats
 
 from turning_env.scenario.power_law import PowerLaw
-from turning_env.scoring.statistics import Estimate
 from turning_shop import Values, WorkshopError
-from turning_shop.headers import COLUMNS
-from turning_shop.measurements import Measurements
+from turning_shop.measurements import COLUMNS, Measurements
 
 FACTORS = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),
@@ -43,6 +42,14 @@ LEVEL = 0.95
 """Confidence level of all intervals [-]."""
 MAX_LOG = 700.0
 """Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
+
+
+class Estimate(NamedTuple):
+    """A fitted number and the ends of its confidence interval."""
+
+    value: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)

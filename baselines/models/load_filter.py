@@ -106,7 +106,6 @@ class LoadFilter:
 
     Args:
         scenarios: nominal models, one for all environments or one for each.
-        num_envs: number of environments.
         errors: the errors that they are expected to have; None: they are right.
     """
 

@@ -20,7 +20,6 @@ class PartProgram:
     """A programmed cutting speed and feed, and the range of the override [-]: 0 to ``control.override_max``.
 
     Args:
-        scenario: task.
         parameters: ``cutting_speed`` [m/min] and ``feed`` [mm/rev], by default the scenario's initial ones.
     """
 
@@ -52,7 +51,6 @@ class OverrideLaw(Policy):
     """A controller without state: the override follows from the reading.
 
     Args:
-        program: part program.
         law: returns the new override [-], shape (num_envs,), for a reading and the commanded override.
     """
 

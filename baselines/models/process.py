@@ -179,7 +179,6 @@ class Scales:
     """Scales of force and power: smoothed ratios of measured to predicted values.
 
     Args:
-        num_envs: number of environments.
         smoothing: weight of the newest ratio [-].
     """
 

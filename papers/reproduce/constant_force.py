@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from baselines.constant_force import (
     ConstantForce,
     ConstantForceNetwork,
-    RecommendedFeed,
     feed_of_roughness,
     force_of_roughness,
+    recommended_feed,
 )
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
@@ -161,12 +161,12 @@ def network_checks() -> Iterator[Check]:
     """Yield the checks of the cutting conditions that a network recommends."""
     scenario = Scenario.load("surface")
     references = np.array([row.reference for row in SIMULATIONS])
-    off = np.abs(RecommendedFeed(scenario)(references) / feed_of_roughness(scenario, references) - 1.0)
+    off = np.abs(recommended_feed(scenario)(references) / feed_of_roughness(scenario, references) - 1.0)
     yield at_most("recommended feed: largest deviation from the direct inverse", 0.005, float(off.max()))
     # The table's cuts without control have the recommended feeds. Their forces give the specific cutting force [N/mm2] at 1 mm.
     specific = float(np.mean([row.uncontrolled_force / row.uncontrolled_feed for row in SIMULATIONS]))
     law = scenario.material.thrust_force.model_dump() | {"coefficient": specific}
-    feeds = RecommendedFeed(changed("surface", material={"thrust_force": law}))(references)
+    feeds = recommended_feed(changed("surface", material={"thrust_force": law}))(references)
     for row, feed in zip(SIMULATIONS, feeds.tolist(), strict=True):
         yield Check(f"recommended feed: for Ra {row.reference} um [mm/rev]", row.uncontrolled_feed, feed, FEED_TOLERANCE)
     entries = []

@@ -11,8 +11,8 @@ from baselines.constant_force import (
     ConstantForce,
     ConstantForceNetwork,
     ModelFeed,
-    RecommendedFeed,
     force_of_roughness,
+    recommended_feed,
 )
 from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
@@ -101,7 +101,7 @@ def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> 
 
 def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:
     policy = ConstantForceNetwork(PartProgram(HELD, {}), 1)
-    (recommended,) = RecommendedFeed(HELD)(np.array([1.6])) / HELD.control.initial_feed
+    (recommended,) = recommended_feed(HELD)(np.array([1.6])) / HELD.control.initial_feed
     assert override(policy, observations(HELD, 0.0)) == pytest.approx(recommended, rel=1e-5)
     seen = observations(HELD, 500.0)
     assert override(policy, seen, NEEDED - 1) == pytest.approx(recommended, rel=1e-5)

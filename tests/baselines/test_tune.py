@@ -12,7 +12,7 @@ import pytest
 from baselines import tune, tuned
 from baselines.catalogue import RULES, spec
 from baselines.rule import Parameters, Range, Rule
-from baselines.tune import Played, Search, play_trial, run_all
+from baselines.tune import Played, play_trial
 from turning_env import Scenario
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
@@ -49,9 +49,8 @@ def search(tmp_path: Path) -> Callable[..., dict[str, Any]]:
     """Return a search that keeps its log in ``tmp_path / "made_up.log"``."""
 
     def search(counted: Counted, trials: int = 16, seeds: int = 4, rule: Rule = RULE, scenario: Scenario = SHORT) -> Any:
-        searching = Search("made_up", rule, scenario, trials, seeds, tmp_path / "made_up.log")
-        run_all([searching], play=counted)
-        return searching.found()
+        budget = {"trials": trials, "seeds": seeds}
+        return tune.search("made_up", rule, scenario, budget, tmp_path / "made_up.log", counted)
 
     return search
 

@@ -86,7 +86,7 @@ def test_depth_enters_speed_feed_and_cost_as_stated(rule: str) -> None:
     process = handbook_process(rule)
     (slower, faster), (less, more) = set_point(rule, process, [2.49, 2.51])
     ratio = np.log(2.51 / 2.49)
-    expected = depth_exponents(rule, process)
+    expected = depth_exponents(*limits(rule, process))
     assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
     depths = np.array([2.0, 2.4, 2.5])
     speed, feed = set_point(rule, process, depths)

@@ -114,7 +114,7 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
 def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     SCENARIO.save(tmp_path / "short.toml")
     arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
-    with held("file_lock", rule_tuning.log("fixed_tuned", tmp_path / "short.tuned.json")):
+    with held("file_lock", rule_tuning.log_of("fixed_tuned", tmp_path / "short.tuned.json")):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works with" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
