@@ -11,19 +11,160 @@ with run folders, which replace the curves of the same name.
 """
 
 import argparse
+import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple, Self
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import EngFormatter, FixedLocator, NullLocator
+from matplotlib.ticker import EngFormatter
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from train.learning_curves import FILE, Curve, curves, read, scale
+from train.run import Run
 from turning_env.console import described, exits
-from turning_env.scoring.statistics import CONFIDENCE
+from turning_env.files import replace_file
+from turning_env.scoring.policy import ScenarioId
+from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 from turning_render import plot_style as style
+
+FILE = "learning_curves.json"
+"""Name of the file of learning curves beside agents."""
+POINTS = 100
+_DIGITS = 4  # significant ones, enough to draw
+
+Floats = NDArray[np.float64]
+
+
+class Training(BaseModel):
+    """Learning curve of one training."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    first: float
+    """Environment steps of its first value."""
+    last: float
+    mean_return: list[float] = Field(min_length=1)
+    """Mean return [s] at equal distances from ``first`` to ``last``."""
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """Return the learning curve of a run.
+
+        Raises:
+            ValueError: the folder holds none.
+        """
+        rows = run.read_learning_curve()
+        if not rows:
+            raise ValueError(f"no episode has ended yet in the training in {run.folder}")
+        steps = [row["steps"] for row in rows]
+        returns = np.interp(np.linspace(steps[0], steps[-1], POINTS), steps, [row["mean_return"] for row in rows])
+        return cls(first=steps[0], last=steps[-1], mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns])
+
+    def at(self, steps: Floats) -> Floats:
+        """Return the mean returns [s] at some environment steps."""
+        return np.interp(steps, np.linspace(self.first, self.last, len(self.mean_return)), self.mean_return)
+
+
+class Trainings(BaseModel):
+    """Learning curves of agents that were trained on one task."""
+
+    model_config = ConfigDict(frozen=True)
+
+    env_id: str
+    scenario: ScenarioId
+    """The scenario or the family."""
+    trainings: dict[str, Training]
+    """Curves by name and training seed, such as ``ppo-seed0``."""
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file.
+
+        Raises:
+            ValueError: it cannot be read, or holds no learning curves.
+        """
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except (OSError, ValidationError) as error:
+            raise ValueError(f"{path} holds no learning curves: {error}") from error
+
+    def write(self, path: Path) -> None:
+        """Write a file, all of it or nothing: a line per training."""
+        lines = (f"  {json.dumps(label)}: {each.model_dump_json()}" for label, each in sorted(self.trainings.items()))
+        head = f' "env_id": {json.dumps(self.env_id)},\n "scenario": {self.scenario.model_dump_json()},\n "trainings": {{\n'
+        text = "{\n" + head + ",\n".join(lines) + "\n }\n}\n"
+        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
+
+
+class Curve(NamedTuple):
+    """Learning curve of one algorithm: arrays of shape (POINTS,)."""
+
+    seeds: int
+    """Number of training seeds."""
+    steps: Floats
+    """Environment steps."""
+    mean: Floats
+    """Mean return over training seeds [s]."""
+    low: Floats
+    """Lower end of its interval [s]; with one training seed, the mean."""
+    high: Floats
+
+
+def read(sources: Sequence[Path]) -> Trainings:
+    """Return the learning curves of files and of run folders, which take the place of curves of the same name in the files.
+
+    Raises:
+        ValueError: a source holds no learning curve, or they cannot be compared. The message names them.
+    """
+    in_files, in_runs = dict[str, Training](), dict[str, Training]()
+    tasks: dict[tuple[str, ScenarioId], Path] = {}
+    runs: dict[str, Run] = {}
+    for source in sources:
+        if source.suffix == ".json":
+            held, known = Trainings.read(source), in_files
+            task, new = (held.env_id, held.scenario), held.trainings
+        else:
+            run, known = Run.read(source), in_runs
+            first = runs.setdefault(run.algorithm, run)
+            if run.parameters != first.parameters:
+                raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
+            task, new = (run.env_id, run.task), {f"{run.algorithm}-seed{run.seed}": Training.of(run)}
+        tasks.setdefault(task, source)
+        if len(tasks) > 1:
+            raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))
+        if twice := known.keys() & new:
+            raise ValueError(f"{min(twice)} is given more than once")
+        known.update(new)
+    (env_id, scenario), *_ = tasks
+    return Trainings(env_id=env_id, scenario=scenario, trainings=in_files | in_runs)
+
+
+def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
+    """Return the mean curve of each algorithm over the common steps of its trainings, with its bootstrap interval over seeds.
+
+    Raises:
+        ValueError: those of an algorithm do not overlap.
+    """
+    groups: dict[str, list[Training]] = {}
+    for label, training in trainings.items():
+        groups.setdefault(label.rpartition("-seed")[0], []).append(training)
+    found = {}
+    for name, group in groups.items():
+        start, end = max(each.first for each in group), min(each.last for each in group)
+        if start > end:
+            raise ValueError(f"the curves of {name} do not overlap: resume the unfinished trainings")
+        steps, count = np.linspace(start, end, POINTS), len(group)
+        values = np.array([each.at(steps) for each in group])
+        resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
+        weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
+        low, high = np.quantile(weights @ values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE], axis=0)
+        found[name] = Curve(count, steps, values.mean(axis=0), low, high)
+    return found
 
 
 def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
@@ -34,16 +175,16 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
     axes: Axes = figure.subplots()
     for (name, curve), (colour, dashes) in zip(found.items(), style.policy_looks(found), strict=True):
         seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
-        axes.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
-        axes.plot(curve.x, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
+        axes.fill_between(curve.steps, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.plot(curve.steps, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
         axes.annotate(f"{name} {level:g} s", (0.0, level), (4, 2), ("axes fraction", "data"), "offset points", color=style.GREY)
-    linear, ticks = scale(found.values())
-    axes.set_yscale("symlog", linthresh=linear)
-    axes.yaxis.set_major_locator(FixedLocator(ticks))
-    axes.yaxis.set_minor_locator(NullLocator())
+    # The first returns are far away: linear up to the decade of the final returns, and logarithmic beyond.
+    linear = 10.0 ** math.floor(math.log10(max(*(abs(each.mean[-1]) for each in found.values()), 1e-3)))
+    axes.set_yscale("symlog", linthresh=linear, subs=[2, 5])
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_ylabel(
         f"mean return per training episode [s]\n{CONFIDENCE:.0%} interval; linear up to ±{linear:g}, logarithmic beyond"
     )
@@ -73,16 +214,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help)
     level_help = "draw a horizontal line at this return [s]"
     parser.add_argument("--level", action="append", default=[], type=named_level, metavar="NAME=VALUE", help=level_help)
-    again_help = "say that the runs repeat the trainings of the agents' files with the same settings"
-    parser.add_argument("--again", action="store_true", help=again_help)
     parsed = parser.parse_args(arguments)
-    found = read(parsed.sources, parsed.again)
+    found = read(parsed.sources)
     if parsed.out.suffix == ".json":
         found.write(parsed.out)
     else:
         with style.for_print():
             style.save(draw(curves(found.trainings), dict(parsed.level)), parsed.out)
-    print(f"{parsed.out}: {found.env_id}, scenario {found.scenario.name}")
+    print(f"{parsed.out}: {found.env_id}, {found.scenario.name}")
     return 0
 
 

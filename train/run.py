@@ -13,6 +13,7 @@ from typing import Any
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.files import replace_file
 from turning_env.scenario.section import names_instead
+from turning_env.scoring.policy import ScenarioId
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
@@ -148,6 +149,12 @@ class Run:
         return family_of(self.env_id, self.parameters)
 
     @property
+    def task(self) -> ScenarioId:
+        """Identity of the scenario or family of the training."""
+        trained = self.family or self.scenario
+        return ScenarioId(name=trained.name, digest=trained.digest())
+
+    @property
     def checkpoint(self) -> Path:
         """Path of the state of an unfinished training."""
         return self.folder / "checkpoint.zip"
@@ -165,9 +172,8 @@ class Run:
     @property
     def name(self) -> str:
         """Name of the agent: its algorithm's, followed by the scenario's if it was trained on one that is not the id's own."""
-        mine = self.family or self.scenario
-        own = trained_on(self.env_id, None)
-        return self.algorithm if own.digest() == mine.digest() else f"{self.algorithm}_{mine.name}"
+        own = trained_on(self.env_id, None).digest() == self.task.digest
+        return self.algorithm if own else f"{self.algorithm}_{self.task.name}"
 
     @property
     def label(self) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.train.small import ALGORITHMS, small_run
-from train import curves, learning_curves
+from train import curves
 from train.run import CURVE_COLUMNS, Run
 from turning_env import Scenario
 
@@ -32,32 +32,32 @@ def line(slope: float, start: float = 0.0, end: float = 100.0) -> list[dict[str,
 
 def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
     folders = [a_run(tmp_path, 0, line(-1.0)), a_run(tmp_path, 1, line(-3.0, 10.0, 60.0)), a_run(tmp_path, 2, line(5.0), "sac")]
-    trainings = learning_curves.read(folders)
+    trainings = curves.read(folders)
     assert (trainings.env_id, trainings.scenario.name) == ("RoughTurning-v0", "short")
-    found = learning_curves.curves(trainings.trainings)
+    found = curves.curves(trainings.trainings)
     assert [(name, curve.seeds) for name, curve in found.items()] == [("ppo", 2), ("sac", 1)]
     curve = found["ppo"]
-    assert (curve.x[0], curve.x[-1]) == (10.0, 60.0)
-    np.testing.assert_allclose(curve.mean, -2.0 * curve.x, rtol=1e-3)
-    np.testing.assert_allclose(curve.low, -3.0 * curve.x, rtol=1e-3)  # of two, both resampled alike one time in four
-    np.testing.assert_allclose(curve.high, -1.0 * curve.x, rtol=1e-3)
+    assert (curve.steps[0], curve.steps[-1]) == (10.0, 60.0)
+    np.testing.assert_allclose(curve.mean, -2.0 * curve.steps, rtol=1e-3)
+    np.testing.assert_allclose(curve.low, -3.0 * curve.steps, rtol=1e-3)  # of two, both resampled alike one time in four
+    np.testing.assert_allclose(curve.high, -1.0 * curve.steps, rtol=1e-3)
     np.testing.assert_allclose(found["sac"].low, found["sac"].high)
 
 
 def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp_path: Path) -> None:
-    file, pictures = tmp_path / learning_curves.FILE, [tmp_path / "runs.svg", tmp_path / "file.svg"]
+    file, pictures = tmp_path / curves.FILE, [tmp_path / "runs.svg", tmp_path / "file.svg"]
     folders = [str(a_run(tmp_path, seed, line(-1.0 - seed / 3.0))) for seed in (0, 1)]
     assert curves.main([*folders, "--out", str(file)]) == 0
     for sources, picture in zip((folders, [str(file)]), pictures, strict=True):
         assert curves.main([*sources, "--out", str(picture), "--level", "predictive=-75", "--level", "a=b=-160.5"]) == 0
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
     assert curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
-    assert curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file), "--again"]) == 0
-    trainings = learning_curves.Trainings.read(file).trainings
-    assert [(name, each.mean_return[-1], each.again) for name, each in trainings.items()] == [
-        ("ppo-seed0", -100.0, False),
-        ("ppo-seed1", 700.0, True),
-        ("sac-seed0", 500.0, False),
+    assert curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file)]) == 0
+    trainings = curves.Trainings.read(file).trainings
+    assert [(name, each.mean_return[-1]) for name, each in trainings.items()] == [
+        ("ppo-seed0", -100.0),
+        ("ppo-seed1", 700.0),
+        ("sac-seed0", 500.0),
     ]
     assert sum("-seed" in row for row in file.read_text("utf-8").splitlines()) == 3
 
@@ -72,12 +72,12 @@ def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytes
     Run.read(old).learning_curve.unlink()
     never = ["--out", str(tmp_path / "never.png")]
     (tmp_path / "other.json").write_text("{}")
-    curves.main([str(first), "--out", str(tmp_path / learning_curves.FILE)])
+    curves.main([str(first), "--out", str(tmp_path / curves.FILE)])
     for arguments, message in (
         ([first, longer, *never], f"{first} and {longer} are trainings with different hyperparameters"),
         ([first, elsewhere, *never], "are trainings on different tasks"),
         ([first, first, *never], "ppo-seed0 is given more than once"),
-        ([*[tmp_path / learning_curves.FILE] * 2, *never], "ppo-seed0 is given more than once"),
+        ([*[tmp_path / curves.FILE] * 2, *never], "ppo-seed0 is given more than once"),
         ([tmp_path / "other.json", *never], f"{tmp_path / 'other.json'} holds no learning curves"),
         ([first, later, *never], "do not overlap"),
         ([unbegun, *never], f"no episode has ended yet in the training in {unbegun}"),
