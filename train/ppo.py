@@ -25,6 +25,8 @@ from train.actor import Feedforward
 from train.run import Run
 from train.training import ACTIVATIONS, Algorithm, command_line
 
+Tensor = torch.Tensor
+
 
 class LeanPPO(PPO):
     """Stable-Baselines3's PPO without its Python loops over environments and its statistics of minibatches (docs/training.md).
@@ -35,13 +37,14 @@ class LeanPPO(PPO):
     def collect_rollouts(self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int) -> bool:
         """Fill the buffer; the value of its last observation is added to a truncated episode's last reward."""
         policy: Any = self.policy
-        policy.set_training_mode(False)
         rollout_buffer.reset()
         callback.on_rollout_start()
         for _ in range(n_rollout_steps):
             observations: Any = self._last_obs
             with torch.no_grad():
-                actions, values, log_probabilities = policy(torch.from_numpy(observations))
+                means, values = self._outputs(torch.from_numpy(observations))
+                actions = means + policy.log_std.exp() * torch.randn_like(means)
+                log_probabilities = log_probability(actions, means, policy.log_std)
             found: Any = env.step(actions.clamp(-1.0, 1.0).numpy())
             self._last_obs, rewards, ended, infos = found
             self.num_timesteps += env.num_envs
@@ -49,24 +52,29 @@ class LeanPPO(PPO):
             done = np.flatnonzero(ended).tolist()
             self.ep_info_buffer.extend(infos[i]["episode"] for i in done)  # type: ignore[union-attr]
             if truncated := [i for i in done if infos[i]["TimeLimit.truncated"]]:
-                rewards[truncated] += self.gamma * self._values(np.stack([infos[i]["terminal_observation"] for i in truncated]))
+                last = np.stack([infos[i]["terminal_observation"] for i in truncated])
+                rewards[truncated] += self.gamma * self._values(last).numpy()
             starts: Any = self._last_episode_starts
             rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, log_probabilities)
             self._last_episode_starts = ended
-        rollout_buffer.compute_returns_and_advantage(torch.from_numpy(self._values(self._last_obs)), ended)
+        rollout_buffer.compute_returns_and_advantage(self._values(self._last_obs), ended)
         callback.on_rollout_end()
         return True
 
-    def _values(self, observations: Any) -> Any:
-        """Return the values of observations, shape (n,)."""
+    def _outputs(self, observations: Tensor) -> tuple[Tensor, Tensor]:
+        """Return mean actions, shape (n, actions), and values, shape (n,)."""
+        policy: Any = self.policy
+        layers = policy.mlp_extractor
+        return policy.action_net(layers.policy_net(observations)), policy.value_net(layers.value_net(observations)).flatten()
+
+    def _values(self, observations: Any) -> Tensor:
         with torch.no_grad():
-            return self.policy.predict_values(torch.from_numpy(observations)).flatten().numpy()
+            return self._outputs(torch.from_numpy(observations))[1]
 
     def train(self) -> None:
         """Update the policy with the buffer."""
         policy: Any = self.policy
-        optimizer, layers = policy.optimizer, policy.mlp_extractor
-        self._update_learning_rate(optimizer)
+        self._update_learning_rate(policy.optimizer)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
         columns = [buffer.observations, buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns]
@@ -79,17 +87,16 @@ class LeanPPO(PPO):
                 observations, actions = batch[:, :entries], batch[:, entries:-3]
                 before, advantages, returns = batch[:, -3:].unbind(dim=1)
                 advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-                deviations = (actions - policy.action_net(layers.policy_net(observations))) * torch.exp(-policy.log_std)
-                constant = policy.log_std.sum() + 0.5 * actions.shape[1] * math.log(2.0 * math.pi)
-                log_ratio = -0.5 * deviations.square().sum(dim=1) - constant - before
+                means, values = self._outputs(observations)
+                log_ratio = log_probability(actions, means, policy.log_std) - before
                 ratio = log_ratio.exp()
                 policy_loss = -torch.min(advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)).mean()
-                value_loss = torch.nn.functional.mse_loss(policy.value_net(layers.value_net(observations)).flatten(), returns)
+                value_loss = torch.nn.functional.mse_loss(values, returns)
                 loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * policy.log_std.sum()
-                optimizer.zero_grad()
+                policy.optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
-                optimizer.step()
+                policy.optimizer.step()
         self._n_updates += self.n_epochs
         for name, value in (
             ("policy_gradient_loss", policy_loss),
@@ -99,6 +106,12 @@ class LeanPPO(PPO):
             ("std", policy.log_std.exp().mean()),
         ):
             self.logger.record(f"train/{name}", value.item())
+
+
+def log_probability(actions: Tensor, means: Tensor, log_deviations: Tensor) -> Tensor:
+    """Return the logarithms of normal probability densities of actions, shape (n,)."""
+    squares = ((actions - means) * torch.exp(-log_deviations)).square().sum(dim=1)
+    return -0.5 * squares - log_deviations.sum() - 0.5 * actions.shape[1] * math.log(2.0 * math.pi)
 
 
 def settings(run: Run) -> dict[str, Any]:
