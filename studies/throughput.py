@@ -1,11 +1,13 @@
 """Measure environment steps per second, beside other environments or another checkout.
 
     python -m studies.throughput
+    python -m studies.throughput --training
     python -m studies.throughput --against ../before
 
 It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
 turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
 used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
+``--training`` measures trainings by PPO instead, all with the same network and batches.
 
 ``--against`` times one environment of RoughTurning-v0 and a batch. A process of this checkout and one of another take turns. It
 prints the ratios of their steps per CPU second.
@@ -21,7 +23,9 @@ import sys
 import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +36,7 @@ from tqdm import tqdm
 from studies import timing
 from studies.timing import MAIN, NUM_ENVS, Case, Timing, many, measure, one, single, vector
 from turning_env import FAMILY_ID, IDS
+from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import Mistake, described, exits
 
 SIZES = (1, 16, 256, 4096, 65536)
@@ -98,6 +103,24 @@ def motor_cases() -> Iterator[Case]:
     """Yield a case of gym-electric-motor, the nearest field."""
     motor = importlib.import_module("gym_electric_motor")
     yield one("gym-electric-motor Cont-CC-PMSM", motor.make("Cont-CC-PMSM-v0"))
+
+
+def training_cases() -> Iterator[Case]:
+    """Yield trainings, a rollout and its updates at a time: Stable-Baselines3's PPO, the reference first, and ``train.ppo``."""
+    sb3, util = importlib.import_module("stable_baselines3"), importlib.import_module("stable_baselines3.common.env_util")
+    ppo, run, training = (importlib.import_module(f"train.{name}") for name in ("ppo", "run", "training"))
+    same = {"n_steps": 32, "batch_size": 2048, "n_epochs": 3, "policy_kwargs": {"net_arch": [64, 64]}, "device": "cpu"}
+    models = {
+        "Stable-Baselines3, Gymnasium Pendulum": sb3.PPO("MlpPolicy", util.make_vec_env("Pendulum-v1", 512), **same),
+        f"Stable-Baselines3, {MAIN}": sb3.PPO("MlpPolicy", RoughTurningVecEnv(IDS[MAIN], 512), **same),
+    }
+    added: tuple[dict[str, Any], ...] = ({}, {"frames": 4}, {"belief": True})
+    for env_id, terms in product((MAIN, FAMILY_ID), added):
+        plan = run.Run.plan("ppo", env_id, run.trained_on(env_id, None), 0, Path(), "", terms)
+        models[", ".join(["train.ppo", env_id, *terms])] = training.new_model(plan, ppo.ALGORITHM)
+    for name, model in models.items():
+        model.tensorboard_log, steps = None, model.n_steps * model.n_envs
+        yield Case(name, model.n_envs, steps, partial(model.learn, steps, reset_num_timesteps=False))
 
 
 PEERS: dict[str, Callable[[], Iterator[Case]]] = {
@@ -203,6 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.throughput", **described(__doc__))
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
+    parser.add_argument("--training", action="store_true", help="measure trainings by PPO instead of environments")
     parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or not options.seconds > 0:
@@ -210,10 +234,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.against is not None:
         print(*against(options.against, options.repeats, options.seconds), sep="\n")
         return 0
-    cases, remarks = runnable_cases(PEERS)
+    cases, remarks = runnable_cases({"stable_baselines3": training_cases} if options.training else PEERS)
     timings = measure(cases, options.repeats, options.seconds)
     print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")
-    print("", f"{bytes_per_env(SIZES[-1]):.0f} bytes per environment of {SIZES[-1]}.", sep="\n")
+    if not options.training:
+        print("", f"{bytes_per_env(SIZES[-1]):.0f} bytes per environment of {SIZES[-1]}.", sep="\n")
     return 0
 
 

@@ -29,7 +29,7 @@ Tensor = torch.Tensor
 
 
 class LeanPPO(PPO):
-    """Stable-Baselines3's PPO without its Python loops over environments and its statistics of minibatches (docs/training.md).
+    """Stable-Baselines3's PPO without its Python loops over environments and its statistics of minibatches (docs/peers.md).
 
     Samples of a rollout lie in one tensor, which is shuffled once per epoch.
     """
