@@ -221,7 +221,6 @@ GROUPS = {
     "Run time and budget": (
         *(Training(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
         Training("steps", "", "Environment steps of the training.", "steps"),
-        Training("gradient steps", "", "Updates of the network in training.", "gradient_steps"),
     ),
 }
 

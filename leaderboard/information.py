@@ -59,8 +59,6 @@ class Information:
     """Names in ``SEEN`` of its inputs at run time."""
     steps: int | None
     """Environment steps of the training."""
-    gradient_steps: int | None
-    """Updates of the network; None also if they depend on how training went."""
 
 
 def class_of(policy: PolicySpec) -> str:
@@ -79,7 +77,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         return None
     algorithm, p = _algorithm(policy.command), policy.parameters
     if algorithm is None:
-        return Information(None, None, None, None)
+        return Information(None, None, None)
     given = _given(algorithm, p)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
         given -= _PRICED  # the job ends before the edge: its life has the flat price
@@ -92,7 +90,6 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         given=tuple(name for name in GIVEN if name in given),
         seen=tuple(name for name in SEEN if has[name]),
         steps=_whole(p, "steps"),
-        gradient_steps=_gradient_steps(p),
     )
 
 
@@ -111,17 +108,3 @@ def _algorithm(command: str | None) -> str | None:
 def _whole(parameters: Mapping[str, object], name: str) -> int | None:
     value = parameters.get(name)
     return value if type(value) is int else None
-
-
-def _gradient_steps(parameters: Mapping[str, object]) -> int | None:
-    """Return the number of updates that an agent's hyperparameters mean; None if they do not state it."""
-    p = {name: value for name in parameters if (value := _whole(parameters, name)) is not None}
-    try:
-        if "batches_per_step" in p:  # off-policy
-            return (p["steps"] - p["random_steps"]) // p["num_envs"] * p["batches_per_step"]
-        rollouts = -(-p["steps"] // (p["num_envs"] * p["rollout"]))
-        if "batch_envs" in p:
-            return rollouts * p["epochs"] * (p["num_envs"] // p["batch_envs"])
-        return rollouts * p["epochs"] * (p["num_envs"] * p["rollout"] // p["batch_size"])
-    except (KeyError, ZeroDivisionError):
-        return None

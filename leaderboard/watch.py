@@ -172,31 +172,13 @@ def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) ->
 def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
     from PIL import Image
 
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([value for colour in _colours() for value in colour])
-    first = Image.fromarray(next(frames))
-
-    def reduced(frame: Image.Image) -> Image.Image:
-        return frame.quantize(palette=palette, dither=Image.Dither.NONE)
-
-    rest = (reduced(Image.fromarray(frame)) for frame in frames)
+    # Keeps also rare colours; all that frames have are in the first.
+    first = Image.fromarray(next(frames)).quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    rest = (Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
     # Viewers ignore pauses shorter than 2/100 s.
     pause = max(1000 // frames_per_second, 20)
     with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
-        reduced(first).save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=False)
-
-
-def _colours() -> list[tuple[int, int, int]]:
-    """Return the colours of which frames consist: one frame alone would lack some of later ones."""
-    from turning_render import theme
-
-    paints = [theme.POWER, theme.FORCE, theme.ALLOWED, theme.OVER, theme.SURFACE, theme.INSERT, theme.LAND]
-    shares = (1.0, 0.75, 0.5, 0.28, 0.22, 0.07)
-    grounds = [theme.CARD, theme.PAPER, theme.RULE, theme.ALLOWANCE]
-    tints = [theme.mixed(theme.HARD_TINT, step / 16, theme.SOFT_TINT) for step in range(17)]
-    greys = [theme.mixed(theme.INK, step / 16, theme.PAPER) for step in range(1, 17)]
-    on_allowed = [theme.mixed(theme.INK, step / 8, theme.mixed(theme.ALLOWED, 0.22)) for step in range(8)]
-    return [*grounds, *tints, *greys, *on_allowed, *(theme.mixed(paint, share) for paint in paints for share in shares)]
+        first.save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True)
 
 
 def _write_still(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:

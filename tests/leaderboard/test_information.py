@@ -33,7 +33,6 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     assert file.memory_size == (cells[0] + DistanceTracker.STATES * ("position" in found.seen) if cells[0] else 2 * cells[1])
     assert ("memory" in found.seen) == (file.memory_size > 0)
     assert found.steps == file.metadata.trained_steps
-    assert found.gradient_steps
 
 
 @pytest.mark.parametrize("algorithm", sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
@@ -47,7 +46,7 @@ def test_every_algorithm_has_a_class(algorithm: str) -> None:
 @pytest.mark.parametrize("command", [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"])
 def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
     assert class_of(spec("mine", seed=0, command=command)) == "other agent"
-    assert told(command) == Information(None, None, None, None)
+    assert told(command) == Information(None, None, None)
 
 
 def test_rules_and_oracles_are_classes_of_their_own() -> None:
@@ -75,16 +74,3 @@ def test_terms_of_training_are_stated_and_count() -> None:
     fewer = told("python -m train.analytic_gradient", position=False, memory=False, life_price="flat")
     assert fewer.seen == ()
     assert "life price" not in (fewer.given or ())
-
-
-@pytest.mark.parametrize(
-    ("parameters", "updates"),
-    [
-        ({"steps": 1000, "num_envs": 10, "rollout": 10, "batch_size": 50, "epochs": 3}, 10 * 3 * 2),
-        ({"steps": 1000, "num_envs": 10, "rollout": 10, "batch_envs": 5, "epochs": 3}, 10 * 3 * 2),
-        ({"steps": 1000, "num_envs": 10, "random_steps": 100, "batches_per_step": 2, "batch_size": 50}, 90 * 2),
-        ({"steps": 1000}, None),
-    ],
-)
-def test_updates_by_hand(parameters: dict[str, int], updates: int | None) -> None:
-    assert told("python -m train.ppo", **parameters).gradient_steps == updates
