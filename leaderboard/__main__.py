@@ -13,9 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from leaderboard import table
+from leaderboard import pack, policies, run, table, verify
+from leaderboard.family import family_task
 from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
-from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results
+from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results, write_whole
 from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
@@ -49,8 +50,6 @@ def _run(options: argparse.Namespace) -> None:
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --private-key KEY --results private_results
     python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws --seeds 16
     """
-    from leaderboard import policies, run  # needed only here: play
-
     tasks = [_private(task, options.private_key) if options.private_key else (task, None) for task in _tasks(options)]
     runs, too_slow = [], dict[Path, ResultError]()
     for task, private in tasks:  # load all policies first, so that errors are found before anything is played
@@ -93,8 +92,6 @@ def _run(options: argparse.Namespace) -> None:
 def _tasks(options: argparse.Namespace) -> list[Task]:
     """Return the tasks to play, on public seeds; jobs of a family are those of the private key, if there is one."""
     if options.env == FAMILY_ID:
-        from leaderboard.family import family_task  # needed only here: imports the controllers
-
         family = Family.load(options.scenario or "shop")
         if options.private_key:
             family = Family.load(family.model_dump(exclude_none=True) | {"held_out_key": options.private_key})
@@ -143,8 +140,6 @@ def _pack(options: argparse.Namespace) -> None:
     python -m leaderboard pack --results results
     python -m leaderboard pack --without lagrangian_ppo
     """
-    from leaderboard import pack
-
     folders = sorted(path.parent for path in options.results.glob(f"*/*/{MANIFEST_FILE}"))
     if not folders:
         raise ResultError(f"{options.results} holds no results")
@@ -184,8 +179,6 @@ def _verify(options: argparse.Namespace) -> int:
     python -m leaderboard verify --seeds 4 --jobs 2
     python -m leaderboard verify --env RoughTurning-Surface-v1 --jobs 2
     """
-    from leaderboard import verify  # needed only here: plays
-
     selection = verify.Selection(options.env, options.scenario, options.policies)
     if options.check:
         complaints, passed = verify.check(options.results, options.agents, selection), "every result is valid"
@@ -229,7 +222,7 @@ def _print(leaderboards: Sequence[Leaderboard], as_json: bool, track: str = "pen
 def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:
     from leaderboard import page  # needed only here: imports Jinja2
 
-    page.write(leaderboards, path)
+    write_whole(path, page.render(leaderboards))
 
 
 def _seeds(text: str) -> list[int]:

@@ -34,58 +34,52 @@ def write_all(results: Path, agents: Path) -> list[Path]:
         env_id, home = folder.parts[-2:]
         board = read_leaderboard(result_folder(results, env_id, home))
         splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
-        others = [read_leaderboard(each) for each in splits]
+        across = table.across([board, *map(read_leaderboard, splits)])
+        played = {(each.policy.label, each.policy.sha256) for each in board.results}
         for name, files in _agents(folder).items():
             for file in files:
-                if (file.label, file.digest) not in {(each.policy.label, each.policy.sha256) for each in board.results}:
+                if (file.label, file.digest) not in played:
                     raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {results}: play it first")
             path = folder / f"{name}.md"
-            write_whole(path, render(files, board, others, folder / f"{files[0].label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files, board, across, folder / f"{files[0].label}{ONNX_SUFFIX}"))
             written.append(path)
     return written
 
 
-def render(files: Sequence[AgentFile], board: Leaderboard, splits: Sequence[Leaderboard], example: Path) -> str:
+def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across | None, example: Path) -> str:
     """Return the card of an agent as Markdown.
 
     Args:
         files: one per training seed.
         board: the leaderboard of its task.
-        splits: leaderboards of scenarios on which it was not trained.
+        across: full costs on scenarios on which it was not trained, if there are any.
         example: the file that the example loads.
     """
     metadata = files[0].metadata
     name = board.names[files[0].label]
     standing = next(each for each in board.standings if each.name == name)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-    across = table.across([board, *splits]) if splits else None
-    elsewhere = []  # split, full cost there, whether feasible there
-    if across and across.tuned_for == metadata.scenario.name and name in across.rows:
-        played = across.rows[name]
-        elsewhere = [(split, *played[split]) for split in across.scenarios[1:] if split in played]
+    elsewhere = across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
     bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
     ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
-    templates = Environment(  # what it writes is Markdown, not HTML
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=False, undefined=StrictUndefined, trim_blocks=True
+    loader = FileSystemLoader(Path(__file__).parent)
+    templates = Environment(loader=loader, autoescape=False, undefined=StrictUndefined, trim_blocks=True)  # Markdown, not HTML
+    card = templates.get_template("model_card.md.j2").render(
+        standing=standing,
+        seeds=len(board.task.seeds),
+        columns=columns.applying(shown, [standing]),
+        elsewhere={split: played for split, played in elsewhere.items() if split != metadata.scenario.name},
+        files=files,
+        metadata=metadata,
+        memory_size=files[0].memory_size,
+        title=_title(metadata.algorithm),
+        ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
+        classes=CLASSES,
+        given=GIVEN,
+        seen=SEEN,
+        example=example,
     )
-    return (
-        templates.get_template("model_card.md.j2").render(
-            standing=standing,
-            seeds=len(board.task.seeds),
-            columns=columns.applying(shown, [standing]),
-            elsewhere=elsewhere,
-            files=files,
-            metadata=metadata,
-            memory_size=files[0].memory_size,
-            title=_title(metadata.algorithm),
-            ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
-            classes=CLASSES,
-            given=GIVEN,
-            seen=SEEN,
-            example=example,
-        )
-        + "\n"
-    )
+    return card + "\n"
 
 
 def _title(algorithm: str) -> str:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from baselines.catalogue import RULES, spec
 from baselines.oracles.perfect_state import PerfectState
-from leaderboard.policies import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.result import FamilySplit, ResultError, Task
 from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
@@ -24,7 +23,11 @@ from turning_env.scoring.family import play_family, play_jobs, truthful
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec, ScenarioId
 
-POLICIES = (NOMINAL_OPTIMUM, "rescaled_grid_search", "predictive", "self_tuning", CAUSAL)
+NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
+"""Names of the policies that score 0 and 1 on a family; the latter is the oracle, on all tasks."""
+VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
+"""The policies that play if none are named, if they are told more than usual or forget."""
+POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)
 """The policies that play if none are named."""
 CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""

@@ -10,6 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from baselines import catalogue, tuned
+from baselines.oracles import clairvoyant, perfect_state
+from leaderboard import family
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.result import ResultError, Task, tell_once
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
@@ -19,10 +23,8 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
-CLAIRVOYANT, CAUSAL = "clairvoyant", "causal"
-"""Names of the bound and of the oracle."""
-NOMINAL_OPTIMUM = "fixed_nominal_optimum"
-"""The policy of families with a score of 0; the causal oracle has a score of 1."""
+CLAIRVOYANT = "clairvoyant"
+"""Name of the bound."""
 AGENTS = Path(__file__).parents[1] / "agents"
 """Agents that come with the project: one's own stand beside them under names of their own."""
 
@@ -50,7 +52,6 @@ def is_code(policy: PolicySpec) -> bool:
 
 def oracles(scenario: Scenario) -> list[PolicySpec]:
     """Return the clairvoyant bound and the causal oracle of a scenario, as far as they cover it."""
-    from baselines.oracles import clairvoyant, perfect_state  # only playing needs them
 
     def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
         """Return the bound on each return; all other fields are 0, as no lathe can play it."""
@@ -83,10 +84,6 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
     return known
 
 
-class NotTunedError(ResultError):
-    """A controller is not tuned for the scenario."""
-
-
 def named(
     names: Sequence[str] | None,
     task: Task,
@@ -108,26 +105,19 @@ def named(
     Raises:
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
-    from baselines import catalogue, tuned
-    from leaderboard import family  # imports this module
-
     if task.of_family:
-        scenario, home = family.family_of(task).job(0).scenario, task.scenario
-        known, default = [*catalogue.names(scenario), NOMINAL_OPTIMUM, CAUSAL], list(family.POLICIES)
-        if forgets or knows != "nominal":
-            default = [name for name in default if name not in (NOMINAL_OPTIMUM, CAUSAL)]  # have no variants
+        known = [*catalogue.names(family.family_of(task).job(0).scenario), NOMINAL_OPTIMUM, CAUSAL]
+        default: Sequence[str] = family.VARIED if forgets or knows != "nominal" else family.POLICIES
     else:
-        scenario, home = task.scenario, tuned_on or task.scenario
-        known = [*catalogue.names(scenario), *(each.name for each in oracles(scenario))]
-        default = known
+        default = known = [*catalogue.names(task.scenario), *(each.name for each in oracles(task.scenario))]
     if unknown := sorted(set(names or ()) - set(known)):
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    specs, untuned = [], []
+    specs, untuned, home = [], [], tuned_on or task.scenario
     for name in dict.fromkeys(default if names is None else names):
         try:
             specs.append(one_named(name, task, tuned_on, knows, forgets))
-        except NotTunedError:
-            if not skip:
+        except ResultError as error:
+            if not (skip and isinstance(error.__cause__, tuned.NotTuned)):
                 raise
             untuned.append(name)
     if untuned:
@@ -141,19 +131,13 @@ def one_named(
     """Return a controller or an oracle: see ``named``.
 
     Raises:
-        NotTunedError: it is not tuned for the scenario.
-        ResultError: there is none of that name, or it cannot play the scenario.
+        ResultError: there is none of that name, it cannot play the scenario, or it is not tuned for it (from ``NotTuned``).
     """
-    from baselines import catalogue, tuned
-    from leaderboard import family  # imports this module
-
     try:
         if task.of_family:
             return family.rule(name, task, knows, forgets)
         known = {oracle.name: oracle for oracle in oracles(task.scenario)}
         return known[name] if name in known else catalogue.spec(name, task.scenario, tuned_on)
-    except tuned.NotTuned as error:
-        raise NotTunedError(f"{name} cannot play: {error}") from error
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
@@ -222,8 +206,6 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     Raises:
         ValueError: it cannot play it.
     """
-    from leaderboard import family  # imports this module
-
     if task.of_family:
         return family.agent(spec, task, forgets)
     check_fits(spec, task.scenario)
@@ -261,8 +243,6 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
 
 def _own_name(source: object, found: str, given: str | None) -> str:
     """Return the name of one's own policy: the given one, else its own, after ``my_`` if a shipped agent has that."""
-    from baselines import catalogue
-
     taken = shipped_agents().values()
     name = given or (f"my_{found}" if found in taken else found)
     if name in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
-from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, is_own
+from leaderboard.policies import CLAIRVOYANT, is_own
 from leaderboard.result import Result
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of

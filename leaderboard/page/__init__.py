@@ -17,7 +17,6 @@ from leaderboard import columns, table
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
-from leaderboard.result import write_whole
 from leaderboard.standings import highest
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
@@ -32,11 +31,6 @@ _LARGE = re.compile(r"(?<![\w.-])[1-9]\d{4,14}(?!\w)")
 """Whole numbers of five digits or more, outside names."""
 
 
-def write(leaderboards: Sequence[Leaderboard], path: Path) -> None:
-    """Write the page of some leaderboards, whole or not at all."""
-    write_whole(path, render(leaderboards))
-
-
 def render(leaderboards: Sequence[Leaderboard]) -> str:
     """Return the page as HTML, which needs no other file."""
     loader = FileSystemLoader(_HERE)
@@ -49,12 +43,13 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     templates.filters["colour"] = lambda name: policy_look(name)[0]
     script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
     sections = [_section(each) for each in leaderboards]
+    shown = {standing.policy_class for each in leaderboards for standing in each.standings}
     return templates.get_template("page.html.j2").render(
         sections=sections,
         tasks={env_id: list(group) for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)},
         across=table.across(leaderboards),
         column_groups=list(columns.GROUPS),
-        classes=_classes(leaderboards),
+        classes={name: meaning for name, meaning in CLASSES.items() if name in shown},
         shown_at_first=SHOWN_AT_FIRST,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
@@ -65,15 +60,11 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     )
 
 
-def _classes(leaderboards: Sequence[Leaderboard]) -> dict[str, str]:
-    """Return the classes of the policies shown, with their meanings."""
-    shown = {standing.policy_class for each in leaderboards for standing in each.standings}
-    return {name: meaning for name, meaning in CLASSES.items() if name in shown}
-
-
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     shown = columns.groups(leaderboard.standings)
     names = leaderboard.names
+    rules = {standing.name: standing for standing in leaderboard.standings if standing.kind == "rule"}
+    best = highest({name: standing.mean_return.value for name, standing in rules.items()})
     place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
@@ -83,20 +74,13 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "leaderboard": leaderboard,
         "ranking": columns.ranking(leaderboard.task.scenario),
         "chart_data": chart_data(leaderboard),
-        "best_rules": _best_rules(leaderboard),
+        "best_rule": rules[best] if best else None,
         "policies": {
             standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]
             for standing in leaderboard.standings
         },
         "command": reproducing_command(leaderboard),
     }
-
-
-def _best_rules(leaderboard: Leaderboard) -> list[str]:
-    """Return the best rule, and the one that it is itself compared with."""
-    rules = {standing.name: standing for standing in leaderboard.standings if standing.kind == "rule"}
-    best = highest({name: standing.mean_return.value for name, standing in rules.items()})
-    return [] if best is None else [name for name in (best, rules[best].best_rule) if name is not None]
 
 
 def reproducing_command(leaderboard: Leaderboard) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from leaderboard.trajectories import play_trajectory
+from leaderboard.trajectories import record
 from tests.leaderboard.conftest import Steady, spec
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.scoring.play import play
@@ -50,7 +50,7 @@ def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) ->
         return spies[-1]
 
     play(make, scenario, [7, 8, 9])
-    play_trajectory(make, scenario, 7, ["wear"])
+    record(spec("spy", make=make), scenario, 7)
     for spy, num_envs in zip(spies, (3, 1), strict=True):
         assert spy.given[0] == num_envs
         for given in spy.given[1:]:
@@ -65,10 +65,10 @@ def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
     for name, values in honest.items():
         np.testing.assert_array_equal(scribbled[name], values)
     trajectories = [
-        play_trajectory(lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1)), scenario, 7, ["wear"])
+        record(spec("one", make=lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1))), scenario, 7)
         for kind in (Steady, Scribbler)
     ]
-    assert trajectories[0] == trajectories[1]
+    assert trajectories[0].series == trajectories[1].series
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift"])

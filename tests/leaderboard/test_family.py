@@ -9,8 +9,8 @@ import pytest
 import tomli_w
 
 from leaderboard.__main__ import main
-from leaderboard.family import FixedNominalOptimum, Forgetful, family_task
-from leaderboard.policies import CAUSAL, NOMINAL_OPTIMUM, one_named
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, FixedNominalOptimum, Forgetful, family_task
+from leaderboard.policies import one_named
 from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder, write_manifest, write_result
 from leaderboard.standings import Standing, rank
 from tests.leaderboard.conftest import spec

@@ -58,7 +58,9 @@ def file(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> 
     """The page of two leaderboards."""
     path = tmp_path_factory.mktemp("page") / "index.html"
     scenario = leaderboard.task.scenario.model_copy(update={"name": "other"})
-    page.write([leaderboard, replace(leaderboard, task=leaderboard.task.model_copy(update={"scenario": scenario}))], path)
+    path.write_text(
+        page.render([leaderboard, replace(leaderboard, task=leaderboard.task.model_copy(update={"scenario": scenario}))]), "utf-8"
+    )
     return path
 
 

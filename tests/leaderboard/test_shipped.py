@@ -7,7 +7,8 @@ import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
-from leaderboard.policies import CAUSAL, CLAIRVOYANT, NOMINAL_OPTIMUM, oracles
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
+from leaderboard.policies import CLAIRVOYANT, oracles
 from leaderboard.ranking import read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, Manifest, read_part
 from leaderboard.verify import Selection

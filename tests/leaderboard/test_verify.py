@@ -9,7 +9,8 @@ import pytest
 
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
-from leaderboard.policies import CAUSAL, CLAIRVOYANT
+from leaderboard.family import CAUSAL
+from leaderboard.policies import CLAIRVOYANT
 from leaderboard.result import MANIFEST_FILE, Result, Task, result_folder, write_manifest, write_result
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
