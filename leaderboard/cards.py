@@ -15,16 +15,12 @@ from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from turning_env import SPLITS
 
-_SHARED = ("algorithm", "env_id", "scenario", "parameters", "trained_steps", "versions")
-"""Metadata that all files of one card must share."""
-
 
 def write_all(results: Path, agents: Path) -> list[Path]:
     """Write the card of every agent in ``agents``, with its results in ``results``, and return the cards' paths.
 
     Raises:
-        ResultError: a file is no agent's, or in the wrong place, or has no results; agents of one name differ in more than the
-            training seed; a card cannot be written.
+        ResultError: a file is no agent's, or in the wrong place, or has no results; a card cannot be written.
     """
     folders = sorted({path.parent for path in agents.glob(f"*/*/*{ONNX_SUFFIX}")})
     if not folders:
@@ -104,10 +100,6 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
         if place.parts != path.parts[-3:]:
             raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
         agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)
-    for name, files in agents.items():
+    for files in agents.values():
         files.sort(key=lambda file: file.metadata.seed)
-        for field in _SHARED:
-            first, *others = (getattr(file.metadata, field) for file in files)
-            if any(value != first for value in others):
-                raise ResultError(f"{folder}: the files of {name} cannot share a card, as they differ in {field}")
     return agents

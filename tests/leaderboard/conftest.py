@@ -1,20 +1,14 @@
 """A short task, policies that always act alike, and made-up results."""
 
-import os
-import signal
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
 
 from leaderboard import run
 from leaderboard.result import Result, Task, read_file, result_folder
-from tests.train import onnx_agents
-from train.run import Run
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
@@ -36,23 +30,6 @@ class Steady:
         """Return the same action for every environment."""
         assert len(observations) == len(self._actions)
         return self._actions
-
-
-class Deadly(Steady):
-    """Kills its process while it plays, the first time."""
-
-    def __init__(self, num_envs: int, mark: Path) -> None:
-        super().__init__(num_envs, (0.1, 0.1))
-        self._mark = mark
-        self._acts = 0
-
-    def act(self, observations: Observations) -> Actions:
-        """Return the same action for every environment."""
-        self._acts += 1
-        if self._acts == 3 and not self._mark.exists():
-            self._mark.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act(observations)
 
 
 def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, **fields: object) -> PolicySpec:
@@ -77,14 +54,6 @@ def only(path: Path) -> Result:
 def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:
     """Have them all play one task."""
     run.play_all([run.TaskRun(task, policies, folder)], fresh)
-
-
-def finished_run(folder: Path, seed: int = 0) -> Run:
-    """Return a training run whose agent has learned nothing."""
-    run = onnx_agents.run(folder, seed)
-    run.begin()
-    PPO("MlpPolicy", gymnasium.make(ENV_ID), n_steps=8, batch_size=8, seed=seed, device="cpu").save(run.policy)
-    return run
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 import hashlib
 from pathlib import Path
 
-import onnx
 import pytest
 
 from leaderboard import policies
@@ -73,12 +72,3 @@ def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.Capture
         path.unlink()
     assert main(command(shipped)) == 2
     assert "holds no agents" in capsys.readouterr().err
-
-
-def test_agents_of_one_name_must_be_alike(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = shipped / "agents" / ENV_ID / "short" / "ppo-seed1.onnx"
-    model = onnx.load_model_from_string(path.read_bytes())
-    next(entry for entry in model.metadata_props if entry.key == "trained_steps").value = "2000"
-    path.write_bytes(model.SerializeToString())
-    assert main(command(shipped)) == 2
-    assert "the files of ppo cannot share a card, as they differ in trained_steps" in capsys.readouterr().err

@@ -9,16 +9,14 @@ import pytest
 import tomli_w
 
 from leaderboard.__main__ import main
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, FixedNominalOptimum, Forgetful, family_task
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Forgetful, family_task
 from leaderboard.policies import one_named
 from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder, write_manifest, write_result
 from leaderboard.standings import Standing, rank
-from tests.leaderboard.conftest import spec
 from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.family import play_jobs
 from turning_env.scoring.policy import Policy, PolicySpec
 
 FAMILY = Family.load(BRIEF)
@@ -95,13 +93,6 @@ def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
     assert watching.forgotten.tolist() == [0, 1]
 
 
-def test_the_nominal_optimum_holds_the_nominal_models_best_set_point() -> None:
-    job = FAMILY.job(0, "unseen_jobs")
-    held = play_jobs(FAMILY, "unseen_jobs", [0], lambda job: lambda num_envs: FixedNominalOptimum([job] * num_envs))
-    steady = job.cutting_speed * job.feed * job.scenario.workpiece.depth_of_cut * held["engaged_time"] / 60.0
-    assert held["removed"] == pytest.approx(steady, rel=0.3)
-
-
 def test_jobs_come_back_whichever_others_are_played() -> None:
     """A rule's last bits may not depend on the jobs beside it."""
     for policy in (one_named(CAUSAL, TASK), one_named("rescaled_grid_search", TASK)):
@@ -175,10 +166,3 @@ def test_results_on_a_family_are_verified(tmp_path: Path, capsys: pytest.Capture
     capsys.readouterr()
     assert main(verify) == 1
     assert f"{folder / 'idle'}: return differs for 2 of 2 seeds" in capsys.readouterr().out
-
-
-def test_names_say_what_a_policy_knows() -> None:
-    policy = spec("rule", knows="true_wear", forgets=True)
-    assert policy.title == "rule with the true wear law without memory between edges"
-    assert policy.identity != spec("rule").identity
-    assert "knows" not in spec("rule").identity  # as in results from before there were families

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from leaderboard import page, table
+from leaderboard import page
 from leaderboard.columns import groups
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard, read_leaderboard
@@ -137,13 +137,3 @@ def test_what_a_task_is_about_comes_first(preset: str, first: str, task: Task, m
     shown = groups(rank([make_result("one", on=task.model_copy(update={"scenario": Scenario.load(preset)}))]))
     assert next(iter(shown.values()))[0].field == first
     assert sum(column.field == first for group in shown.values() for column in group) == 1
-
-
-def test_table_lists_policies_by_rank(leaderboard: Leaderboard) -> None:
-    lines = table.render(leaderboard).splitlines()
-    ranked = [line.split()[:3] for line in lines if re.match(r" +\d+  ", line)]
-    assert len(ranked) == 20
-    assert all(ranked[start : start + 4] == ranked[:4] for start in range(4, 20, 4))
-    assert max(map(len, lines)) <= 160
-    assert ranked[3] == ["4", "ppo", "(yours)"]
-    assert "NO" in next(line for line in lines if " ppo " in line)

@@ -17,7 +17,6 @@ from leaderboard.result import (
     ResultError,
     Task,
     read_part,
-    result_folder,
     result_path,
     write_manifest,
     write_result,
@@ -43,16 +42,11 @@ def test_round_trip_is_exact(make_result: MakeResult, folder: Path) -> None:
     ("where", "value", "message"),
     [
         (["schema"], "rough-turning/results/0", r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/5"),
-        (["mood"], 1, r"mood: 1 is not allowed: Extra inputs"),
-        (["results", 0, "policy", "kind"], "reference", r"results.0.policy.kind: 'reference' is not allowed"),
         (["results", 0, "policy", "name"], "../up", r"results.0.policy.name: '../up' is not allowed"),
-        (["results", 0, "policy", "version"], 2, r"checksum does not match"),
         (["task", "scenario", "limits"], {"power": -1.0}, r"task.scenario.limits.power: -1.0 is not allowed: .*0.001"),
-        (["task", "seeds"], "1..3", r"holds 4 values, but there are 3 seeds"),
         (["task", "seeds"], "3..1", r"task.seeds: '3..1' is not allowed: '3..1' is not a range of seeds"),
         (["results", 0, "episodes", "return"], [0.0, 0.0, 1.0, 0.0], r"checksum does not match"),
         (["results", 0, "episodes", "return"], [0.0, 0.0, float("nan"), 0.0], r"results.0.episodes.return.2: nan is not allowed"),
-        (["results", 0, "episodes", "return"], ["0", 0.0, 0.0, 0.0], r"results.0.episodes.return.0: '0' is not allowed"),
         (["results", 0, "episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
     ],
 )
@@ -93,14 +87,6 @@ def test_the_same_result_is_not_written_again(make_result: MakeResult, folder: P
     assert {each: (each.read_bytes(), each.stat().st_mtime_ns, each.stat().st_ino) for each in folder.iterdir()} == before
     written(make_result("rule", policy=reworded, wear=0.2), folder)
     assert only(path).episodes["wear"] == [0.2] * 4
-
-
-def test_a_task_is_what_is_played(task: Task) -> None:
-    assert Task.model_validate_json(task.model_dump_json()) == task
-    for change in ({"seeds": [1, 2, 3, 4]}, {"model_version": 0}, {"env_id": "RoughTurning-Paper-v0"}):
-        assert task.model_copy(update=change).digest != task.digest
-    limits = task.scenario.limits.model_copy(update={"power": 6.5})
-    assert task.model_copy(update={"scenario": task.scenario.model_copy(update={"limits": limits})}).digest != task.digest
 
 
 def test_the_manifest_or_else_the_most_results_decide_which_task_is_ranked(
@@ -144,26 +130,3 @@ def test_an_unusable_file_is_named_and_blocks_nothing(
     assert "cannot be read" in complaint
     write_manifest(folder, task)
     assert set(read_part(Manifest, folder / MANIFEST_FILE).results) == {"one"}
-
-
-def test_leaderboards_come_in_the_order_of_ids_and_then_of_scenarios(tmp_path: Path, make_result: MakeResult, task: Task) -> None:
-    wanted = [
-        ("RoughTurning-v0", "rough_turning"),
-        ("RoughTurning-v0", "forging"),
-        ("RoughTurning-v0", "welded"),
-        ("RoughTurning-Paper-v0", "paper"),
-        ("RoughTurning-Paper-v0", "casting"),
-        ("Another-v0", "casting"),
-    ]
-    for env_id, name in reversed(wanted):
-        scenario = task.scenario.model_copy(update={"name": name})
-        on = task.model_copy(update={"env_id": env_id, "scenario": scenario})
-        written(make_result("mine", on=on), result_folder(tmp_path, env_id, name))
-    (tmp_path / "RoughTurning-v0" / "empty").mkdir()
-    (tmp_path / "RoughTurning-v0" / "astray.json.xz").write_text("{")
-    assert [(each.task.env_id, each.task.scenario.name) for each in read_leaderboards(tmp_path)] == wanted
-
-
-def test_no_results_say_how_to_make_some(tmp_path: Path) -> None:
-    with pytest.raises(ResultError, match="leaderboard run"):
-        read_leaderboards(tmp_path / "nowhere")

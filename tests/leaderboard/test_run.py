@@ -15,7 +15,7 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import ResultError, Task, read_part
 from leaderboard.run import PoliciesFailed
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
-from tests.leaderboard.conftest import Steady, finished_run, on, only, play_all, spec
+from tests.leaderboard.conftest import Steady, on, only, play_all, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
@@ -63,19 +63,6 @@ def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> 
         assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
         assert recorded_in(folder).task != before.task
     assert watched.played[4:] == [0.1] * 4
-
-
-def test_an_interrupted_run_goes_on(task: Task, folder: Path) -> None:
-    def interrupted(num_envs: int) -> Steady:
-        raise KeyboardInterrupt
-
-    watched = Watched()
-    first, second = watched("one", 0.1), watched("two", 0.2)
-    with pytest.raises(KeyboardInterrupt):
-        play_all(task, [first, second.model_copy(update={"make": interrupted})], folder)
-    assert [path.name for path in folder.iterdir()] == ["one.json.xz"]
-    play_all(task, [first, second], folder)
-    assert watched.played == [0.1, 0.2]
 
 
 def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_other_trainings(
@@ -132,19 +119,6 @@ def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path) -> None:
     play_all(task, [spec("oracle", kind="oracle", compute=bound), spec("one")], folder)
     assert only(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
     assert [each.policy.name for each in recorded_in(folder).episodes] == ["one"] * 3
-
-
-def test_agents_come_from_their_folders(tmp_path: Path, scenario: Scenario) -> None:
-    folders = [finished_run(tmp_path / f"run{seed}", seed).folder for seed in (0, 1)]
-    first, second = policies.agents(folders, on(scenario))
-    assert (first.label, second.label) == ("ppo_short-seed0", "ppo_short-seed1")
-    assert first.sha256 != second.sha256
-    assert first.tuned_for == ScenarioId.of(onnx_agents.SCENARIO)
-    assert first.make(1).act(np.zeros((1, 11), np.float32)).shape == (1, 2)
-    (folders[0] / "note").write_text("trained anew")
-    assert policies.agents(folders[:1], on(scenario))[0].sha256 != first.sha256
-    with pytest.raises(ResultError, match=r"nowhere.* holds no training run"):
-        policies.agents([tmp_path / "nowhere"], on(scenario))
 
 
 @pytest.mark.slow

@@ -1,16 +1,14 @@
 """The numbers of a leaderboard against hand-computed values, and the order of rank."""
 
-import numpy as np
 import pytest
 
 from leaderboard import page, table
 from leaderboard import policies as leaderboard_policies
 from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard
-from leaderboard.result import Result, Task, read_results
+from leaderboard.result import Result, Task
 from leaderboard.standings import by_cost, rank
 from tests.leaderboard.conftest import MakeResult, spec
-from tests.leaderboard.test_shipped import RESULTS
 from turning_env import Scenario
 from turning_env.scoring.statistics import Estimate
 
@@ -57,19 +55,6 @@ def test_the_full_cost_is_all_cost_over_the_metal(make_result: MakeResult, task:
     assert standing.full_cost is None  # the roughness counts, not the metal
 
 
-@pytest.mark.parametrize(
-    "place", ["v0/rough_turning", "v0/worn_lot", "Override-v0/override", "Shift-v0/shift", "Batch-v0/batch_casting"]
-)
-def test_the_full_cost_is_what_the_return_leaves_of_the_worth_of_the_metal(place: str) -> None:
-    results = [each for each in read_results(RESULTS / f"RoughTurning-{place}").values() if each.policy.kind != "agent"]
-    played = [each for each in results if any(each.episodes["removed"])]
-    assert len(played) > 10
-    for result in played:
-        (standing,) = rank([result])
-        worth, volume = np.sum(result.episodes["reward_metal"]), np.sum(result.episodes["removed"]) / 1000.0
-        assert value(standing.full_cost) == pytest.approx((worth - np.sum(result.episodes["return"])) / 60.0 / volume)
-
-
 def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> None:
     def results(on: Task) -> list[Result]:
         return [
@@ -85,11 +70,6 @@ def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> 
     by_return, by_full_cost = boards.values()
     assert [each.name for each in by_return.standings] == ["idle", "ends_early", "cheap", "greedy", "known"]
     assert [each.name for each in by_full_cost.standings] == ["cheap", "ends_early", "idle", "greedy", "known"]
-    assert [each.class_rank for each in by_full_cost.standings] == [1, 2, 3, 4, None]
-    assert [table.render(each).splitlines()[0].rpartition(", ")[2] for each in boards.values()] == [
-        "ranked by return",
-        "ranked by full cost",
-    ]
     assert [each["ranked_by"] for each in table.as_data([*boards.values()])["leaderboards"]] == ["mean_return", "full_cost"]
     assert "ranked by full cost" in page.render([by_full_cost])
 
@@ -161,14 +141,6 @@ def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: Make
     assert standing.severe_share == pytest.approx(10 / 240)
     assert standing.severe_limit > 0.05
     assert not standing.feasible
-
-
-def test_a_policy_that_never_cuts_has_numbers(make_result: MakeResult) -> None:
-    (standing,) = rank([make_result("idle", engaged_time=0, removed=0, used_life=0)])
-    assert standing.removal_rate == 0
-    assert standing.cost is standing.constraint_rank is None
-    assert standing.severe_limit == 0
-    assert not any(np.isnan(value) for value in (standing.overload_share, standing.excess, standing.broken_share))
 
 
 def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_ships(

@@ -47,10 +47,3 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
         "tuned": ["3.00"],
         "oracle": ["1.00", "0.50"],
     }
-
-
-def test_there_is_no_table_without_splits(make_result: MakeResult) -> None:
-    base = leaderboard(make_result, "rough_turning", [(TUNED_HERE, 3.0)])
-    split = leaderboard(make_result, SPLITS[0], [(TUNED_HERE, 3.0)])
-    foreign = leaderboard(make_result, SPLITS[0], [(spec("tuned", tuned_for=BASE), 3.0)])
-    assert [across(each) for each in ([base], [base, split], [foreign])] == [None] * 3

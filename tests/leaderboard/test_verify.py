@@ -172,15 +172,11 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert main([*arguments, "--policies", "nonsense"]) == 2
     assert "holds no such results" in capsys.readouterr().err
     file_of(with_agent, RULE).write_bytes(b"damaged")
-    for option in ([], ["--check"]):
-        assert main([*arguments, *option, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
-        assert "fixed_handbook.json.xz cannot be read" in capsys.readouterr().out
-    for damage in ("{", "[" * 100_000):
-        (with_agent / "memory.json").write_text(damage)
-        assert main(arguments) == 2
-        assert "memory.json cannot be read" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main([*arguments, "--jobs", "0"])
+    assert main([*arguments, "--env", ENV_ID, "--scenario", "short", "--policies", RULE]) == 1
+    assert "fixed_handbook.json.xz cannot be read" in capsys.readouterr().out
+    (with_agent / "memory.json").write_text("{")
+    assert main(arguments) == 2
+    assert "memory.json cannot be read" in capsys.readouterr().err
 
 
 def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeResult) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from papers.catalogue import FIGURES
 from papers.figures import life, minutes, override
-from papers.figures.__main__ import DRAW, INDEX, index, main
+from papers.figures.__main__ import DRAW, INDEX, main
 from papers.grid_search import before, responses, sides
 from papers.reproduce.alaskari_oraby import STATED
 from papers.stepped_bar import stepped_bar
@@ -85,11 +85,6 @@ def test_the_figures_that_come_with_the_project_are_all_figures() -> None:
     assert max((DOCS / f"{name}.png").stat().st_size for name in FIGURES) < 150_000
 
 
-def test_the_index_shows_the_first_format() -> None:
-    page = index({"one": ["Caption of one.", "Agrees."], "two": ["Caption of two."]}, style.FORMATS)
-    assert "## one\n\n![one](one.png)\n\nCaption of one.\n\n* Agrees.\n\n## two" in page
-
-
 @pytest.mark.slow
 def test_a_figure_is_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     written = []
@@ -99,9 +94,3 @@ def test_a_figure_is_written_the_same_every_time(tmp_path: Path, capsys: pytest.
         assert capsys.readouterr().out.startswith("part_programming_psi\n  The gain psi")
     assert written[0] == written[1]
     assert written[0].keys() == {f"part_programming_psi.{kind}" for kind in style.FORMATS}
-
-
-def test_bad_input_is_an_error_of_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["--out", str(tmp_path), "--only", "grid_search_02", "three"]) == 2
-    assert capsys.readouterr().err.startswith("error: there is no figure three; there are grid_search_02, ")
-    assert list(tmp_path.iterdir()) == []

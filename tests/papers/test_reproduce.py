@@ -116,13 +116,6 @@ def test_a_path_for_the_largest_blank_meets_smaller_ones_with_thinner_passes_and
     assert costs[middle] == pytest.approx(deep + thin + air)
 
 
-def test_a_pass_too_deep_for_a_limit_that_the_rule_does_not_name_is_not_planned() -> None:
-    within, beyond = pass_cost("SN", np.array([4.9, 5.1]))  # twice the force of 2.5 mm
-    assert np.isfinite(within)
-    assert np.isinf(beyond)
-    assert np.isfinite(pass_cost("PT", np.array([11.0]))[0])  # no lowest feed
-
-
 @pytest.mark.slow
 def test_the_claims_on_the_correction_hold_with_every_slack() -> None:
     for slack in part_programming.SLACKS:
