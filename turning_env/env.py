@@ -15,7 +15,7 @@ from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, actio
 from turning_env.batch.jobs import Jobs
 from turning_env.extras import provided
 from turning_env.info import Info, info_of
-from turning_env.scenario import Scenario, Source, presets
+from turning_env.scenario import Source, presets
 from turning_env.scenario.section import names_instead
 
 _ONLY = np.ones(1, np.bool_)
@@ -158,10 +158,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Store `env.spec` with `to_json`; it makes the same environment anywhere. It holds a preset's name or the values that
     differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
-    environment truncates episodes itself. Its ids are registered without `max_episode_steps`, because Gymnasium's `TimeLimit`
-    would cut episodes of scenarios with a longer time limit. `gymnasium.make(env.spec)` adds a `TimeLimit` of that number: an
-    episode that terminates with its last possible step is then truncated, too. Pass `max_episode_steps=-1` if you make the
-    spec with another scenario.
+    environment truncates episodes itself; `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass
+    `max_episode_steps=-1` if you make the spec with another scenario.
 
     ## Registered ids
 
@@ -191,8 +189,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     _PRESET = "rough_turning"
 
     def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
-        source = self._PRESET if scenario is None else scenario
-        batch = Batch(source if isinstance(source, Jobs) else Scenario.load(source), 1, single=True)
+        batch = Batch(self._PRESET if scenario is None else scenario, 1, single=True)
         self.scenario = batch.scenario
         self._spec: EnvSpec | None = None
         self.render_mode = render_mode

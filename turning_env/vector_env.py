@@ -24,7 +24,7 @@ from turning_env.batch.jobs import Jobs
 from turning_env.env import check_options, portable
 from turning_env.extras import provided
 from turning_env.info import INFO_KEYS, info_of
-from turning_env.scenario import Scenario, Source
+from turning_env.scenario import Source
 
 _MASKS = ["_" + name for name in INFO_KEYS]
 
@@ -78,7 +78,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
-        self._batch = Batch(scenario if isinstance(scenario, Jobs) else Scenario.load(scenario), num_envs, threads)
+        self._batch = Batch(scenario, num_envs, threads)
         self.scenario = self._batch.scenario
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
             raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")

@@ -17,7 +17,7 @@ from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
 from turning_env.physics.records import PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
 from turning_env.physics.report import write_state
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, Source
 from turning_env.scenario.family import CONTEXT_LIMIT, Job
 
 MAX_SEED = 2**64 - 1
@@ -133,11 +133,11 @@ class Batch:
             array, unless ``single``.
     """
 
-    def __init__(self, source: Scenario | Jobs, num_envs: int, threads: int = 1, single: bool = False) -> None:
+    def __init__(self, source: Source | Jobs, num_envs: int, threads: int = 1, single: bool = False) -> None:
         self.num_envs, self._threads, self._single = num_envs, threads, single
         self.seeded = False
         self.jobs = jobs = source if isinstance(source, Jobs) else None
-        self.scenario = scenario = source.scenario if isinstance(source, Jobs) else source
+        self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
         self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
         self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)

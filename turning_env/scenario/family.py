@@ -279,28 +279,23 @@ class Family(Section):
         if isinstance(source, Family):
             return source
         if isinstance(source, Mapping):
-            return cls._from_values(dict(source), "family")
+            return cls._from_values("family", lambda: dict(source))
         if source in families():
             return _preset(str(source))
         path = Path(source)
         if not path.is_file():
-            raise ScenarioError(
-                f"no family and no file is called {str(source)!r}; {names_instead(str(source), families(), 'families()')}"
-            )
-        try:
-            return cls._from_values({"name": path.stem} | tomllib.loads(path.read_text("utf-8")), str(path))
-        except ValueError as error:
-            raise ScenarioError(f"{path}: {error}") from error
+            instead = names_instead(str(source), families(), "families()")
+            raise ScenarioError(f"no family and no file is called {str(source)!r}; {instead}")
+        return cls._from_values(str(path), lambda: {"name": path.stem} | tomllib.loads(path.read_text("utf-8")))
 
     @classmethod
-    def _from_values(cls, values: dict[str, Any], source: str) -> "Family":
+    def _from_values(cls, source: str, read: Callable[[], Values]) -> "Family":
         try:
-            family = cls.model_validate(values)
+            family = cls.model_validate(read())
             family.job(0)
-        except ValidationError as error:
-            raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
         except ValueError as error:
-            raise ScenarioError(f"{source}: {error}") from error
+            faults = complaints_of(error) if isinstance(error, ValidationError) else [str(error)]
+            raise ScenarioError(f"{source}: " + "; ".join(faults)) from error
         return family
 
     def __reduce__(self) -> Any:
@@ -450,4 +445,5 @@ def families() -> tuple[str, ...]:
 
 @cache
 def _preset(name: str) -> Family:
-    return Family._from_values({"name": name} | tomllib.loads((_FAMILIES / f"{name}.toml").read_text("utf-8")), f"family {name}")
+    text = (_FAMILIES / f"{name}.toml").read_text("utf-8")
+    return Family._from_values(f"family {name}", lambda: {"name": name} | tomllib.loads(text))

@@ -105,17 +105,6 @@ class Score:
     episodes: Episodes = dataclasses.field(repr=False)
     """The fields ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
 
-    def against(self, name: str) -> Comparison:
-        """Return the comparison with the policy of a name.
-
-        Raises:
-            KeyError: no policy of that name ships.
-        """
-        for each in self.comparisons:
-            if each.name == name:
-                return each
-        raise KeyError(f"{name!r}; known: {', '.join(each.name for each in self.comparisons)}")
-
     def table(self) -> str:
         """Return a table with a line per policy that ships: rank, name, return [s], and this policy's return less that [s]."""
         rows = []

@@ -88,7 +88,7 @@ def test_the_same_episodes_are_no_better_and_no_worse() -> None:
     rule = next(each for each in others if each.name == "rescaled_grid_search")
     episodes = {"return": rule.returns[0], "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
     found = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
-    same = found.against("rescaled_grid_search")
+    (same,) = (each for each in found.comparisons if each.name == "rescaled_grid_search")
     assert (same.ahead.value, same.ahead.low, same.ahead.high) == (0.0, 0.0, 0.0)
     assert same.mean_return == found.mean_return
     assert same.feasible == found.feasible
