@@ -11,15 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import (
-    MAX_SEED,
-    REWARD,
-    TERMINATED,
-    TRUNCATED,
-    Batch,
-    action_space,
-    checked_seed,
-)
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
 from turning_env.batch.jobs import Jobs
 from turning_env.env import check_options, portable
 from turning_env.extras import provided
@@ -162,27 +154,18 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
         """Return which environments get a new seed, and the new seeds; both of shape (num_envs,)."""
-        count = self.num_envs
-        given, seeds = np.ones(count, np.bool_), np.zeros(count, np.uint64)
-        if seed is None:
-            given[:] = False
-        elif isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
-            if len(seed) != count:
-                raise ValueError(f"{len(seed)} seeds given, but there must be one for each of {count} environments")
-            for i, number in enumerate(seed):
-                if number is None:
-                    given[i] = False
-                else:
-                    seeds[i] = checked_seed(number, i)
-        else:
+        numbers: Sequence[int | None] = [None] * self.num_envs
+        if isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
+            numbers = seed
+        elif seed is not None:
             first = checked_seed(seed, 0)
-            fitting = min(count, MAX_SEED - first + 1)
-            if fitting < count:
-                checked_seed(first + fitting, fitting)
-            seeds[:] = np.uint64(first) + np.arange(count, dtype=np.uint64)
+            numbers = range(first, first + self.num_envs)
+        if len(numbers) != self.num_envs:
+            raise ValueError(f"{len(numbers)} seeds given, but there must be one for each of {self.num_envs} environments")
+        given = np.array([number is not None for number in numbers])
+        seeds = np.array([0 if number is None else checked_seed(number, i) for i, number in enumerate(numbers)], np.uint64)
         if not self._batch.seeded:
-            for unseeded in np.flatnonzero(~given):
-                seeds[unseeded] = self.np_random.integers(2**63)
+            seeds[~given] = self.np_random.integers(2**63, size=np.count_nonzero(~given))
             given[:] = True
         return given, seeds
 
@@ -191,10 +174,10 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
             return self._all
         try:
             mask = np.array(options["reset_mask"])
-        except ValueError as error:  # ragged
-            raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}") from error
+        except ValueError:  # ragged
+            mask = np.array(None)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
-            raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {mask.dtype} of {mask.shape}")
+            raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}")
         if not self._batch.seeded and not mask.all():
             raise ResetNeeded("the first reset() must start every environment")
         return mask

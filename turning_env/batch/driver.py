@@ -296,15 +296,13 @@ class Batch:
             self._helpers.shutdown()
 
     def _take(self, actions: Any) -> None:
-        shape = self._shape
         try:
             given = np.asarray(actions)
-        except ValueError as error:  # ragged
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}") from error
-        if given.dtype.char not in _NUMBERS:
-            raise ValueError(f"actions must be numbers of shape {shape}, got {actions!r}")
-        if given.shape != shape:
-            raise ValueError(f"actions must have shape {shape}, got {given.shape}")
+        except ValueError:  # ragged
+            given = np.array(None)
+        if given.shape != self._shape or given.dtype.char not in _NUMBERS:
+            got = f"shape {given.shape}" if given.dtype.char in _NUMBERS else repr(actions)
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {got}")
         self._given[...] = given
 
 

@@ -262,7 +262,7 @@ class Scenario(Section):
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
             if not isinstance(base, str) or (base not in presets() and not base.endswith(".toml")):
-                instead = names_instead(str(base), presets(), _ALL_PRESETS)
+                instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
                 raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
             try:
                 above = cls._read(base if base in presets() else folder / base)
