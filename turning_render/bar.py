@@ -16,16 +16,11 @@ _LEFT, _RIGHT = 76, 926
 _ROOF, _TOP, _SURFACE, _BOTTOM, _AXIS = 74, 88, 174, 206, 16
 """Pixel rows: top of the redrawn area, top of the allowance, finished surface, and bottom of the bar; height of its axis."""
 _CHART_TOP, _CHART_BOTTOM = 230, 287
-_MAX_LOAD = 1.5
-"""Highest load shown, over its limit [-]."""
+_MAX_LOAD = 1.5  # highest load shown, over its limit [-]
 _SOFT, _HARD = 0.75, 1.25
 """Relative hardness at the ends of the scale of tints."""
-_PLACES = 212
-"""Number of places along the bar at which hardness and allowance are computed."""
-_MARGIN = 8
-"""Pixels on either side of the bar that belong to its axis."""
-_PATCH = (-70, 46, 8)
-"""Extent of the tool around its tip: left, right and below the surface [pixels]."""
+_PLACES = 212  # along the bar, at which hardness and allowance are computed
+_MARGIN = 8  # pixels on either side of the bar that belong to its axis
 _NODES_IN_VIEW = 80
 """Number of correlation lengths of hardness shown at a time: more could not be distinguished."""
 
@@ -123,8 +118,7 @@ class BarView:
         return sections
 
     def _draw_tool(self, frame: ui.Pixels, history: History, tip: int) -> None:
-        left, right, below = _PATCH
-        box = (max(tip + left, _LEFT), _ROOF, min(tip + right, _RIGHT), _SURFACE + below)
+        box = (max(tip - 46, _LEFT), _ROOF, min(tip + 8, _RIGHT), _SURFACE + 2)
         patch = ui.enlarged(Image.fromarray(frame[box[1] : box[3], box[0] : box[2]]))
         draw = ImageDraw.Draw(patch)
         x, y = ui.SCALE * (tip - box[0]), ui.SCALE * (_SURFACE - box[1])

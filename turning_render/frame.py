@@ -17,12 +17,7 @@ _HEADER = (16, 8)
 
 
 class Frame:
-    """The picture of one environment; only moving parts are redrawn.
-
-    Args:
-        scenario: scenario of the environment.
-        title: title at the top.
-    """
+    """The picture of one environment under a title; only moving parts are redrawn."""
 
     def __init__(self, scenario: Scenario, title: str) -> None:
         self.scenario, self._title = scenario, title

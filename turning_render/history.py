@@ -15,22 +15,15 @@ _MIN_WEAR = 1e-4  # [mm]: the logarithm of a fresh edge's wear, 0, does not exis
 
 
 class Sample(NamedTuple):
-    """One step; with parts, one part.
+    """One step; with parts, one part, with speed and feed of its last pass."""
 
-    Attributes:
-        cutting_speed, feed: [m/min], [mm/rev]; with parts, of the last pass.
-        force, power: over their limits [-].
-        cutting: whether metal is cut.
-        roughness, reference: Ra and its reference [um], 0 with parts.
-    """
-
-    cutting_speed: float
-    feed: float
-    force: float
-    power: float
+    cutting_speed: float  # [m/min]
+    feed: float  # [mm/rev]
+    force: float  # over its limit [-]
+    power: float  # over its limit [-]
     cutting: bool
-    roughness: float = 0.0
-    reference: float = 0.0
+    roughness: float = 0.0  # Ra [um]
+    reference: float = 0.0  # [um]
 
 
 class History:

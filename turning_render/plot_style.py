@@ -99,10 +99,7 @@ def policy_look(name: str) -> tuple[str, Any]:
 
 
 def policy_looks(names: Iterable[str]) -> list[tuple[str, Any]]:
-    """Return colour and dashes of policies in one picture: each its own, or a free one of ``OTHERS`` if another has it.
-
-    Any ``len(OTHERS)`` policies have distinct looks.
-    """
+    """Return colour and dashes of policies in one picture: each its own, or a free one of ``OTHERS`` if another has it."""
     looks: list[tuple[str, Any]] = []
     for name in names:
         free = [policy_look(name), *OTHERS]

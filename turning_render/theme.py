@@ -78,7 +78,7 @@ def write_up(image: Image.Image, place: Point, text: str, size: int = 11, colour
     """Write a line of text from bottom to top, with its left side and its middle at a place."""
     line = Image.new("RGB", (math.ceil(length(text, size)) + 1, round(1.4 * size)))
     write(line, (0, 0), text, size, (255, 255, 255))
-    mask = line.convert("L").transpose(Image.Transpose.ROTATE_90)
+    mask = line.getchannel(0).transpose(Image.Transpose.ROTATE_90)
     image.paste(colour, (round(place[0]), round(place[1] - 0.5 * mask.height)), mask)
 
 
