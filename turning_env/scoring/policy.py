@@ -45,15 +45,9 @@ class ScenarioId(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
-    name: str
+    name: str = Field(pattern="^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}$")
+    """It also names a folder."""
     digest: str
-
-    @field_validator("name")
-    @classmethod
-    def _names_no_path(cls, name: str) -> str:
-        if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
-            raise ValueError(f"{name!r} cannot be a scenario's name")
-        return name
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
