@@ -69,10 +69,10 @@ def flat(table: Any, before: str = "") -> Any:
         return table
     pairs: list[tuple[str, Any]] = []
     for key, value in table.items():
-        is_table = isinstance(value, dict)
-        pairs += (
-            flat(value, f"{before}{key}.") if is_table else [(before + key, tuple(value) if isinstance(value, list) else value)]
-        )
+        if isinstance(value, dict):
+            pairs += flat(value, f"{before}{key}.")
+        else:
+            pairs.append((before + key, tuple(value) if isinstance(value, list) else value))
     return tuple(sorted(pairs))
 
 
