@@ -69,10 +69,6 @@ class FamilyEnv(RoughTurningEnv):
     which agents are chosen; or "unseen_jobs", "unseen_materials", "unseen_machines", on which they are scored. No training seed
     plays the jobs of another split. `context`: "told" or "hidden". `render_mode`: None,
     "rgb_array" or "human": frames show the present job.
-
-    ## Version history
-
-    * v0: initial version.
     """
 
     def __init__(

@@ -13,10 +13,6 @@ class PaperEnv(RoughTurningEnv):
     onto vc = 50-200 m/min and f = 0.06-0.60 mm/rev); no disturbance, noise, lag or air; an edge that does not break; and wear
     by the paper's clock-time rule. A policy can game that rule by idling through the first step, so an agent's return here
     says nothing about machining.
-
-    ## Version history
-
-    * v0: initial version.
     """
 
     _PRESET = "paper"
@@ -47,10 +43,6 @@ class OverrideEnv(RoughTurningEnv):
     As for `RoughTurningEnv`. Every policy that finishes removes the same metal, so time, overload and a little edge life make
     the difference. Terminated when the bar is done (`info["finished"]`), or the edge is worn out or broken; truncated after
     5 min.
-
-    ## Version history
-
-    * v0: initial version.
     """
 
     _PRESET = "override"
@@ -110,10 +102,6 @@ class ShiftEnv(RoughTurningEnv):
 
     As for `RoughTurningEnv`, with two differences. An edge costs 3 min only, because the time to change it passes. A discarded
     edge is charged whole. The return is the shift's profit. Truncated after 120 min.
-
-    ## Version history
-
-    * v0: initial version.
     """
 
     _PRESET = "shift"
@@ -157,10 +145,6 @@ class BatchEnv(RoughTurningEnv):
 
     As for `ShiftEnv`. Every action removes a blank's whole allowance, so time, edges, overload and breakage make the
     difference. Terminated after twenty parts.
-
-    ## Version history
-
-    * v0: initial version.
     """
 
     _PRESET = "batch_casting"

@@ -28,9 +28,7 @@ def test_ids_can_be_made_by_module_and_name(env_id, preset):
     envs = gymnasium.make_vec(f"turning_env:{env_id}", num_envs=4, vectorization_mode="vector_entry_point")
     assert type(envs.unwrapped) is RoughTurningVectorEnv
     assert env.unwrapped.scenario == envs.unwrapped.scenario == Scenario.load(preset)
-    specification = type(env.unwrapped).__doc__
-    assert f"`{env_id}`" in specification
-    assert "## Version history" in specification
+    assert f"`{env_id}`" in type(env.unwrapped).__doc__
 
 
 @pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])

@@ -1,7 +1,6 @@
 """Differences of the tasks from RoughTurning-v0: override, roughness, edge changes, parts, and the current as a sensor."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -41,19 +40,6 @@ def test_the_override_scales_the_programmed_feed(override, feed):
     assert info["commanded_feed"] == pytest.approx(feed)
     assert info["feed"] == pytest.approx(feed, rel=1e-3)
     assert info["spindle_speed"] == pytest.approx(710, rel=1e-3)
-
-
-def test_the_depth_steps_along_the_bar_and_the_job_ends_with_it():
-    infos = steps(OVERRIDE, [[0.0]] * 4000)
-    assert infos[-1]["terminated"]
-    assert infos[-1]["finished"]
-    assert not any(info["finished"] for info in infos[:-1])
-    depths = [info["depth_of_cut"] for info in infos if info["cutting"]]
-    changes = [depths[0], *(after for before, after in pairwise(depths) if after != before)]
-    assert changes == [1.0, 2.0, 3.0, 1.0, 3.0]
-    profile = OVERRIDE.workpiece.depth_profile
-    volume = math.pi * OVERRIDE.workpiece.diameter * OVERRIDE.workpiece.bar_length * sum(profile) / len(profile) / 1000
-    assert sum(info["removed"] for info in infos) == pytest.approx(volume, rel=2e-3)
 
 
 def test_roughness_follows_the_force_and_its_deviation_is_charged():

@@ -1,7 +1,5 @@
 """Exponential, logarithm, sine and cosine, against the C library's."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -13,12 +11,6 @@ NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
 @pytest.mark.parametrize("x", [np.linspace(-708.0, 708.0, 4001), np.linspace(-2.0, 2.0, 4001), NEAR_ZERO, -NEAR_ZERO])
 def test_exponential(x):
     assert [exp(value) for value in x] == pytest.approx(np.exp(x), rel=5e-16)
-
-
-def test_exponential_is_kept_within_its_range():
-    assert exp(1e6) == exp(708.0) < math.inf
-    assert exp(-1e6) == exp(-708.0) > 0.0
-    assert exp(0.0) == 1.0
 
 
 @pytest.mark.parametrize(

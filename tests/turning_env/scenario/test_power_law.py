@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from turning_env import PowerLaw, Scenario
+from turning_env import Scenario
 
 MATERIAL = Scenario().material
 
@@ -26,13 +24,3 @@ def test_published_table_in_one_broadcast_call():
     assert MATERIAL.wear(speed, feed, 2.5, time=1.0) == pytest.approx(wear, rel=1e-5)
     assert MATERIAL.power(speed, feed, 2.5, wear=wear) == pytest.approx(power, rel=1e-5)
     assert MATERIAL.thrust_force(speed, feed, 2.5, wear=wear) == pytest.approx(force, rel=1e-5)
-
-
-@pytest.mark.parametrize("factor", ["cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness"])
-@settings(max_examples=10)
-@given(exponent=st.floats(-3, 3), value=st.floats(0.01, 100))
-def test_each_factor_has_its_exponent(factor, exponent, value):
-    law = PowerLaw(coefficient=3.0, reference_depth_of_cut=2.0, **{factor: exponent})
-    arguments = {"cutting_speed": 7.0, "feed": 5.0, "depth_of_cut": 2.0, factor: value}
-    base = value / 2.0 if factor == "depth_of_cut" else value
-    assert law(**arguments) == pytest.approx(3.0 * base**exponent, rel=1e-9)

@@ -105,14 +105,7 @@ def test_a_dict_states_only_what_differs_from_its_base():
 
 
 @pytest.mark.parametrize(
-    ("file_name", "name"),
-    [
-        ("my mill.toml", "my_mill"),
-        ("Maß (2).toml", "Ma___2_"),
-        (".hidden.toml", "_hidden"),
-        ("钢.toml", "_"),
-        (70 * "x" + ".toml", 64 * "x"),
-    ],
+    ("file_name", "name"), [("Maß (2).toml", "Ma___2_"), (".hidden.toml", "_hidden"), (70 * "x" + ".toml", 64 * "x")]
 )
 def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
     path = tmp_path / file_name
