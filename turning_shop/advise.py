@@ -14,7 +14,7 @@ from scipy import stats
 from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.fit import FACTORS, LEVEL
-from turning_shop.measurements import COLUMNS
+from turning_shop.headers import COLUMNS
 from turning_shop.prediction import BEYOND, Evidence, Prediction, predict
 from turning_shop.whatif import Cuts, records, what_if
 
@@ -247,8 +247,8 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
 
 
 def money(value: float) -> str:
-    """Return an amount of money with two digits behind the point, or three in all if it is below 1."""
-    return f"{value:.2f}" if value >= 1 else f"{value:.3g}"
+    """Return an amount of money with two digits behind the point, or three in all if it is small."""
+    return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
 
 
 def outside(evidence: Evidence, best: Plan) -> Iterator[str]:

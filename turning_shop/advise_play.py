@@ -88,7 +88,7 @@ class Played:
                 f"{each.removal_rate:.1f}",
                 f"{100 * each.overload:.1f}" + " !" * (not each.feasible),
                 f"{money(cost.value)} ({money(cost.low)}-{money(cost.high)})",
-                f"{saved.value:.2f} ({saved.low:.2f} to {saved.high:.2f})" if each is not self.results[0] else "",
+                f"{money(saved.value)} ({money(saved.low)} to {money(saved.high)})" if each is not self.results[0] else "",
             ))  # fmt: skip
         yield from aligned(rows)
         if not all(each.feasible for each in self.results):

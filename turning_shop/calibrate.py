@@ -8,7 +8,7 @@ import json
 import os
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +22,14 @@ from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
-from turning_shop.measurements import COLUMNS, Measurements
+from turning_shop.headers import COLUMNS
+from turning_shop.measurements import Measurements
 from turning_shop.plausibility import law_problems, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers
 
+VAGUE = 1.0
+"""Half-width of the interval of the wear law's exponent of speed above which that of catalogues is taken if it lies within."""
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
 
@@ -115,15 +118,17 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
     """Return a law of wear whose exponent of speed or time, if the sheet cannot tell it, agrees with Taylor's n of catalogues."""
-    law, assumed = base.material.wear, fitted.assumed
+    assumed, speed, wanted = dict(fitted.assumed), fitted.estimates.get("cutting_speed"), fitted.law.time / TAYLOR
+    if speed and speed.high - speed.low > 2.0 * VAGUE and speed.low < wanted < speed.high:
+        assumed["cutting_speed"] = f"the sheet tells only that it is {speed.low:.2g} to {speed.high:.2g}"
     if "cutting_speed" in assumed:
-        known = {"cutting_speed": fitted.law.time / TAYLOR}
+        known = {"cutting_speed": wanted}
     elif "time" in assumed and fitted.law.cutting_speed > 0:
         known = {"time": fitted.law.cutting_speed * TAYLOR}
     else:
         return fitted
-    again = fit("wear", measurements, law.model_copy(update=known))
-    return replace(again, assumed=assumed | {name: f"{assumed[name]}; {CATALOGUE}" for name in known})
+    reasons = {name: f"{assumed[name]}; {CATALOGUE}" for name in known}
+    return fit("wear", measurements, base.material.wear.model_copy(update=known), reasons)
 
 
 def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]:
@@ -145,9 +150,9 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]
                 "name edges in a column 'edge'; otherwise no power law fits"
             )
         for name in fitted.exponents:
-            value, low, high = fitted.estimates[name]
-            if high - low > 2.0 * WIDE:
-                known = f"{value:.3g} +- {0.5 * (high - low):.2g}"
+            found = fitted.estimates[name]
+            if found.high - found.low > 2.0 * WIDE:
+                known = f"{found.value:.3g} +- {0.5 * (found.high - found.low):.2g}"
                 yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
 
 
@@ -155,9 +160,7 @@ def summary(calibration: Calibration) -> Iterator[str]:
     """Yield all results as lines of text."""
     yield f"columns: {', '.join(calibration.readings)}"
     for response, fitted in calibration.fits.items():
-        line, residual = fitted.largest_residual()
         yield f"{response}: {fitted.quality}"
-        yield f"  largest residual: line {line}, {100 * residual:+.2g} %"
         if fitted.edges:
             yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
         for name, estimate in fitted.estimates.items():

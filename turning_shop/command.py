@@ -14,8 +14,8 @@ from turning_env.console import FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_shop import WorkshopError, refuse_existing, whatif
-from turning_shop.headers import EDGE
-from turning_shop.measurements import COLUMNS, read_measurements
+from turning_shop.headers import COLUMNS, EDGE
+from turning_shop.measurements import read_measurements
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence

@@ -11,7 +11,7 @@ If it does, the rows of one edge share a deviation: a random effect, whose varia
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from pydantic import ValidationError
 from scipy import stats
 
 from turning_env.scenario.power_law import PowerLaw
+from turning_env.scoring.statistics import Estimate
 from turning_shop import Values, WorkshopError
-from turning_shop.measurements import COLUMNS, Measurements
+from turning_shop.headers import COLUMNS
+from turning_shop.measurements import Measurements
 
 FACTORS = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),
@@ -42,14 +44,6 @@ LEVEL = 0.95
 """Confidence level of all intervals [-]."""
 MAX_LOG = 700.0
 """Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
-
-
-class Estimate(NamedTuple):
-    """A fitted number and the ends of its confidence interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -133,13 +127,8 @@ class Fit:
         explained = "" if self.r_squared is None else f"R2 {self.r_squared:.5f}, "
         return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
 
-    def largest_residual(self) -> tuple[int, float]:
-        """Return the line number and the residual, measured / predicted - 1 [-], of the row that is farthest from the law."""
-        index = int(np.abs(self.log_residuals).argmax())
-        return int(self.lines[index]), float(np.expm1(self.log_residuals[index]))
 
-
-def fit(response: str, measurements: Measurements, base: PowerLaw) -> Fit:
+def fit(response: str, measurements: Measurements, base: PowerLaw, given: Mapping[str, str] = MappingProxyType({})) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
     Without a hardness column or value, hardness is nominal.
@@ -148,6 +137,7 @@ def fit(response: str, measurements: Measurements, base: PowerLaw) -> Fit:
         response: A key of ``FACTORS``.
         measurements: Returned by ``read_measurements``.
         base: The law whose exponents replace those that cannot be estimated.
+        given: Further factors whose exponents are the base's, with the reason.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
@@ -158,7 +148,8 @@ def fit(response: str, measurements: Measurements, base: PowerLaw) -> Fit:
         name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count) for name in FACTORS[response]
     }
     logs = {name: np.log(values) for name, values in factors.items()}
-    fitted, assumed = _identifiable(factors, logs)
+    fitted, assumed = _identifiable(factors, {name: log for name, log in logs.items() if name not in given})
+    assumed |= given
     if "hardness" not in columns:
         assumed["hardness"] = "there is no column hardness: nominal in all rows"
     if count < len(fitted) + 2:

@@ -1,7 +1,6 @@
 """Recognise the columns of a sheet by their headers: names and symbols in English and German, and units."""
 
 import re
-from collections.abc import Mapping
 from typing import NamedTuple
 
 from turning_shop import WorkshopError
@@ -19,6 +18,21 @@ class Column(NamedTuple):
 EDGE = "edge"
 """An optional column that holds no numbers: the name of the cutting edge."""
 
+COLUMNS = {
+    "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
+    "feed": Column("mm/rev", 0.001, 10, "feed"),
+    "depth_of_cut": Column("mm", 0.01, 50, "depth of cut"),
+    "time": Column("min", 1e-4, 1e5, "cutting time since the edge was fresh, all at this speed, feed and depth"),
+    "wear": Column("mm", 1e-4, 5, "flank wear of the edge since it was fresh"),
+    "thrust_force": Column("N", 1e-3, 1e6, "thrust force: the resultant of feed and back force"),
+    "power": Column("kW", 1e-4, 1e4, "spindle power"),
+    "main_force": Column("N", 1e-3, 1e6, "main cutting force Fc (ISO 3002), which gives the power if no column does"),
+    "feed_force": Column("N", 1e-3, 1e6, "feed force Ff (ISO 3002), which with the back force gives the thrust force"),
+    "back_force": Column("N", 1e-3, 1e6, "back force Fp (ISO 3002), also called passive or radial force"),
+    "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
+}
+"""Columns of numbers of a sheet of cuts; a row with an empty cell in the column ``EDGE`` has an edge of its own."""
+
 UNITS = {
     "speed": {"m/min": 1.0, "m/s": 60.0, "ft/min": 0.3048, "sfm": 0.3048, "sfpm": 0.3048, "fpm": 0.3048},
     "feed": {"mm/rev": 1.0, "mm/r": 1.0, "mm/u": 1.0, "mm/umdr": 1.0, "um/rev": 0.001, "in/rev": 25.4, "ipr": 25.4},
@@ -29,6 +43,9 @@ UNITS = {
     "ratio": {"-": 1.0, "1": 1.0, "%": 0.01},
 }
 """Units of each dimension, in small letters, and their sizes."""
+
+SPOKEN = ("cutting_speed", "feed")
+"""Columns that a header may name by a unit alone, as in "SFM" and "IPR"."""
 
 NAMES = {
     "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
@@ -69,18 +86,18 @@ class Heading(NamedTuple):
     factor: float = 1.0
     """Size of the sheet's unit in the column's."""
 
-    def describe(self, columns: Mapping[str, Column]) -> str:
+    def describe(self) -> str:
         """Return how the column is read, for people."""
         if not self.column:
             return f"nothing from {self.text!r}"
-        unit = f" [{columns[self.column].unit}]" if self.column in columns else ""
+        unit = f" [{COLUMNS[self.column].unit}]" if self.column in COLUMNS else ""
         source = "" if self.text == self.column else f" from {self.text!r}"
         scaled = f" times {self.factor:.6g}" if self.factor != 1.0 else ""
         return f"{self.column}{unit}{source}{scaled}"
 
 
-def read_heading(text: str, columns: Mapping[str, Column]) -> Heading:
-    """Return how a column with this header is read, among columns that are understood.
+def read_heading(text: str) -> Heading:
+    """Return how a column with this header is read.
 
     A unit that only speeds or feeds have names their column, as in "SFM" and "IPR".
 
@@ -90,21 +107,18 @@ def read_heading(text: str, columns: Mapping[str, Column]) -> Heading:
     text = text.strip()
     bracketed = _BRACKETS.fullmatch(text)
     name, unit = bracketed.groups() if bracketed else (text, "")
-    column = _column(name, columns)
+    column = _column(name)
     if column is None and not bracketed:  # as in "ap_mm", "VB in mm", "P kW" and "time, s"
         for gap in _GAP.finditer(text):
-            likely, unit = _column(text[: gap.start()], columns), text[gap.end() :]
-            if likely and likely in columns and _unit(unit) in _sizes(columns[likely].unit):
+            likely, unit = _column(text[: gap.start()]), text[gap.end() :]
+            if likely and likely != EDGE and _unit(unit) in _sizes(COLUMNS[likely].unit):
                 column = likely
                 break
-    if column is None and not bracketed:
-        bare = {"cutting_speed": UNITS["speed"], "feed": UNITS["feed"]}
-        column, unit = next(
-            ((each, text) for each, sizes in bare.items() if each in columns and _unit(text) in sizes), (None, "")
-        )
+    if column is None and not bracketed and (bare := [each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)]):
+        column, unit = bare[0], text
     if column is None or column == EDGE or not unit:
         return Heading(text, column)
-    own = columns[column].unit
+    own = COLUMNS[column].unit
     sizes = _sizes(own)
     if _unit(unit) not in sizes:
         allowed = f"allowed are {', '.join(sizes)}, or no unit, {own}"
@@ -118,10 +132,9 @@ def is_unit(text: str) -> bool:
     return any(_unit(bracketed[2] if bracketed else text) in sizes for sizes in UNITS.values())
 
 
-def _column(name: str, columns: Mapping[str, Column]) -> str | None:
+def _column(name: str) -> str | None:
     plain = re.sub(r"\s+", " ", name.casefold().translate(_LETTERS)).strip()
-    column = plain.replace(" ", "_") if plain.replace(" ", "_") in columns else _COLUMN.get(plain)
-    return column if column in columns or column == EDGE else None
+    return _COLUMN.get(plain)
 
 
 def _unit(text: str) -> str:

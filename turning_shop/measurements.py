@@ -18,22 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_shop import WorkshopError
-from turning_shop.headers import EDGE, NAMES, Column, Heading, is_unit, read_heading
+from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
 
-COLUMNS = {
-    "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
-    "feed": Column("mm/rev", 0.001, 10, "feed"),
-    "depth_of_cut": Column("mm", 0.01, 50, "depth of cut"),
-    "time": Column("min", 1e-4, 1e5, "cutting time since the edge was fresh, all at this speed, feed and depth"),
-    "wear": Column("mm", 1e-4, 5, "flank wear of the edge since it was fresh"),
-    "thrust_force": Column("N", 1e-3, 1e6, "thrust force: the resultant of feed and back force"),
-    "power": Column("kW", 1e-4, 1e4, "spindle power"),
-    "main_force": Column("N", 1e-3, 1e6, "main cutting force Fc (ISO 3002), which gives the power if no column does"),
-    "feed_force": Column("N", 1e-3, 1e6, "feed force Ff (ISO 3002), which with the back force gives the thrust force"),
-    "back_force": Column("N", 1e-3, 1e6, "back force Fp (ISO 3002), also called passive or radial force"),
-    "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
-}
-"""Columns of numbers of a sheet of cuts; a row with an empty cell in the column ``EDGE`` has an edge of its own."""
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every sheet of cuts must have."""
 MAX_BYTES = 50_000_000
@@ -147,7 +133,7 @@ def _understood(cells: Sequence[str]) -> int:
     names = set()
     for text in cells:
         try:
-            names.add(read_heading(text, COLUMNS).column)
+            names.add(read_heading(text).column)
         except WorkshopError:
             names.add(text)
     return len(names - {None})
@@ -214,7 +200,7 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
         np.array([line for line, _ in complete]),
         tuple(heading.text for heading in headings if heading.column is None and heading.text),
         None if edge is None else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[1],
-        (*(heading.describe(COLUMNS) for heading in headings if heading.text), *notes),
+        (*(heading.describe() for heading in headings if heading.text), *notes),
     )
 
 
@@ -243,7 +229,7 @@ def _read_header(header: list[str], source: str) -> list[Heading]:
     if not header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
     try:
-        headings = [read_heading(cell, COLUMNS) for cell in header]
+        headings = [read_heading(cell) for cell in header]
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
     names = [heading.column for heading in headings]

@@ -28,7 +28,8 @@ from turning_env import Scenario, ScenarioError
 from turning_nc.program import Program, read, read_file, write
 from turning_nc.words import NcError
 from turning_shop import WorkshopError
-from turning_shop.measurements import COLUMNS, Measurements, read_measurements
+from turning_shop.headers import COLUMNS
+from turning_shop.measurements import Measurements, read_measurements
 
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"

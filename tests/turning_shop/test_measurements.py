@@ -7,7 +7,7 @@ import pytest
 
 from turning_shop import WorkshopError
 from turning_shop.headers import read_heading
-from turning_shop.measurements import COLUMNS, read_measurements
+from turning_shop.measurements import read_measurements
 
 HEADER = "cutting_speed,feed,depth_of_cut,wear,power\n"
 GOOD = HEADER + "100,0.3,2.5,0.2,4.5\n"
@@ -103,7 +103,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
     ],
 )
 def test_headers_name_columns(header: str, column: str | None) -> None:
-    assert read_heading(header, COLUMNS).column == column
+    assert read_heading(header).column == column
 
 
 def test_workbooks_are_read(tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ import pytest
 
 from tests.walking import ROOT, blocks, commands
 from turning_env.__main__ import main
-from turning_shop.headers import EDGE
-from turning_shop.measurements import COLUMNS
+from turning_shop.headers import COLUMNS, EDGE
 
 PAGE = "\n".join((ROOT / "docs" / page).read_text("utf-8") for page in ("your_own_machine.md", "advice.md"))
 PROMPT = ["python", "-m", "turning_env"]
