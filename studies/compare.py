@@ -26,7 +26,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
-from train.agents.agent_file import informed
+from train.agents.agent_file import ONNX_SUFFIX, informed
+from train.curves import FILE as CURVES
+from train.curves import Training, Trainings
+from train.curves import read as read_curves
+from train.export import export
 from train.run import HYPERPARAMETERS, Run, hyperparameters
 from train.training import SEEDS, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
@@ -167,6 +171,30 @@ class Played(NamedTuple):
     """Wall time [s]; None without a training."""
 
 
+def home_of(study: Study, variant: Variant) -> Scenario | Family:
+    """Return the family of a study, or its scenario with a variant's changes."""
+    return Family.load("shop") if study.task == FAMILY_ID else with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+
+
+def run_of(study: Study, name: str, seed: int, runs: Path, command: str) -> Run:
+    """Return the training of a variant with a training seed."""
+    variant = study.variant(name)
+    settings = study.settings | variant.settings
+    return Run.plan(variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings)
+
+
+def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
+    """Write agents under the names of their variants as ONNX files, and their learning curves, beside those that are there."""
+    curves = read_curves([folder / CURVES]).trainings if (folder / CURVES).exists() else {}
+    for name, run in trained:
+        if not (folder / f"{name}-seed{run.seed}{ONNX_SUFFIX}").exists():
+            export(run.folder, folder, name)
+        curves[f"{name}-seed{run.seed}"] = Training.of(run)
+    if trained:
+        _, run = trained[0]
+        Trainings(env_id=run.env_id, scenario=run.task, trainings=curves).write(folder / CURVES)
+
+
 def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Played:
     """Train a variant with a training seed and play it, unless that is done.
 
@@ -182,10 +210,10 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     name, seed = piece
     variant, seconds = study.variant(name), None
     kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
-    home = Family.load("shop") if study.task == FAMILY_ID else with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+    home = home_of(study, variant)
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
-        run = Run.plan(variant.algorithm, study.task, home, seed, runs / name, command, study.settings | variant.settings)
+        run = run_of(study, name, seed, runs, command)
         spec = load_agent(train(run, algorithm).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
@@ -327,6 +355,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--trainings", type=int, metavar="N", help="trainings of each variant (default: as the study says)")
     parser.add_argument("--steps", type=int, metavar="N", help="environment steps of a training (default: as the study says)")
     parser.add_argument("--episodes", type=int, metavar="N", help="seeds that each variant plays (default: as the study says)")
+    which = "folder for the trained agents, named after their variants, as ONNX files, and for their learning curves"
+    parser.add_argument("--agents", type=Path, metavar="FOLDER", help=which)
     who = parser.add_mutually_exclusive_group()
     who.add_argument("--jobs", type=int, default=1, metavar="N", help="variants at the same time (default: %(default)s)")
     who.add_argument("--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786")
@@ -343,12 +373,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # One training seed after the other, so that an interrupted command leaves whole rows.
     pieces = sorted(((name, seed) for name in names for seed in range(study.count(name))), key=lambda piece: piece[1])
     command = f"python -m studies {shlex.join(arguments)}"
-    work = partial(played, study=study, runs=parsed.runs / Path(parsed.study).stem / (parsed.task or ""), command=command)
+    runs = parsed.runs / Path(parsed.study).stem / (parsed.task or "")
+    work = partial(played, study=study, runs=runs, command=command)
     done: dict[tuple[str, int], Played] = {}
     with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
         for piece, outcome in spread(over, work, zip(pieces, pieces, strict=True)):
             done[piece] = outcome
             bar.set_postfix_str(f"{piece[0]}, seed {piece[1]}")
             bar.update()
+    if parsed.agents:
+        publish(
+            [(name, run_of(study, name, seed, runs, command)) for name, seed in pieces if study.variant(name).algorithm],
+            parsed.agents,
+        )
     print("\n".join(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names})))
     return 0
