@@ -158,14 +158,10 @@ def _of_file(path: Path, run: Run, name: str | None, seed: int | None) -> _Agent
     if path.suffix == ONNX_SUFFIX:
         return _Agent(str(path), _foreign(run, path, name, seed), None)
     try:
-        algorithm, steps, actor = sb3_actor(path, run.scenario)
+        trained, actor = sb3_actor(path, run)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
-    return _Agent(
-        str(path),
-        _foreign(replace(run, algorithm=algorithm, parameters=run.parameters | {"steps": steps}), path, name, seed),
-        actor,
-    )
+    return _Agent(str(path), _foreign(trained, path, name, seed), actor)
 
 
 def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:

@@ -14,6 +14,8 @@ from onnx import helper
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
+from baselines.belief import VectorBeliefObservation
+from leaderboard.__main__ import main as leaderboard
 from tests.train import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
 from train import export
@@ -23,6 +25,7 @@ from train.agents.agent_file import AgentFile
 from train.agents.to_onnx import sb3_actor
 from train.run import Run
 from train.training import Algorithm, load_agent, new_model
+from turning_env import FAMILY_ID
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
@@ -110,18 +113,27 @@ def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Pat
     env = RoughTurningVecEnv(SCENARIO, 2)
     model = kind("MlpLstmPolicy" if kind is RecurrentPPO else "MlpPolicy", env, seed=1, device="cpu")
     model.save(tmp_path / "mine.zip")
-    algorithm, steps, actor = sb3_actor(tmp_path / "mine.zip", SCENARIO)
-    assert (algorithm, steps) == (kind.__name__.lower(), 0)
+    run, actor = sb3_actor(tmp_path / "mine.zip", Run.elsewhere("sb3", "RoughTurning-v0", SCENARIO, 9, "a command"))
+    assert (run.algorithm, run.parameters) == (kind.__name__.lower(), {"steps": 0})
     policy, state = ActorPolicy(actor, 5), None
     for observations in OBSERVATIONS:
         expected, state = model.predict(observations, state, deterministic=True)
         np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
 
 
+@pytest.mark.slow
+def test_a_model_that_was_trained_on_a_belief_is_ranked_with_it(tmp_path: Path) -> None:
+    env = RoughTurningVecEnv("shop", 2, wrapper=VectorBeliefObservation)
+    PPO("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": []}).save(tmp_path / "mine.zip")
+    assert export.main([str(tmp_path / "mine.zip"), "--env", FAMILY_ID, "--out", str(tmp_path)]) == 0
+    words = ["run", "--env", FAMILY_ID, "--seeds", "2", "--results", str(tmp_path / "results"), "--policies"]
+    assert leaderboard([*words, "--agents", str(tmp_path / "mine-seed0.onnx")]) == 0
+
+
 def test_models_of_other_observations_and_other_files_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, other = tmp_path / "mine-seed2.zip", tmp_path / "other"
     PPO("MlpPolicy", RoughTurningVecEnv(SCENARIO, 2), device="cpu", policy_kwargs={"net_arch": []}).save(model)
-    assert "was trained on the observation space" in refusal(capsys, other, model, "--scenario", "batch_casting")
+    assert "was trained on observations of shape (11,)" in refusal(capsys, other, model, "--scenario", "batch_casting")
     (tmp_path / "text.zip").write_text("text")
     assert "text.zip is no model of Stable-Baselines3" in refusal(capsys, other, tmp_path / "text.zip")
 

@@ -10,6 +10,7 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,11 @@ from onnx import compose, helper, inliner
 
 from train.actor import Actor
 from train.agents import agent_file
-from train.agents.agent_file import Metadata
+from train.agents.agent_file import Metadata, seen_space
 from train.agents.network import tried
 from train.recurrent_ppo import RecurrentActor
-from train.run import warn_of_pickle
-from turning_env import Scenario
-from turning_env.batch.driver import action_space, observation_space
+from train.run import Run, warn_of_pickle
+from turning_env.batch.driver import action_space
 from turning_env.scoring.onnx_session import first_line
 
 OPSET = 20
@@ -209,12 +209,12 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
     return torch.nn.Sequential(actor.features_extractor, *layers)
 
 
-def sb3_actor(path: Path, scenario: Scenario) -> tuple[str, int, Actor]:
-    """Return the algorithm, the trained steps and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
+def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
+    """Return the training and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
 
     Args:
         path: PPO, A2C, SAC, TQC, TD3, or RecurrentPPO of one LSTM layer.
-        scenario: on which it was trained, with the observations and actions of ``RoughTurningEnv``.
+        run: a training elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
 
     Raises:
         ValueError: the file holds no such model, or one for other observations or actions; says which.
@@ -231,12 +231,17 @@ def sb3_actor(path: Path, scenario: Scenario) -> tuple[str, int, Actor]:
         model: Any = getattr(importlib.import_module(package), name).load(path, device="cpu")
     except Exception as error:  # garbled bytes can raise anything
         raise ValueError(f"cannot be loaded as {name} of {package}: {error}") from error
-    for what, mine, its in (
-        ("observation", model.observation_space, observation_space(scenario)),
-        ("action", model.action_space, action_space(scenario)),
-    ):
-        if mine != its:
-            raise ValueError(f"was trained on the {what} space {mine}, but that of scenario {scenario.name!r} is {its}")
+    parameters, seen = run.parameters | {"steps": int(model.num_timesteps)}, model.observation_space.shape
+    for these in (parameters, parameters | {"belief": True}):
+        if (space := seen_space(run.env_id, run.scenario, these)) == model.observation_space:
+            parameters = these
+            break
+    else:
+        raise ValueError(
+            f"was trained on observations of shape {seen} or other bounds, but those of {run.env_id} have {space.shape}"
+        )
+    if model.action_space != (actions := action_space(run.scenario)):
+        raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
     network = _network(name, model.policy)
     actor: Actor = network if isinstance(network, Actor) else ModuleActor(network)
-    return name.lower(), int(model.num_timesteps), actor.eval()
+    return replace(run, algorithm=name.lower(), parameters=parameters), actor.eval()

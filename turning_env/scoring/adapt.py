@@ -89,6 +89,11 @@ class _Predicts:
         self._starts = mask | self._starts if len(self._starts) else mask.copy()
 
     def act(self, observations: Observations) -> Actions:
+        if (trained := self.model.observation_space.shape) != observations.shape[1:]:
+            raise ValueError(
+                f"the model was trained on observations of {trained[0]} entries, but these have {observations.shape[1]}: give a "
+                "function that makes its entries of them; train.export takes a model that was trained on a belief"
+            )
         actions, self._memory = self.model.predict(observations, self._memory, self._starts, deterministic=True)
         self._starts = np.zeros(len(observations), np.bool_)
         return np.asarray(actions, np.float32)
