@@ -22,7 +22,7 @@ SMALLER: Smaller = {
     "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v1/ppo", {}),
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'", {}),
-    "python -m train.ppo": ("--steps 20000", {}),
+    "python -m train.ppo": ("--steps 20000 --set num_envs=32", {}),
     "python -m train.tune": ("--steps 4096", {}),
     "python -m baselines.tune": (
         "--seeds 1 --trials 2",

@@ -12,6 +12,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
 from train import export, ppo, training
+from train.agents import onnx_policy
 from train.agents.agent_file import informed
 from train.run import Run, hyperparameters
 from train.terms import Terms
@@ -19,6 +20,7 @@ from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
+from turning_env.scoring.family import play_family
 from turning_env.scoring.seeds import TUNING_START
 
 PPO = ALGORITHMS["ppo"]
@@ -133,6 +135,19 @@ def test_an_agent_learns_on_a_family_and_its_file_is_scored(tmp_path: Path) -> N
             train(small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop")), algorithm)
     with pytest.raises(ValueError, match="position and life_price"):
         train(small_run(PPO, tmp_path / "other", env_id=FAMILY_ID, scenario=Family.load("shop"), position=True), PPO)
+
+
+@pytest.mark.slow
+def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_path: Path) -> None:
+    family = Family.model_validate(Family.load("shop").model_dump() | {"held_out_jobs": 3})
+    run = small_run(PPO, tmp_path, env_id=FAMILY_ID, scenario=family, belief=True, frames=2)
+    train(run, PPO)
+    assert export.main([str(run.folder), "--out", str(tmp_path)]) == 0
+    agent = onnx_policy.load(next(tmp_path.glob("*.onnx")))
+    seeds, split = range(3), training.VALIDATION
+    make = informed(agent, [family.job(seed, split).scenario for seed in seeds])
+    expected = training.play_agent(run.folder, 1)["return"]
+    np.testing.assert_allclose(play_family(family, split, seeds, make)["return"], expected, rtol=1e-3)
 
 
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path) -> None:
