@@ -158,7 +158,7 @@ def network(policy: Any) -> Feedforward:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.95),
+    "discount": FloatDistribution(0.5, 0.999),
     "epochs": IntDistribution(3, 10),
     "initial_log_deviation": FloatDistribution(-2.0, 0.0),
 }

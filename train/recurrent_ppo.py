@@ -46,7 +46,7 @@ def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.95),
+    "discount": FloatDistribution(0.5, 0.999),
     "epochs": IntDistribution(2, 8),
     "memory_cells": CategoricalDistribution([16, 32, 64]),
 }

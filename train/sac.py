@@ -55,7 +55,7 @@ def network(policy: Any) -> Feedforward:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.95),
+    "discount": FloatDistribution(0.5, 0.999),
     "target_rate": FloatDistribution(0.003, 0.05, log=True),
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }

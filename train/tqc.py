@@ -27,7 +27,7 @@ def new_model(run: Run, vec_env: VecEnv) -> TQC:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.95),
+    "discount": FloatDistribution(0.5, 0.999),
     "dropped_quantiles": IntDistribution(0, 6),
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
