@@ -177,7 +177,7 @@ def test_an_agent_is_small_and_its_file_loaded_with_a_warning(tmp_path: Path, ca
         (["--env", "Pendulum-v1"], "RoughTurning-v0"),
         (["--scenario", "nowhere"], "python -m turning_env presets"),
         (["--set", "learing_rate=1"], "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate"),
-        (["--set", "learning_rate"], "learning_rate is '', but must be a float of 0 or more, such as 0.001"),
+        (["--set", "learning_rate"], "learning_rate is '', but must be a float of 0 or more, such as 0.002"),
         (["--set", "discount=nan"], "discount is nan, but"),
         (["--set", "hidden_layers=[1, 'x']"], "hidden_layers is 'x', but"),
         (["--set", "activation=gelu"], "ppo cannot be made with these hyperparameters: KeyError('gelu')"),
