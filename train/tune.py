@@ -15,8 +15,6 @@ The command prints the table; copy it to the hyperparameter file yourself, with 
 """
 
 import argparse
-import hashlib
-import json
 import shlex
 import sys
 from collections.abc import Callable
@@ -38,7 +36,7 @@ from train.run import Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, Algorithm, play_agent, train
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
-from turning_env.files import file_lock
+from turning_env.files import digest_of, file_lock
 from turning_env.scoring.statistics import severe_limit
 from turning_env.scoring.workers import Workers, cluster, processes
 
@@ -74,7 +72,7 @@ class Task:
         """Name of the study: a digest of everything that its trials have in common."""
         searched = algorithm_of(self.algorithm).search
         fixed = {name: value for name, value in self.known.items() if name not in searched}
-        return _digest([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])
+        return digest_of([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])[:16]
 
     @property
     def folder(self) -> Path:
@@ -100,7 +98,7 @@ def algorithm_of(name: str) -> Algorithm:
 def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
     """Train with a setting and play the agents; if training fails, for example because it diverges, return the reason."""
     algorithm = algorithm_of(task.algorithm)
-    runs = task.folder / _digest([task.name, setting])
+    runs = task.folder / digest_of([task.name, setting])[:16]
     command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
     episodes = []
     for seed in range(task.seeds):
@@ -185,10 +183,6 @@ def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str
 def feasible(trial: FrozenTrial) -> bool:
     """Return whether a trial's setting is feasible."""
     return trial.constraints[_OVERLOAD] <= 0.0
-
-
-def _digest(values: list[Any]) -> str:
-    return hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
