@@ -9,13 +9,11 @@ from pathlib import Path
 import pytest
 
 from leaderboard import page
-from leaderboard.columns import groups
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import Task, result_folder, write_result
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, MakeResult, play_all, spec
-from turning_env import Scenario
 
 HOSTILE = "<script>alert(1)"
 
@@ -128,12 +126,3 @@ def test_page_without_rules_and_trajectories(leaderboard: Leaderboard) -> None:
     assert "<dt>best rule</dt><dd>none has played.</dd>" in html
     assert "application/json" not in html
     assert html.count("no trajectory recorded<") == 1
-
-
-@pytest.mark.parametrize(
-    ("preset", "first"), [("surface", "roughness_deviation"), ("batch_casting", "part_cost"), ("override", "mean_return")]
-)
-def test_what_a_task_is_about_comes_first(preset: str, first: str, task: Task, make_result: MakeResult) -> None:
-    shown = groups(rank([make_result("one", on=task.model_copy(update={"scenario": Scenario.load(preset)}))]))
-    assert next(iter(shown.values()))[0].field == first
-    assert sum(column.field == first for group in shown.values() for column in group) == 1

@@ -21,7 +21,7 @@ from leaderboard.result import (
     write_manifest,
     write_result,
 )
-from tests.leaderboard.conftest import MakeResult, only, spec
+from tests.leaderboard.conftest import MakeResult, only
 
 
 def written(result: Result, folder: Path) -> Path:
@@ -73,20 +73,6 @@ def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: P
     written(make_result("rule"), folder).rename(path)
     with pytest.raises(ResultError, match=r"should be at RoughTurning-v0.rough_turning.rule\.json\.xz"):
         only(path)
-
-
-def test_the_same_result_is_not_written_again(make_result: MakeResult, folder: Path) -> None:
-    result = make_result("rule", wear=0.1)
-    path = written(result, folder)
-    write_manifest(folder, result.task)
-    before = {each: (each.read_bytes(), each.stat().st_mtime_ns, each.stat().st_ino) for each in folder.iterdir()}
-    reworded = spec("rule", description="other words", command="other command")
-    assert reworded.identity == result.policy.identity
-    written(make_result("rule", policy=reworded, wear=0.1), folder)
-    write_manifest(folder, result.task)
-    assert {each: (each.read_bytes(), each.stat().st_mtime_ns, each.stat().st_ino) for each in folder.iterdir()} == before
-    written(make_result("rule", policy=reworded, wear=0.2), folder)
-    assert only(path).episodes["wear"] == [0.2] * 4
 
 
 def test_the_manifest_or_else_the_most_results_decide_which_task_is_ranked(

@@ -1,13 +1,11 @@
 """Beliefs are as uncertain as they say, and bounds lie where they must."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from baselines.oracles import clairvoyant
 from baselines.oracles.cells import start_episode_of, survey
-from studies import belief_bound, bound, headroom
+from studies import belief_bound, headroom
 from turning_env import Scenario
 from turning_env.physics.records import block_records
 from turning_env.scoring.seeds import tuning_seeds
@@ -52,14 +50,3 @@ def test_headroom_is_between_the_best_agent_and_the_bounds(capsys: pytest.Captur
     assert agent.startswith("best agent")
     assert agent.endswith("0.0 (0.0 to 0.0)")
     assert rule.startswith("best rule")
-
-
-@pytest.mark.slow
-def test_every_step_of_the_grid_is_halved_in_turn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "short.toml").write_text('name = "short"\n[tool]\nwear_criterion = 0.13\n')
-    assert bound.main(["--seeds", "1", "--scenario", str(tmp_path / "short.toml")]) == 0
-    _, *rows, _ = capsys.readouterr().out.splitlines()
-    numbers = [[float(word) for word in row.split()[-4:]] for row in rows]
-    assert numbers[0][1:3] == [0.0, 0.0]
-    assert len({row[0] for row in numbers}) > 1
-    assert all(row[0] == pytest.approx(numbers[0][0] + row[1], abs=0.011) for row in numbers)
