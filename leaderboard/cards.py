@@ -1,6 +1,5 @@
 """Model cards of the shipped agents: description, training, results and limits."""
 
-import importlib
 from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
@@ -68,7 +67,6 @@ def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across 
         files=files,
         metadata=metadata,
         memory_size=files[0].memory_size,
-        title=_title(metadata.algorithm),
         ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
         classes=CLASSES,
         given=GIVEN,
@@ -76,15 +74,6 @@ def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across 
         example=example,
     )
     return card + "\n"
-
-
-def _title(algorithm: str) -> str:
-    """Return an algorithm's name in words; a name that is not one of the project's as it is."""
-    try:
-        title: str = importlib.import_module(f"train.{algorithm}").ALGORITHM.title
-    except (ModuleNotFoundError, AttributeError):
-        return algorithm
-    return title
 
 
 def _agents(folder: Path) -> dict[str, list[AgentFile]]:

@@ -117,12 +117,10 @@ def _place(folder: Path) -> tuple[int, str, bool, str]:
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
     """Read the recorded trajectories that still belong to the results; None if there are none."""
-    recorded, identities = (
-        read_if_usable(Trajectories, folder / TRAJECTORIES_FILE),
-        [result.policy.identity for result in results],
-    )
+    recorded = read_if_usable(Trajectories, folder / TRAJECTORIES_FILE)
     if recorded is None or recorded.task != results[0].task.digest:
         return None
+    identities = [result.policy.identity for result in results]
     episodes = [each for each in recorded.episodes if each.policy.identity in identities]
     return recorded.model_copy(update={"episodes": episodes}) if episodes else None
 
