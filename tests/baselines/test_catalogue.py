@@ -96,19 +96,6 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
 
 
-def test_a_rule_is_built_with_the_nominal_scenario(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    built: list[Scenario] = []
-
-    def build(scenario: Scenario, num_envs: int, parameters: dict[str, float]) -> FixedParameters:
-        built.append(scenario)
-        return FixedParameters(scenario, **parameters)
-
-    monkeypatch.setitem(RULES, tunable, replace(TUNABLE, build=build, parameters={"cutting_speed": 100.0, "feed": 0.3}))
-    mismatch = Scenario.model_validate({"mismatch": {"hardness_factor": 2.0}, "limits": {"power": 6.5}})
-    spec(tunable, mismatch).make(1)
-    assert built == [mismatch.nominal()]
-
-
 def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(
     tunable: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

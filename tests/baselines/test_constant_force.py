@@ -10,7 +10,6 @@ from baselines.constant_force import (
     THRESHOLD,
     ConstantForce,
     ConstantForceNetwork,
-    ModelFeed,
     force_of_roughness,
     recommended_feed,
 )
@@ -48,27 +47,11 @@ def law(scenario: Scenario = HELD, num_envs: int = 1, **arguments: bool | float)
     return ConstantForce(PartProgram(scenario, {}), num_envs, **arguments)  # type: ignore[arg-type]
 
 
-def test_the_force_of_a_roughness_inverts_the_papers_equation() -> None:
-    force = force_of_roughness(SURFACE.surface, np.array([0.5, 3.1, 0.1]))
-    assert force[2] == 1.0  # no force leaves 0.1 um
-    assert 0.2401 * np.exp(0.0034 * force[:2]) == pytest.approx([0.5, 3.1])
-
-
 @pytest.mark.parametrize(("on_command", "before"), [(False, 0.2), (True, 0.1)])
 def test_the_feed_is_the_one_before_times_reference_over_force(on_command: bool, before: float) -> None:
     seen = observations(HELD, 500.0, feed=0.2, commanded=0.1)
     expected = before / 0.2 * force_of_roughness(HELD.surface, np.array([1.6])) / 500.0
     assert override(law(on_command=on_command), seen, NEEDED) == pytest.approx(expected, rel=1e-5)
-
-
-def test_the_law_acts_once_the_force_has_been_above_the_threshold_for_long_enough() -> None:
-    policy = law()
-    seen = observations(HELD, 300.0)
-    assert override(policy, seen, NEEDED - 1) == pytest.approx(1.0)
-    assert override(policy, seen) > 1.4
-    for force in (0.99 * THRESHOLD, 0.0):
-        assert override(policy, observations(HELD, force), 3) == pytest.approx(1.0)
-    assert override(policy, seen) == pytest.approx(1.0)
 
 
 def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
@@ -87,16 +70,6 @@ def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
 def test_no_rule_holds_a_roughness_that_no_force_changes() -> None:
     scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
     assert not any(RULES[name].plays(scenario) for name in ("constant_force", "constant_force_network", "model_feed"))
-
-
-def test_the_models_feed_gives_the_force_of_the_reference_on_a_nominal_bar() -> None:
-    workpiece = {"depth_bar_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0}
-    scenario = changed(HELD, workpiece=workpiece)
-    policy, env = ModelFeed(scenario), RoughTurningVectorEnv(2, scenario)
-    seen, _ = env.reset(seed=0)
-    for _ in range(300):
-        seen, _, _, _, infos = env.step(policy.act(seen))
-    assert infos["roughness"] == pytest.approx(np.full(2, 1.6), rel=1e-3)
 
 
 def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:

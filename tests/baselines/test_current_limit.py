@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt, sosfreqz
+from scipy.signal import butter, sosfilt
 
-from baselines.current_limit import FEED_GRADES, ORDER, CurrentLimit, ForceEstimator, Smoother, delay
+from baselines.current_limit import FEED_GRADES, ORDER, CurrentLimit, ForceEstimator, Smoother
 from baselines.models.part_program import PartProgram
 from turning_env import Reading, RoughTurningVectorEnv, Scenario
 from turning_env.physics.drives import steady_current
@@ -20,12 +20,6 @@ def test_the_filter_is_scipys_as_if_the_first_sample_had_lasted_for_ever() -> No
     filtered = np.array([ours.update(row) for row in samples])
     steady = np.concatenate([np.repeat(samples[:1], 400, axis=0), samples])
     assert filtered == pytest.approx(np.abs(sosfilt(butter(ORDER, 0.3, output="sos"), steady, axis=0)[400:]), abs=1e-9)
-
-
-def test_the_filters_delay_is_the_slope_of_its_phase() -> None:
-    for cutoff in (0.1, 0.9):
-        _, response = sosfreqz(butter(ORDER, cutoff, output="sos"), [1e-3])
-        assert delay(cutoff) == pytest.approx(-np.angle(response[0]) / 1e-3, rel=1e-3)
 
 
 @pytest.mark.parametrize(("force", "feed"), [(0.0, 0.1), (1500.0, 0.4)])

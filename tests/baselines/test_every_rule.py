@@ -69,18 +69,6 @@ def test_environments_do_not_influence_one_another_and_a_reset_forgets_everythin
         observations, *_ = env.step(actions)
 
 
-def test_each_controller_plays_an_override_task_or_a_speed_and_feed_task_once() -> None:
-    for preset in ("override", "rough_turning"):
-        played = [name.removesuffix("_with_speed") for name, rule in RULES.items() if rule.plays(SCENARIOS[preset])]
-        assert len(played) == len(set(played))
-    anywhere = {"random", "zero_action", "idle", "wait_then_play", "fastest"}
-    on_surface = {name for name, rule in RULES.items() if rule.plays(SCENARIOS["surface"])}
-    holding = {"constant_force", "constant_force_network", "model_feed"}
-    assert on_surface == anywhere | holding | {"override_tuned", "programmed_feed"}
-    for name, rule in RULES.items():
-        assert ("parts" in name or name in anywhere) == rule.plays(SCENARIOS["batch_casting"])
-
-
 def test_every_task_has_random_actions_no_action_and_one_best_constant_action() -> None:
     for preset in IDS.values():
         played = names(SCENARIOS[preset])

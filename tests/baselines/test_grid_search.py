@@ -1,36 +1,9 @@
-import itertools
-
 import numpy as np
-import pytest
 
-from baselines.grid_search import GridSearch, RescaledGridSearch, best_pair, grid
+from baselines.grid_search import GridSearch, RescaledGridSearch
 from tests.baselines.observing import seen
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.observation import MAX_RATIO
-from turning_env.physics.records import parameter_records
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wear", [0.0, 0.26, 0.2999])
-@pytest.mark.parametrize("share", [1.0, 0.7])
-def test_the_chosen_pair_is_the_best_of_all_1744(wear: float, share: float) -> None:
-    scenario = Scenario.load("paper")
-    (speeds, feeds), material, limits = grid(scenario), scenario.material, scenario.limits
-    best, best_rate = None, 0.0
-    for speed, feed in itertools.product(speeds, feeds):
-        end = float(material.wear(speed, feed, 2.5, time=4.0)) + wear
-        end -= float(material.wear(speed, feed, 2.5, time=3.0))
-        feasible = (
-            end <= 0.3
-            and material.thrust_force(speed, feed, 2.5, wear=end) <= share * limits.thrust_force
-            and material.power(speed, feed, 2.5, wear=end) <= share * limits.power
-        )
-        if feasible and speed * feed > best_rate:
-            best, best_rate = (speed, feed), speed * feed
-    used_life = (wear / 0.3) ** (1.0 / material.wear.time)
-    force, power = share * limits.thrust_force, share * limits.power
-    i, j = best_pair(parameter_records(scenario)[0], speeds, feeds, used_life, 3.0, 4.0, force, power, 1.0)
-    assert (None if i < 0 else (speeds[i], feeds[j])) == best
 
 
 def observation(**entries: float) -> np.ndarray:

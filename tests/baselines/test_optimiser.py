@@ -5,7 +5,6 @@ import pytest
 
 from baselines.optimiser import RULES, Optimiser
 from tests.baselines.models.test_load_filter import QUIET
-from tests.baselines.observing import seen
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.scoring.play import play
@@ -30,18 +29,6 @@ def test_on_a_known_bar_it_works_at_a_limit() -> None:
     loads = np.array([[i["thrust_force"][0] / 1500.0, i["power"][0] / 4.5] for i in infos[15:] if i["cutting"].all()])
     assert loads.max() < 1.02
     assert 0.9 < np.median(loads.max(axis=1)) <= 1.0
-
-
-@pytest.mark.parametrize("load", [2.5, 15.0])
-def test_a_load_above_the_limit_lowers_the_feed(load: float) -> None:
-    policy = Optimiser(Scenario(), 1, 2.0, 1.0)
-    policy.reset(np.ones(1, np.bool_))
-    edge = {"cutting_time": 1.5, "nominal_wear": 0.6}
-    air = dict.fromkeys(("power", "thrust_force", "power_ratio", "force_ratio"), -5.0)
-    policy.act(seen(**edge, **air, cutting=0.0))
-    for _ in range(5):
-        action = policy.act(seen(**edge, **dict.fromkeys(air, load)))
-    assert action[0, 1] < -0.3
 
 
 @pytest.mark.slow

@@ -50,16 +50,6 @@ def test_the_force_rule_holds_the_force_at_what_is_cut_corrected_or_not():
         assert forces == pytest.approx(0.8 * known.limits.thrust_force, rel=0.02), corrected
 
 
-def test_a_corrected_path_has_passes_of_equal_depth_and_wastes_none():
-    known = changed(BATCH, workpiece=SPREADS | {"depth_bar_spread": 1.5}, tool={"wear_factor_spread": 0.0})
-    drawn, corrected = (RuledParts(known, "PN", choice, margin=0.9, first_margin=0.9) for choice in (False, True))
-    passes = [np.array([info["passes"] for info in infos(policy, known)[1:]]) for policy in (drawn, corrected)]
-    assert len(set(passes[0])) == 1
-    assert len(set(passes[1])) > 1
-    sizes = np.array([info["probed_depth"] for info in infos(corrected, known)[:-1]])
-    assert np.corrcoef(sizes, passes[1])[0, 1] > 0.5
-
-
 def test_no_pass_is_planned_too_deep_for_a_further_limit():
     scenario = changed(Scenario.load("batch_p20"), workpiece=SPREADS | {"depth_of_cut": 4.0})
     for margin in (1.0, 0.6):  # 400 N allow 4 mm at the lowest feed, 240 N do not

@@ -47,23 +47,6 @@ def test_edges_are_changed_in_every_step_and_the_fastest_break_them() -> None:
     assert (episodes("fastest", Scenario.load("shift"))["edges_broken"] > 0.0).all()
 
 
-@pytest.mark.parametrize("preset", ["rough_turning", "paper", "surface"])
-def test_half_of_the_episode_is_waited_and_then_programmed_values_are_played(preset: str) -> None:
-    scenario = Scenario.load(preset)
-    env, steps = RoughTurningVectorEnv(2, scenario, "Disabled"), (scenario.max_episode_steps or 0) // 2
-    waiting, idle = (spec(name, scenario).make(2) for name in ("wait_then_play", "idle"))
-    observations, started = env.reset(seed=0)
-    waiting.reset(np.ones(2, np.bool_))
-    for _ in range(steps):
-        actions = waiting.act(observations)
-        np.testing.assert_array_equal(actions, idle.act(observations))
-        observations, *_ = env.step(actions)
-    for _ in range(10):
-        observations, _, _, _, infos = env.step(waiting.act(observations))
-    for name in ("commanded_cutting_speed", "commanded_feed"):
-        np.testing.assert_allclose(infos[name], started[name], rtol=1e-5)
-
-
 @pytest.mark.slow
 def test_degenerate_policies_play_jobs_of_a_family_together_as_apart() -> None:
     family = Family.load("shop")

@@ -10,7 +10,6 @@ from baselines.two_limits import (
     TWO_LIMITS,
     AdaptiveRule,
     along,
-    binding,
     depth_exponents,
     limits,
     set_point,
@@ -111,13 +110,6 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
 
 
-def test_the_binding_pair_is_reached_at_the_optimum() -> None:
-    assert binding(CASE, [1.0, 3.0, 9.0], [0.8, 1.0, 1.4]).tolist() == ["R_z V", "P_y V", ""]
-    speed, feed = set_point(ECONOMIC_OPTIMUM, CASE, 3.0)
-    assert float(speed) == pytest.approx(240.0)
-    assert float(CASE.further["radial_force"].law(1.0, feed, 3.0)) == pytest.approx(400.0)
-
-
 def observed(**entries: float) -> np.ndarray:
     """An observation in metal, half worn, with power and force as predicted but for ``entries``."""
     found = seen(**{"cutting_time": 1.5, "nominal_wear": 0.5, **entries})
@@ -141,11 +133,3 @@ def test_the_adaptive_rule_heeds_measurements() -> None:
     harder = [np.prod(commands(policy, observed(power=1.0, thrust_force=1.0))) for _ in range(4)]
     assert nominal > harder[0] > harder[1] > harder[3]
     assert np.prod(commands(policy, observed(power=-5.0, thrust_force=-5.0, cutting=0.0))) == harder[3]
-
-
-@pytest.mark.parametrize("wear", [0.2, 0.7, 1.2])
-def test_as_predicted_the_adaptive_rule_commands_the_rules_set_point(wear: float) -> None:
-    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=1.0, smoothing=1.0)
-    for _ in range(3):
-        found = commands(policy, observed(nominal_wear=wear))
-    assert found == pytest.approx([float(value) for value in set_point("PN", STEEL, 2.5, wear=wear * 0.3)], rel=1e-4)

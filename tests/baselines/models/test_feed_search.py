@@ -55,13 +55,6 @@ def test_no_set_point_of_a_grid_within_reach_gains_more(scenario: Scenario, fixe
         assert outlook(parameters[0], lefts[0], env, ahead, *best)[0] >= max(gains) - 1e-4
 
 
-def test_in_air_it_goes_as_fast_as_it_can() -> None:
-    task = states(BASE, 1, cutting=0.0)
-    found = np.empty((NUM_ENVS, 2))
-    search(*task, found)
-    np.testing.assert_allclose(found, task[2][:, [1, 3]], atol=1e-12)
-
-
 def test_compiled_it_finds_the_bits_that_it_finds_interpreted_and_alone() -> None:
     parameters, lefts, environments, points = task = states(KINKED, 2, unmeasured=1.0)
     together, interpreted, alone = np.empty((3, NUM_ENVS, 2))

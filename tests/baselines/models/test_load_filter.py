@@ -7,7 +7,6 @@ from baselines.models.kalman_steps import INSERT, LOT
 from baselines.models.load_filter import LawErrors, LoadFilter
 from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
-from turning_env.physics.spindle import idle_power_at
 
 NOMINAL = Scenario()
 STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
@@ -58,14 +57,6 @@ def test_it_doubts_more_what_is_farther_ahead_and_most_a_bar_that_it_does_not_kn
     assert (spreads[:, -1] <= estimate.outlook(np.zeros((4, 1)), NEXT_BAR).force_spread[:, 0] + 1e-9).all()
 
 
-def test_in_air_it_learns_nothing() -> None:
-    known = changed(NOMINAL, workpiece={"approach": 400.0})
-    estimate, readings, forces = followed(changed(heavier(1.3), workpiece={"approach": 400.0}), known, 20)
-    assert not np.any([reading.cutting for reading in readings])
-    assert forces == [0.0] * 20
-    assert not estimate.memory["measured"].any()
-
-
 def test_its_travelled_distance_follows_the_row_of_bars() -> None:
     played = changed(heavier(1.0), workpiece={"bar_length": 60.0})
     estimate, _, _ = followed(played, changed(NOMINAL, workpiece={"bar_length": 60.0}), 150)
@@ -92,15 +83,6 @@ def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment
     assert estimate.along[2] > 0.0
 
 
-def test_the_idling_spindle_is_no_deviation_of_the_bar() -> None:
-    scenario = changed(QUIET, spindle={"idle_torque": 8.0})
-    estimate, readings, _ = followed(scenario, scenario, 60)
-    outlook = estimate.outlook(np.zeros((4, 1)), HERE)
-    idle = idle_power_at(scenario, readings[-1].cutting_speed)
-    assert outlook.log_force == pytest.approx(0.0, abs=0.03)
-    assert outlook.log_power[:, 0] == pytest.approx(np.log(readings[-1].power / (readings[-1].power - idle)), abs=0.03)
-
-
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
     played = changed(nominal, mismatch={"wear_factor": 1.3})
@@ -116,25 +98,6 @@ def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     assert estimate.mean[:, INSERT] == pytest.approx(0.0, abs=0.05)
     estimate.reset(EVERY)
     assert (estimate.mean[:, LOT] == start).all()
-
-
-def test_it_tells_the_bias_of_a_law_from_the_bar() -> None:
-    material = QUIET.material
-    force = material.thrust_force.model_copy(update={"coefficient": 1.3 * material.thrust_force.coefficient})
-    played = QUIET.model_copy(update={"material": material.model_copy(update={"thrust_force": force})})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([QUIET], 4, LawErrors(np.zeros(11), LOADS))
-    observations, _ = env.reset(seed=0)
-    estimate.reset(EVERY)
-    for _ in range(100):
-        reading = read(observations, NOMINAL)
-        estimate.observe(reading)
-        observations, *_ = env.step(np.zeros(env.action_space.shape))
-    next_bar = estimate.outlook(np.zeros((4, 1)), np.ones((4, 1), np.bool_))
-    place = np.log([reading.cutting_speed, reading.feed, reading.nominal_wear / NOMINAL.tool.wear_criterion])
-    for law, found, ratio in zip(range(2), (next_bar.log_force, next_bar.log_power), (1.3, 1.0), strict=True):
-        named = (material.thrust_force, material.power)[law]
-        errors = estimate.exponents[:, law] - [named.cutting_speed, named.feed, named.wear]
-        assert found[:, 0] + (errors * place.T).sum(axis=1) == pytest.approx(np.full(4, np.log(ratio)), abs=0.03)
 
 
 def test_other_models_in_other_environments_do_not_matter() -> None:

@@ -9,12 +9,6 @@ from turning_env import PowerLaw, Scenario
 STEEL = Process.of(Scenario())
 
 
-def test_the_cost_is_time_and_edges_per_metal() -> None:
-    at = np.log(150.0), np.log(0.4), 3.0, 1.1
-    life = np.exp(STEEL.log_life(*at))
-    assert np.exp(STEEL.log_cost(*at)) == pytest.approx((1.0 + 5.0 / life) / (150.0 * 0.4 * 3.0))
-
-
 def test_the_economic_life_is_the_cheapest_along_its_limit() -> None:
     feeds = np.log(np.geomspace(0.3, 10.0, 10_001))
     for limit in (STEEL.thrust_force, STEEL.torque):
