@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines import tuned
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
@@ -81,11 +81,10 @@ def playable(name: str, scenario: Scenario) -> Rule:
     if scenario.control.edge_changes != "commanded" or rule.changes_edges:
         return rule
 
-    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> TimelyChanges:
-        own = {name: value for name, value in parameters.items() if name != CHANGE_AT}
-        return TimelyChanges(rule.build(scenario, num_envs, own), scenario, parameters[CHANGE_AT])
+    def build(scenario: Scenario, num_envs: int, change_at: float, **parameters: float) -> TimelyChanges:
+        return TimelyChanges(rule.build(scenario, num_envs, parameters), scenario, change_at)
 
-    return replace(rule, build=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
+    return replace(rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
 
 
 def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None) -> PolicySpec:

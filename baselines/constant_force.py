@@ -202,7 +202,7 @@ RULES = {
     ),
     "model_feed": Rule(
         "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
-        lambda scenario, num_envs, parameters: ModelFeed(scenario),
+        lambda scenario, num_envs: ModelFeed(scenario),
         _plays_by_model,
         {},
     ),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.part_program import PROGRAM
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -45,7 +45,7 @@ class FixedParameters(Policy):
         return towards(reading, self._scenario, speeds, feeds)
 
 
-def _build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
+def _build(scenario: Scenario, num_envs: int, **parameters: float) -> FixedParameters:
     return FixedParameters(scenario, **parameters)
 
 
@@ -65,7 +65,7 @@ RULES = {
     ),
     "override_tuned": Rule(
         "the best constant override on the tuning seeds",
-        lambda scenario, num_envs, parameters: FixedParameters.programmed(scenario, **parameters),
+        lambda scenario, num_envs, **parameters: FixedParameters.programmed(scenario, **parameters),
         lambda scenario: scenario.control.action == "override",
         {"override": Range(0.1, 2.0, logarithmic=True)},
         worth_tuning=True,

@@ -154,15 +154,10 @@ def _plays(scenario: Scenario) -> bool:
 
 
 RULES = {
-    "grid_search": Rule(
-        "the grid search of Alaskari and Oraby (2018) on nominal models",
-        lambda scenario, num_envs, parameters: GridSearch(scenario, num_envs),
-        _plays,
-        {},
-    ),
+    "grid_search": Rule("the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}),
     "rescaled_grid_search": Rule(
         "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning seeds",
-        lambda scenario, num_envs, parameters: RescaledGridSearch(scenario, num_envs, **parameters),
+        RescaledGridSearch,
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=True,

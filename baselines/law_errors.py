@@ -66,8 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "mean": errors.mean(axis=0).round(6).tolist(),
         "covariance": np.cov(errors, rowvar=False).round(6).tolist(),
     }
-    rows = ",\n".join(f" {json.dumps(name)}: {json.dumps(value)}" for name, value in values.items())
-    replace_file(FILE, lambda path: path.write_text(f"{{\n{rows.replace('], [', '],' + chr(10) + '  [')}\n}}\n", "utf-8"))
+    replace_file(FILE, lambda path: path.write_text(json.dumps(values).replace("], [", "],\n[") + "\n", "utf-8"))
     return 0
 
 

@@ -183,7 +183,7 @@ _SLOW = Range(0.1, 5.0, logarithmic=True)
 RULES = {
     "programmed_feed": Rule(
         "the scenario's programmed speed and feed, uncontrolled",
-        lambda scenario, num_envs, parameters: FixedParameters.programmed(scenario),
+        lambda scenario, num_envs: FixedParameters.programmed(scenario),
         sets_feed,
         {},
     ),

@@ -218,7 +218,7 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
     """Return the rule of an optimiser, a function of scenario, number of environments, severity and caution."""
     return Rule(
         description,
-        lambda scenario, num_envs, parameters: optimiser(scenario, num_envs, **parameters),
+        optimiser,
         plays,
         {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)},
         version=version,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.models.process import Process
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Range, Rule
 from baselines.trivial import ConstantActions
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
@@ -105,24 +105,23 @@ def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -
     return np.maximum(np.minimum(allowance[:, np.newaxis], ceilings) - floors, 0.0)
 
 
-def _build_fixed(scenario: Scenario, num_envs: int, p: Parameters) -> ConstantActions:
+def _fixed(scenario: Scenario, num_envs: int, passes: float, cutting_speed: float, feed: float) -> ConstantActions:
     """Return the policy with the same passes, cutting speed and feed for every part, as in an NC program."""
     machine, passes_max = scenario.machine, scenario.control.passes_max
-    passes = min(max(round(p["passes"]), 1), passes_max)
-    speed = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, p["cutting_speed"])
-    feed = machine.feed_min * real_power(machine.feed_max / machine.feed_min, p["feed"])
+    number = np.array([float(min(max(round(passes), 1), passes_max))])
+    speed = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, cutting_speed)
+    feed = machine.feed_min * real_power(machine.feed_max / machine.feed_min, feed)
     speeds, feeds = np.full((1, passes_max), speed), np.full((1, passes_max), feed)
-    return ConstantActions(plan(scenario, np.array([float(passes)]), np.array([scenario.workpiece.depth_of_cut]), speeds, feeds))
+    return ConstantActions(plan(scenario, number, np.array([scenario.workpiece.depth_of_cut]), speeds, feeds))
 
 
 def _ruled(rule: str, corrected: bool) -> Rule:
     name = "the economic optimum" if rule == ECONOMIC_OPTIMUM else f"[{rule}]"
     path = "made for the measured size" if corrected else "as drawn"
     kind = "adaptive part programming" if corrected else "fixed rule"
-
     return Rule(
         f"{kind}: speed and feed by {name}, path {path} (Sharmazanashvili 2008); margins tuned",
-        lambda scenario, num_envs, parameters: RuledParts(scenario, rule, corrected, **parameters),
+        lambda scenario, num_envs, **parameters: RuledParts(scenario, rule, corrected, **parameters),
         lambda scenario: scenario.control.action == "part" and (scenario.sensors.probe or not corrected),
         {"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
         worth_tuning=rule in ("MT", "PN") and not corrected,
@@ -134,7 +133,7 @@ _NAMED = {rule: rule.lower() for rule in TWO_LIMITS} | {ECONOMIC_OPTIMUM: "econo
 RULES: dict[str, Rule] = {
     "parts_fixed_tuned": Rule(
         "the best passes, speed and feed for all parts on the tuning seeds; speed and feed as shares of their log ranges",
-        _build_fixed,
+        _fixed,
         lambda scenario: scenario.control.action == "part",
         {"passes": Range(0.5, 4.5), "cutting_speed": Range(0.0, 1.0), "feed": Range(0.0, 1.0)},
         worth_tuning=True,

@@ -24,7 +24,7 @@ class Rule:
     """A controller with its parameters."""
 
     description: str  # one line that names the source
-    build: Callable[[Any, int, Parameters], Policy]  # makes the policy for a scenario, a number of environments and parameters
+    controller: Callable[..., Policy]  # of a scenario, a number of environments, and the parameters by name
     plays: Callable[[Scenario], bool]  # whether a scenario offers the actions and the inputs that it needs
     parameters: Mapping[str, float | Range]  # fixed numbers, and ranges of parameters to tune
     version: int = 1
@@ -32,9 +32,13 @@ class Rule:
     changes_edges: bool = False  # whether it decides when to change the edge, if edges are changed on command
     worth_tuning: bool = False
     """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
-    together: bool = False  # whether ``build`` also takes a sequence of scenarios, one for each environment
+    together: bool = False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None
     """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
+
+    def build(self, scenario: Any, num_envs: int, parameters: Parameters) -> Policy:
+        """Return the policy for a scenario, a number of environments and parameters."""
+        return self.controller(scenario, num_envs, **parameters)
 
     @property
     def ranges(self) -> dict[str, Range]:

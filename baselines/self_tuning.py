@@ -1,12 +1,8 @@
 """The optimiser with foresight that learns from a job how the lathe's laws differ from the nominal model.
 
 The filter of ``predictive`` gets further states (dual estimation): errors of the laws of wear, force and power, which last from
-edge to edge. Before it has measured anything, it expects the errors of the training jobs of the family ``shop``, by their mean
-and covariance (``law_errors.py``). Measured loads correct the laws of force and power. The measured wear of each removed edge
-corrects the law of wear, at the mean speed and feed of the edge, and for the depth and hardness that it has cut.
-
-With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``): if edges last shorter or loads
-are higher, time is worth less.
+edge to edge. It expects those of training jobs (``law_errors.py``) until it has measured loads, and the wear of removed edges.
+With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``).
 
 It needs of the nominal model what ``predictive`` needs.
 """

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.rule import Parameters, Rule
+from baselines.rule import Rule
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scenario.plan import columns_of
@@ -128,7 +128,7 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
 def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
     """Return a rule for one scenario or many; ``commanded``: it plays only scenarios with edge changes on command."""
 
-    def build(scenario: Scenario | Sequence[Scenario], num_envs: int, parameters: Parameters) -> Policy:
+    def build(scenario: Scenario | Sequence[Scenario], num_envs: int) -> Policy:
         return policy([scenario] if isinstance(scenario, Scenario) else scenario, num_envs)
 
     return Rule(

@@ -190,10 +190,6 @@ def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Bud
     return kept
 
 
-def _searched(arguments: tuple[str, Rule, Scenario, Budget, Path]) -> dict[str, Any]:
-    return search(*arguments)
-
-
 def log_of(name: str, target: Path) -> Path:
     """Return the path of the log of a rule's unfinished search, beside the file that will hold its result."""
     return target.with_name(f".unfinished-{target.stem}-{name}.log")
@@ -234,7 +230,9 @@ def main(arguments: list[str] | None = None) -> int:
             held.enter_context(file_lock(path))
         found = {}
         pieces = [(name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()]
-        for name, best in tqdm(spread(over, _searched, pieces), "tuning", len(pieces), unit="rule", disable=None):
+        for name, best in tqdm(
+            spread(over, lambda piece: search(*piece), pieces), "tuning", len(pieces), unit="rule", disable=None
+        ):
             found[name] = best
             feasible = "feasible" if best["feasible"] else "not feasible"
             result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"

@@ -14,15 +14,14 @@ A rule's point may be out of reach. Two steps correct it:
 2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is
    lowered. A force that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
-With 709M40 on the presets' lathe, many rules coincide. The economic lives would need more than its highest cutting speed, so
-[SV], [PT], [ST], [MV] and [MT] act as [PV]. [MN] acts as [SN] until the torque limit, an assumption, is reached. The economic
-optimum is [PN]. So the catalogue has one rule of each kind; ``set_point`` knows all rules.
+With 709M40 on the presets' lathe, many rules coincide (docs/controllers.md), so the catalogue has one of each kind; ``set_point``
+knows all.
 
 It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
 """
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from itertools import combinations
 
 import numpy as np
@@ -30,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baselines.fixed import FixedParameters
 from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log, real_power
@@ -269,17 +268,20 @@ def _plays(rule: str, scenario: Scenario) -> bool:
 
 
 def _fixed(rule: str) -> Rule:
-    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> FixedParameters:
-        return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
-
-    description = f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear"
-    return Rule(description, build, lambda scenario: _plays(rule, scenario), {})
+    return Rule(
+        f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
+        lambda scenario, num_envs: FixedParameters(
+            scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
+        ),
+        lambda scenario: _plays(rule, scenario),
+        {},
+    )
 
 
 def _adaptive(rule: str) -> Rule:
     return Rule(
         f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
-        lambda scenario, num_envs, parameters: AdaptiveRule(scenario, num_envs, rule, **parameters),
+        partial(AdaptiveRule, rule=rule),
         lambda scenario: _plays(rule, scenario),
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=rule == "PN",

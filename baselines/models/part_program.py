@@ -1,6 +1,7 @@
 """The part program on which a feed override acts: a programmed cutting speed and feed; and rules of such overrides."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,15 +64,15 @@ class OverrideLaw(Policy):
         return self._program.act(reading, self._law(reading, self._program.override(reading)))
 
 
-def on_program(controller: Callable[..., Policy]) -> Callable[[Scenario, int, Parameters], Policy]:
-    """Return the ``build`` of a rule whose policy is ``controller(program, num_envs, **parameters)``.
+def on_program(controller: Callable[..., Policy]) -> Callable[..., Policy]:
+    """Return the controller of a rule which is ``controller(program, num_envs, **parameters)``.
 
     The program takes its cutting speed and feed from the rule's parameters; the controller gets the others.
     """
 
-    def build(scenario: Scenario, num_envs: int, parameters: Parameters) -> Policy:
-        others = {name: value for name, value in parameters.items() if name not in PROGRAM}
-        return controller(PartProgram(scenario, parameters), num_envs, **others)
+    def build(scenario: Scenario, num_envs: int, **parameters: float) -> Policy:
+        own = {name: parameters.pop(name) for name in PROGRAM if name in parameters}
+        return controller(PartProgram(scenario, own), num_envs, **parameters)
 
     return build
 
@@ -92,24 +93,23 @@ def override_rules(
     The first has ``parameters`` and may be ``worth_tuning``, the second has ``with_speed``, including its program's. Both play if
     ``plays`` is true and metal removal is rewarded. See ``on_program`` and ``Rule`` for the other arguments.
     """
-    build, tuned = on_program(controller), "speed and feed" if "feed" in with_speed else "speed"
-    return {
-        name: Rule(
-            description,
-            build,
-            lambda scenario: on_override(scenario) and plays(scenario),
-            parameters,
-            changes_edges=changes_edges,
-            worth_tuning=worth_tuning,
-        ),
-        f"{name}_with_speed": Rule(
-            f"{description}, with the program's {tuned} tuned",
-            build,
-            lambda scenario: on_speed_and_feed(scenario) and plays(scenario),
-            with_speed,
-            changes_edges=changes_edges,
-        ),
-    }
+    rule = Rule(
+        description,
+        on_program(controller),
+        lambda scenario: on_override(scenario) and plays(scenario),
+        parameters,
+        changes_edges=changes_edges,
+        worth_tuning=worth_tuning,
+    )
+    tuned = "speed and feed" if "feed" in with_speed else "speed"
+    own = replace(
+        rule,
+        description=f"{description}, with the program's {tuned} tuned",
+        plays=lambda scenario: on_speed_and_feed(scenario) and plays(scenario),
+        parameters=with_speed,
+        worth_tuning=False,
+    )
+    return {name: rule, f"{name}_with_speed": own}
 
 
 def target_load(scenario: Scenario, share: float) -> float:

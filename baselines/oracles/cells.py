@@ -10,10 +10,7 @@ from turning_env.physics.workpiece import look_up_fields
 
 @compiled
 def between(values, place):
-    """Return the value between nodes by cubic interpolation through two nodes on either side (Catmull and Rom 1974).
-
-    Values depend on where along the bars the edge's life ends. Over hundreds of cells, linear interpolation would blur that.
-    """
+    """Return the value between nodes by cubic interpolation through two nodes on either side (Catmull and Rom 1974)."""
     last = values.shape[0] - 1
     node = min(int(place), last - 1)
     x = place - node
@@ -25,10 +22,7 @@ def between(values, place):
 
 @compiled
 def corners(speeds, ladder, log_feeds, force, power, force_law, power_law):
-    """Append to the ladder the speeds within it at which two of the limits of force, power and feed meet.
-
-    Between these speeds, the best feed is a smooth function of the speed. At them it has a kink, and the optimum is often there.
-    """
+    """Append to the ladder the speeds within it at which two of the limits of force, power and feed meet: often the optimum."""
     rungs = ladder.shape[0]
     for k in range(rungs, speeds.shape[0]):
         if k == rungs:
@@ -103,10 +97,8 @@ def best_return(states, parameters, scratches, fields, cells, log_speeds, log_fe
             corners(speeds, log_speeds, log_feeds, force, power, force_law, power_law)
             best, best_end = -np.inf, 0.0
             for log_speed in speeds:
-                force_here, power_here = (
-                    force + force_law.cutting_speed[0] * log_speed,
-                    power + power_law.cutting_speed[0] * log_speed,
-                )
+                force_here = force + force_law.cutting_speed[0] * log_speed
+                power_here = power + power_law.cutting_speed[0] * log_speed
                 kink = log_feeds[1]
                 if force_law.feed[0] > 0.0:
                     kink = min(kink, -force_here / force_law.feed[0])

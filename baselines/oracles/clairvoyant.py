@@ -61,15 +61,9 @@ def covers(scenario: Scenario) -> bool:
     The limit of power must not rise for a short time, as the bound takes it as constant.
     """
     control = scenario.control
-    enough_time = scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT
-    return (
-        control.action != "part"
-        and control.aim == "removal"
-        and control.edge_changes == "end"
-        and scenario.tool.wear_rule == "equivalent_time"
-        and scenario.spindle.short_time_load == 1.0
-        and enough_time
-    )
+    one_edge = control.action != "part" and control.aim == "removal" and control.edge_changes == "end"
+    constant = scenario.tool.wear_rule == "equivalent_time" and scenario.spindle.short_time_load == 1.0
+    return one_edge and constant and (scenario.workpiece.bars > 0 or control.time_limit >= MIN_TIME_LIMIT)
 
 
 def bounds(
@@ -88,9 +82,7 @@ def bounds(
         ValueError: the scenario is not covered.
     """
     if not covers(scenario):
-        raise ValueError(
-            f"the clairvoyant bound does not cover scenario {scenario.name!r}: see baselines.oracles.clairvoyant.covers"
-        )
+        raise ValueError(f"the clairvoyant bound does not cover scenario {scenario.name!r}: see {__name__}.covers")
     values = []
     with ThreadPoolExecutor(threads) as pool:
         for value in pool.map(lambda seed: _bound(scenario, seed, grid), seeds):

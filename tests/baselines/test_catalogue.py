@@ -16,7 +16,7 @@ from turning_env import RoughTurningEnv, Scenario, read
 
 TUNABLE = Rule(
     "made up",
-    lambda scenario, num_envs, parameters: FixedParameters(scenario, **parameters),
+    lambda scenario, num_envs, **parameters: FixedParameters(scenario, **parameters),
     lambda scenario: scenario.control.action == "incremental",
     {"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
 )

@@ -18,7 +18,9 @@ from turning_env.scoring.seeds import tuning_seeds
 
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
 ALLOWANCE = SHORT.limits.overload_allowance
-OTHER = Rule("made up", RULES["fixed_tuned"].build, lambda scenario: True, {"cutting_speed": Range(80.0, 120.0), "feed": 0.2})
+OTHER = Rule(
+    "made up", RULES["fixed_tuned"].controller, lambda scenario: True, {"cutting_speed": Range(80.0, 120.0), "feed": 0.2}
+)
 RULE = replace(OTHER, parameters={"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0})
 
 
