@@ -183,10 +183,7 @@ FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(
-        "constant cutting force for constant roughness (roughness control paper)",
-        on_program(ConstantForce),
-        _holds_roughness,
-        {},
+        "constant cutting force for constant roughness (roughness control paper)", on_program(ConstantForce), _holds_roughness, {}
     ),
     "constant_force_limit": Rule(
         "constant cutting force at a share of the force limit, by override (roughness control paper)",

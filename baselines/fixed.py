@@ -56,13 +56,7 @@ RULES = {
         sets_speed_and_feed,
         {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
-    "fixed_tuned": Rule(
-        "the best speed and feed on the tuning seeds",
-        _build,
-        sets_speed_and_feed,
-        PROGRAM,
-        worth_tuning=True,
-    ),
+    "fixed_tuned": Rule("the best speed and feed on the tuning seeds", _build, sets_speed_and_feed, PROGRAM, worth_tuning=True),
     "override_tuned": Rule(
         "the best constant override on the tuning seeds",
         lambda scenario, num_envs, **parameters: FixedParameters.programmed(scenario, **parameters),

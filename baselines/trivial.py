@@ -132,12 +132,7 @@ def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy],
         return policy([scenario] if isinstance(scenario, Scenario) else scenario, num_envs)
 
     return Rule(
-        description,
-        build,
-        lambda scenario: _changes_edges(scenario) or not commanded,
-        {},
-        changes_edges=True,
-        together=True,
+        description, build, lambda scenario: _changes_edges(scenario) or not commanded, {}, changes_edges=True, together=True
     )
 
 

@@ -24,18 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.models.kalman_steps import (
-    ERRORS,
-    HISTORY,
-    INSERT,
-    LAWS,
-    LOT,
-    MEMORY,
-    STATES,
-    follow,
-    learn_states,
-    look_ahead,
-)
+from baselines.models.kalman_steps import ERRORS, HISTORY, INSERT, LAWS, LOT, MEMORY, STATES, follow, learn_states, look_ahead
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
