@@ -180,7 +180,6 @@ class BeliefPolicy(Policy):
         self._policy, self._belief = policy, belief
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the estimates, and clear the policy's memory, of the environments in the mask, shape (num_envs,)."""
         self._belief.reset(mask)
         self._policy.reset(mask)
 
@@ -220,14 +219,7 @@ class BeliefObservation(gymnasium.Wrapper[Float32s, Float32s, Float32s, Float32s
 
 
 class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
-    """``BeliefObservation`` for many environments at once, in every mode of autoreset.
-
-    Args:
-        env: a RoughTurning vector environment whose actions set speed and feed, and whose force is measured.
-
-    Raises:
-        ValueError: ``env`` is another environment.
-    """
+    """``BeliefObservation`` for a vector environment, in every mode of autoreset."""
 
     def __init__(self, env: VectorEnv[Float32s, Float32s, NDArray[Any]]) -> None:
         super().__init__(env)

@@ -34,8 +34,10 @@ FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 
 """Feed override at each position of a panel's switch, a four-bit code (servo current paper, section 5.2) [-]."""
 ORDER = 10
 """Order of the low-pass filter (servo current paper)."""
-HYSTERESIS, CUTOFF, WINDOW = 0.05, 0.8, 3
-"""Defaults of ``CurrentLimit`` [-], [-], [samples]: the loop is stable with this filter's lag (assumption)."""
+HYSTERESIS = 0.05
+"""Distance between the limits over the upper one [-] (assumption)."""
+CUTOFF, WINDOW = 0.8, 3
+"""Arguments of ``Smoother`` [-], [samples]: the loop is stable with this filter's lag (assumption)."""
 _PROGRAMMED = FEED_GRADES.index(1.0)
 
 
@@ -136,26 +138,16 @@ class CurrentLimit(Policy):
     Args:
         program: part program. If the scenario measures the force, the force is filtered instead of the current.
         force_share: upper limit over the force limit [-].
-        hysteresis: (upper limit - lower limit) / upper limit [-].
-        cutoff, window: see ``Smoother``.
     """
 
-    def __init__(
-        self,
-        program: PartProgram,
-        num_envs: int,
-        force_share: float = 0.9,
-        hysteresis: float = HYSTERESIS,
-        cutoff: float = CUTOFF,
-        window: int = WINDOW,
-    ) -> None:
+    def __init__(self, program: PartProgram, num_envs: int, force_share: float) -> None:
         scenario = program.scenario
         self._program = program
         self._overrides = np.minimum(FEED_GRADES, program.override_max)
         self._feeds = np.clip(self._overrides * program.feed, scenario.machine.feed_min, scenario.machine.feed_max)
         self._upper = force_share * scenario.limits.thrust_force
-        self._lower = self._upper * (1.0 - hysteresis)
-        self._estimator = ForceEstimator(scenario, num_envs, cutoff, window)
+        self._lower = self._upper * (1.0 - HYSTERESIS)
+        self._estimator = ForceEstimator(scenario, num_envs, CUTOFF, WINDOW)
         self.settling_steps = math.ceil(2.0 * self._estimator.delay)
         """Steps in metal during which the estimate is ignored."""
         self._steps_in_metal = np.zeros(num_envs, np.int64)

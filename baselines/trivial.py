@@ -5,6 +5,7 @@ came near the top of a leaderboard, the reward could be gamed. They need nothing
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,11 +57,7 @@ class RandomActions(Policy):
 
 
 class ConstantActions(Policy):
-    """A policy of the same action at every step.
-
-    Args:
-        action: shape (action size,), or (num_envs, action size).
-    """
+    """A policy of the same action at every step, of shape (action size,) or (num_envs, action size)."""
 
     def __init__(self, action: Actions) -> None:
         self._action = action
@@ -70,13 +67,7 @@ class ConstantActions(Policy):
 
 
 class FirstThen(Policy):
-    """A policy that repeats an action at first and then plays another policy.
-
-    Args:
-        action: the action of the first steps, shape (action size,), or (num_envs, action size).
-        steps: number of these steps, one or shape (num_envs,).
-        policy: policy without memory that plays after them.
-    """
+    """A policy that repeats an action for some steps, one number or shape (num_envs,), and then plays a policy without memory."""
 
     def __init__(self, num_envs: int, action: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
         self._action, self._first_steps, self._policy = action, steps, policy
@@ -125,38 +116,38 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     return FirstThen(num_envs, idle, steps / 2.0, FixedParameters.programmed(each))
 
 
-def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], *, commanded: bool = False) -> Rule:
-    """Return a rule for one scenario or many; ``commanded``: it plays only scenarios with edge changes on command."""
+def _everywhere(scenario: Scenario) -> bool:
+    return True
 
-    def build(scenario: Scenario | Sequence[Scenario], num_envs: int) -> Policy:
+
+def _rule(
+    description: str, policy: Callable[[Sequence[Scenario], int], Policy], plays: Callable[[Scenario], bool] = _everywhere
+) -> Rule:
+    """Return a rule for one scenario or many."""
+
+    def controller(scenario: Scenario | Sequence[Scenario], num_envs: int) -> Policy:
         return policy([scenario] if isinstance(scenario, Scenario) else scenario, num_envs)
 
-    return Rule(
-        description, build, lambda scenario: _changes_edges(scenario) or not commanded, {}, changes_edges=True, together=True
-    )
+    return Rule(description, controller, plays, {}, changes_edges=True, together=True)
 
 
-def _constant(description: str, action: Callable[[Scenario], Actions], *, commanded: bool = False) -> Rule:
-    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), commanded=commanded)
+def _constant(description: str, action: Callable[[Scenario], Actions], plays: Callable[[Scenario], bool] = _everywhere) -> Rule:
+    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), plays)
 
 
 DEGENERATE = {
-    "idle": _constant(
-        "degenerate: the lowest speed and feed; cuts as little as possible", lambda scenario: extreme(scenario, -1.0)
-    ),
+    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", partial(extreme, end=-1.0)),
     "wait_then_play": _rule("degenerate: idles for half of the episode, then the programmed speed and feed", _wait_then_play),
-    "fastest": _constant(
-        "degenerate: the highest speed and feed, until the edge breaks", lambda scenario: extreme(scenario, 1.0)
-    ),
+    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", partial(extreme, end=1.0)),
     "never_cut": _constant(
         "degenerate: idles and changes the edge in every step, which leaves next to no time to cut",
         lambda scenario: _changing(extreme(scenario, -1.0)),
-        commanded=True,
+        _changes_edges,
     ),
     "change_every_step": _constant(
         "degenerate: changes the edge in every step, at the programmed speed and feed",
         lambda scenario: _changing(zero(scenario)),
-        commanded=True,
+        _changes_edges,
     ),
 }
 """Rules that do not machine sensibly, by name."""

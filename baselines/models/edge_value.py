@@ -59,10 +59,8 @@ MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
 class Worth(NamedTuple):
     """Prices of time and life."""
 
-    time: float
-    """Price of a second [s]: 1, or what a second can earn if time is limited."""
-    life: Array
-    """Price p(D) of a whole life [s] at each of ``USED_LIVES``."""
+    time: float  # of a second [s]: 1, or what a second can earn if time is limited
+    life: Array  # p(D), of a whole life [s], at each of ``USED_LIVES``
 
 
 @lru_cache(maxsize=1024)
@@ -127,14 +125,9 @@ def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, 
 
 @compiled_entry
 def charge_overload(price, at_one, along_speed, along_feed, value):
-    """Subtract the price of the expected excess of a load over its limit.
+    """Subtract the price of a load's expected excess over its limit from the ``value`` [-], shape (lives, bars, speeds, feeds).
 
-    Args:
-        price: of a relative excess of 1 [-].
-        at_one: log load over limit at 1 m/min and 1 mm/rev, shape (lives, bars).
-        along_speed: what each speed adds to it, shape (speeds,).
-        along_feed: likewise each feed, shape (feeds,).
-        value: value [-] from which it is subtracted, shape (lives, bars, speeds, feeds).
+    The log load over the limit is ``at_one``, shape (lives, bars), at 1 m/min and 1 mm/rev; speeds and feeds add to it.
     """
     for life in range(value.shape[0]):
         for bar in range(value.shape[1]):
@@ -146,13 +139,9 @@ def charge_overload(price, at_one, along_speed, along_feed, value):
 
 @compiled_entry
 def break_even(gain, rate, weight, price):
-    """Fill in the price of life at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967).
+    """Fill in the price of life [s] at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967).
 
-    Args:
-        gain: of each set point [-], shape (lives, bars, set points).
-        rate: life that it uses [1/s], shape (bars, set points).
-        weight: of each bar [-], shape (bars,).
-        price: filled with prices [s], shape (lives,).
+    Shapes: ``gain`` of set points [-], (lives, bars, set points); ``rate`` of life [1/s], (bars, set points); ``weight`` of bars.
     """
     for life in range(gain.shape[0]):
         price[life], last = price[life - 1] if life > 0 else 0.0, np.inf

@@ -46,27 +46,19 @@ class LawErrors(NamedTuple):
     its exponent of feed), of force and of power (logarithm, exponents of speed, feed and wear).
     """
 
-    mean: Array
-    """Shape (errors,)."""
-    covariance: Array
-    """Shape (errors, errors)."""
+    mean: Array  # shape (errors,)
+    covariance: Array  # shape (errors, errors)
 
 
 class Outlook(NamedTuple):
     """Expected loads at points ahead of the tool; every field has shape (num_envs, points)."""
 
-    depth_of_cut: Array
-    """[mm]"""
-    log_hardness: Array
-    """[-]"""
-    log_force: Array
-    """Log ratio of thrust force to the nominal law with ``LoadFilter.exponents``, at nominal wear [-]."""
-    log_power: Array
-    """Likewise of power, with the idling spindle's."""
-    force_spread: Array
-    """Standard deviation of log force [-]."""
-    power_spread: Array
-    """Standard deviation of log power [-]."""
+    depth_of_cut: Array  # [mm]
+    log_hardness: Array  # [-]
+    log_force: Array  # log ratio of thrust force to the nominal law with ``LoadFilter.exponents``, at nominal wear [-]
+    log_power: Array  # likewise of power, with the idling spindle's
+    force_spread: Array  # standard deviation of log force [-]
+    power_spread: Array  # standard deviation of log power [-]
 
 
 def records(rows: Sequence[dict[str, Any]]) -> Any:

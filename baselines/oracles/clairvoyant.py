@@ -40,12 +40,9 @@ _FEEDS = np.array([-0.3, -0.1, 0.0, 0.03, 0.08, 0.16, 0.3])  # log steps from th
 class Grid(NamedTuple):
     """Grid of the dynamic programming."""
 
-    cell: float = 5.0
-    """Greatest length of a cell [mm]."""
-    lives: int = 240
-    """Steps of the used share of the edge's life."""
-    speeds: int = 16
-    """Cutting speeds of the ladder."""
+    cell: float = 5.0  # greatest length of a cell [mm]
+    lives: int = 240  # steps of the used share of the edge's life
+    speeds: int = 16  # cutting speeds of the ladder
 
     def halved(self) -> "Grid":
         """Return the grid with steps half as long."""
