@@ -111,14 +111,9 @@ class Belief:
         self._filter.reset(mask)
 
     def observe(self, observations: Float32s, mask: NDArray[np.bool_] | None = None) -> Float32s:
-        """Learn from observations, shape (num_envs, at least the environment's own entries), and return the belief.
+        """Learn from observations, in the environments of a mask or in all; return ``ENTRIES``, shape (num_envs, len(ENTRIES)).
 
-        Args:
-            observations: entries beyond the environment's own, such as a family's context, are ignored.
-            mask: environments that learn; None: all.
-
-        Returns:
-            the entries ``ENTRIES``, shape (num_envs, len(ENTRIES)).
+        Entries of observations beyond the environment's own, such as a family's context, are ignored.
         """
         believed, scenario = self._filter, self._scenario
         reading = read(observations[:, : self._entries], scenario)

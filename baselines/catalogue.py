@@ -42,10 +42,8 @@ CHANGE_AT = "change_at"
 class TimelyChanges(Policy):
     """A policy that adds edge changes at a nominal wear, as tool-life management does, to another's cutting speed and feed.
 
-    Args:
-        policy: policy that sets cutting speed and feed.
-        change_at: nominal wear over the criterion at which the edge is changed [-]. It is tuned: inserts wear faster or slower
-            than nominal, and an edge that wears out without a command costs more time.
+    ``change_at``, over the criterion [-], is tuned: inserts wear faster or slower than nominal, and an edge that wears out
+    without a command costs more time.
     """
 
     def __init__(self, policy: Policy, scenario: Scenario, change_at: float) -> None:
@@ -90,10 +88,8 @@ def playable(name: str, scenario: Scenario) -> Rule:
 def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
 
-    Args:
-        name: name of the controller.
-        scenario: scenario to play, or one for each environment if the rule plays them ``together``.
-        tuned_on: scenario on which its parameters were tuned; None: the one that it plays, or the first.
+    ``scenario``: one to play, or one for each environment if the rule plays them ``together``. ``tuned_on``: scenario on which
+    its parameters were tuned; None: the one that it plays, or the first.
 
     Raises:
         KeyError: there is no controller of this name; the message lists all names.

@@ -20,11 +20,9 @@ about half of the machine's highest [mm/rev] (assumption)."""
 
 
 class FixedParameters(Policy):
-    """A policy that commands one set point, clipped to the machine's ranges.
+    """A policy that commands one cutting speed [m/min] and one feed [mm/rev], clipped to the machine's ranges.
 
-    Args:
-        cutting_speed: set point [m/min], one number or shape (num_envs,).
-        feed: set point [mm/rev], one number or shape (num_envs,).
+    Each is a number or has shape (num_envs,).
     """
 
     def __init__(self, scenario: Scenario, cutting_speed: float | NDArray[np.float64], feed: float | NDArray[np.float64]) -> None:

@@ -27,12 +27,8 @@ _MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, no
 def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Array, feed: Array) -> Actions:
     """Return the actions, shape (num_envs, action size), of plans.
 
-    Args:
-        scenario: task.
-        passes: whole numbers of 1 to ``control.passes_max``, shape (num_envs,).
-        allowance: allowance of the path [mm], shape (num_envs,).
-        cutting_speed: cutting speed of each pass [m/min], shape (num_envs, passes_max).
-        feed: feed of each pass [mm/rev], shape (num_envs, passes_max).
+    They are a number of passes, from 1 to ``control.passes_max``, and the path's allowance [mm], shape (num_envs,), and cutting
+    speed [m/min] and feed [mm/rev] of each pass, shape (num_envs, passes_max).
     """
     machine, passes_max = scenario.machine, scenario.control.passes_max
     actions = np.empty((len(passes), 2 + 2 * passes_max))
@@ -92,11 +88,7 @@ class RuledParts(Policy):
 def pass_depths(allowance: Array, path: Array, passes: Array, passes_max: int) -> Array:
     """Return the depth of each pass [mm], shape (num_envs, passes_max), 0 in air and after the last pass.
 
-    Args:
-        allowance: allowance of the blank [mm], shape (num_envs,).
-        path: allowance for which the path is made [mm], shape (num_envs,).
-        passes: number of passes of the path, shape (num_envs,).
-        passes_max: largest number of passes that the control allows.
+    ``allowance``: of the blank [mm]; ``path``: the allowance for which the path is made [mm]; all of shape (num_envs,).
     """
     number = np.arange(passes_max)
     pitch = (path / passes)[:, np.newaxis]

@@ -79,13 +79,7 @@ def search(
 ) -> dict[str, Any]:
     """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all.
 
-    Args:
-        name: name of the rule.
-        rule: rule to tune.
-        scenario: scenario to play.
-        budget: number of trials, and of tuning seeds that each plays.
-        log: file that keeps the results of trials, one in a line; those that it holds are not played again.
-        play: function that plays a trial.
+    ``log`` keeps the results of trials, one in a line; those that it holds are not played again.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     known, seeds = _read(log), tuning_seeds(budget["seeds"])

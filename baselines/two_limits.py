@@ -160,12 +160,8 @@ def _held(process: Process, cut: Cut) -> Lines:
 def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> NDArray[np.str_]:
     """Return the pair of limits that fixes the economic optimum, such as "P_y V"; "" if no speed and feed keep all limits.
 
-    T is the economic life along the other limit. V_min and S_min are the lowest speed and feed.
-
-    Args:
-        process: laws, limits and prices.
-        depth_of_cut: [mm], above 0.
-        hardness: relative to nominal [-], above 0.
+    T is the economic life along the other limit. V_min and S_min are the lowest speed and feed. Depth of cut [mm] and relative
+    hardness [-] are above 0.
     """
     cut = (depth_of_cut, hardness, process.mean_wear)
     _, _, pair = _cheapest(process, _held(process, cut), cut)

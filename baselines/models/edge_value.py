@@ -158,14 +158,10 @@ def break_even(gain, rate, weight, price):
 
 @compiled_entry
 def price_life(parameters, laws, used_life, prices):
-    """Fill in the price of life at used shares by estimated laws.
+    """Fill in the price of life [s] at used shares [-], shape (num_envs,), by estimated laws of the expected bar.
 
-    Args:
-        parameters: prices and ranges, an array of one record for all environments or one for each.
-        laws: of the expected bar, shape (num_envs, 11): the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and
-            exponents of speed and feed; likewise of force and of power, over their limits at the end of life, and of used life.
-        used_life: [-], shape (num_envs,).
-        prices: filled with prices [s], shape (num_envs,).
+    Their numbers, shape (num_envs, 11), are the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and exponents of speed
+    and feed; likewise of force and of power, over their limits at the end of life, and of used life.
     """
     gained, lasts = np.empty((LIVES + 1, SPEEDS)), np.empty((LIVES + 1, SPEEDS))
     for i in range(len(prices)):

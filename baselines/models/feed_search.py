@@ -38,15 +38,11 @@ else 0; 1 in metal of a bar that has not been measured, else 0; how many numbers
 
 @compiled_entry
 def search(parameters, lefts, environments, points, found):
-    """Find the best cutting speeds and feeds.
+    """Fill in the best log cutting speeds and log feeds, shape (num_envs, 2).
 
-    Args:
-        parameters: laws and prices, an array of one record for all environments or one for each.
-        lefts: times of the points after the step's start [s], and remaining deviations of the drives [-], shape (3, points), for
-            all environments or each.
-        environments: numbers of environments, shape (num_envs, ENVIRONMENT).
-        points: numbers of points, shape (num_envs, POINT, points).
-        found: filled with log cutting speeds and log feeds, shape (num_envs, 2).
+    ``parameters`` are records of laws and prices; ``lefts`` are times of the points after the step's start [s] and remaining
+    deviations of the drives [-], shape (3, points); both are for all environments or each. Numbers of environments have the shape
+    (num_envs, ENVIRONMENT), those of points (num_envs, POINT, points).
     """
     for i in range(len(found)):
         p, left, env, ahead = parameters[i % len(parameters)], lefts[i % len(lefts)], environments[i], points[i]

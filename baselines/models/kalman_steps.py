@@ -92,9 +92,7 @@ def wear_factor(m, mean):
 @compiled
 def set_wear_factor(m, derivatives, value):
     """Set the derivatives by the states of something that changes by ``value`` with the log wear factor."""
-    derivatives[INSERT] = value
-    derivatives[HISTORY] = value
-    derivatives[LOT] = value
+    derivatives[INSERT : LOT + 1] = value
     derivatives[WEAR_SPEED] = value * m.pace[0]
     derivatives[WEAR_FEED] = value * m.pace[1]
 

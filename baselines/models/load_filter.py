@@ -85,9 +85,7 @@ def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> 
 class LoadFilter:
     """A filter that estimates the states of many environments from their readings.
 
-    Args:
-        scenarios: nominal models, one for all environments or one for each.
-        errors: the errors that they are expected to have; None: they are right.
+    See ``model_of`` for the nominal models, one for all environments or one for each, and their errors.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:

@@ -49,11 +49,7 @@ class PartProgram:
 
 
 class OverrideLaw(Policy):
-    """A controller without state: the override follows from the reading.
-
-    Args:
-        law: returns the new override [-], shape (num_envs,), for a reading and the commanded override.
-    """
+    """A controller without state: a ``law`` returns the new override [-] for a reading and the commanded override."""
 
     def __init__(self, program: PartProgram, law: Callable[[Reading, NDArray[np.float64]], NDArray[np.float64]]) -> None:
         self._program, self._law = program, law

@@ -16,7 +16,7 @@ The wear law turns a life into a limit: T = T_0 where the wear after T_0 minutes
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,18 +121,13 @@ class Process:
 
     def rescaled(self, force_scale: ArrayLike, power_scale: ArrayLike) -> Self:
         """Return the process with the forces, and power and torque, scaled by factors [-] above 0."""
+        scales = dict.fromkeys(("thrust_force", "radial_force"), force_scale) | dict.fromkeys(("power", "torque"), power_scale)
 
-        def rescaled(limit: Limit, scale: ArrayLike) -> Limit:
-            return replace(limit, most=np.divide(limit.most, scale))
+        def rescaled(name: str, limit: Limit) -> Limit:
+            return replace(limit, most=np.divide(limit.most, scales.get(name, 1.0)))
 
-        scales = {"radial_force": force_scale, "torque": power_scale, "roughness": 1.0}
-        return replace(
-            self,
-            thrust_force=rescaled(self.thrust_force, force_scale),
-            power=rescaled(self.power, power_scale),
-            torque=rescaled(self.torque, power_scale),
-            further={name: rescaled(limit, scales[name]) for name, limit in self.further.items()},
-        )
+        own: dict[str, Any] = {name: rescaled(name, getattr(self, name)) for name in ("thrust_force", "power", "torque")}
+        return replace(self, **own, further={name: rescaled(name, limit) for name, limit in self.further.items()})
 
     @property
     def mean_wear(self) -> float:
@@ -176,24 +171,16 @@ class Process:
 
 
 class Scales:
-    """Scales of force and power: smoothed ratios of measured to predicted values.
-
-    Args:
-        smoothing: weight of the newest ratio [-].
-    """
+    """Scales of force and power: ratios of measured to predicted values, smoothed by a weight of the newest ratio [-]."""
 
     def __init__(self, num_envs: int, smoothing: float) -> None:
-        self._smoothing = smoothing
-        self._force, self._power = np.ones(num_envs), np.ones(num_envs)
+        self._smoothing, self._scales = smoothing, np.ones((2, num_envs))
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Return to the model's force and power."""
-        self._force[mask] = 1.0
-        self._power[mask] = 1.0
+        self._scales[:, mask] = 1.0
 
-    def follow(self, mask: NDArray[np.bool_], force_ratio: Array, power_ratio: Array) -> tuple[Array, Array]:
-        """Move the scales of the masked environments towards new ratios; return all scales of force and power [-]."""
-        gain = np.where(mask, self._smoothing, 0.0)
-        self._force += gain * (force_ratio - self._force)
-        self._power += gain * (power_ratio - self._power)
-        return np.maximum(self._force, MIN_SCALE), np.maximum(self._power, MIN_SCALE)
+    def follow(self, mask: NDArray[np.bool_], force_ratio: Array, power_ratio: Array) -> Array:
+        """Move the scales of the masked environments towards new ratios; return those of force and power, shape (2, num_envs)."""
+        self._scales += np.where(mask, self._smoothing, 0.0) * (np.stack([force_ratio, power_ratio]) - self._scales)
+        return np.maximum(self._scales, MIN_SCALE)

@@ -66,14 +66,9 @@ def covers(scenario: Scenario) -> bool:
 def bounds(
     scenario: Scenario, seeds: Sequence[int], grid: Grid = GRID, on_seed: Callable[[], None] = lambda: None, threads: int = 2
 ) -> Array:
-    """Return the bound on the return [s] of each seed's first episode, shape (len(seeds),).
+    """Return the bound on the return [s] of each seed's first episode, shape (len(seeds),); call ``on_seed`` after each.
 
-    Args:
-        scenario: task.
-        seeds: seeds of the episodes.
-        grid: grid of the dynamic programming.
-        on_seed: called after each seed.
-        threads: number of seeds computed at a time; the values do not depend on it.
+    The number of threads does not change the values.
 
     Raises:
         ValueError: the scenario is not covered.
