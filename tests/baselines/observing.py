@@ -16,22 +16,20 @@ def observe(
     actual_override: ArrayLike | None = None,
     cutting: ArrayLike = True,
     cutting_time: ArrayLike = 1.0,
-    cutting_speed: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
     """Observations, shape (num_envs, entries), of a load and overrides of the scenario's feed [-], and a cutting time [min].
 
-    The actual override is the commanded one, and the cutting speed [m/min] the scenario's, where they are not given.
+    The actual override is the commanded one if it is not given.
     """
     control, machine = scenario.control, scenario.machine
     actual = override if actual_override is None else actual_override
-    speed = control.initial_cutting_speed if cutting_speed is None else cutting_speed
-    columns = np.broadcast_arrays(load, override, actual, cutting, cutting_time, speed)
-    load, override, actual, cutting, cutting_time, speed = (np.atleast_1d(column).astype(np.float64) for column in columns)
+    columns = np.broadcast_arrays(load, override, actual, cutting, cutting_time)
+    load, override, actual, cutting, cutting_time = (np.atleast_1d(column).astype(np.float64) for column in columns)
     low, _ = bounds(scenario)
     seen = np.zeros((len(load), len(low)))
     seen[:, OBS.power] = DEVIATION_SCALE * (load * machine.rated_power / scenario.limits.power - 1.0)
     seen[:, OBS.cutting_speed] = seen[:, OBS.commanded_cutting_speed] = _position(
-        speed, machine.cutting_speed_min, machine.cutting_speed_max
+        control.initial_cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max
     )
     seen[:, OBS.feed] = _position(actual * control.initial_feed, machine.feed_min, machine.feed_max)
     seen[:, OBS.commanded_feed] = _position(override * control.initial_feed, machine.feed_min, machine.feed_max)

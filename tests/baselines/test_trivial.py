@@ -20,14 +20,6 @@ def test_random_actions_fill_the_action_space_evenly(preset: str) -> None:
         assert np.histogram(column, bins=4, range=(-1.0, 1.0))[0] == pytest.approx(np.full(4, 1024.0), rel=0.15)
 
 
-def test_random_actions_of_a_seed_are_the_same_in_any_batch() -> None:
-    scenario = Scenario.model_validate({"control": {"time_limit": 0.5}})
-    make = spec("random", scenario).make
-    together = play(make, scenario, [3, 4, 5])["return"]
-    assert [play(make, scenario, [seed])["return"][0] for seed in (3, 4, 5)] == together.tolist()
-    assert len(set(together)) == 3
-
-
 def episodes(name: str, scenario: Scenario) -> Episodes:
     return play(spec(name, scenario).make, scenario, tuning_seeds(2))
 

@@ -8,16 +8,13 @@ from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
     RULES,
     TWO_LIMITS,
-    AdaptiveRule,
     along,
     depth_exponents,
     limits,
     set_point,
 )
 from papers.reproduce.part_programming import handbook_process
-from tests.baselines.observing import seen
-from turning_env import PowerLaw, Scenario, read
-from turning_env.physics.quantities import OBS
+from turning_env import PowerLaw, Scenario
 
 STEEL = Process.of(Scenario())
 CASE = Process.of(Scenario.load("batch_p20"))
@@ -108,28 +105,3 @@ def test_the_economic_optimum_is_the_cheapest_feasible_point(price: float, wear:
         cheapest = float(np.min(process.log_cost(np.log(speeds), np.log(feeds), depth, 1.0)[feasible]))
         speed, feed = set_point(ECONOMIC_OPTIMUM, process, depth, wear=wear)
         assert cheapest - 0.02 < float(process.log_cost(np.log(speed), np.log(feed), depth, 1.0)) < cheapest + 1e-6
-
-
-def observed(**entries: float) -> np.ndarray:
-    """An observation in metal, half worn, with power and force as predicted but for ``entries``."""
-    found = seen(**{"cutting_time": 1.5, "nominal_wear": 0.5, **entries})
-    reading = read(found, SET_POINTS)
-    cut = (reading.cutting_speed, reading.feed, 2.5, 1.0, np.maximum(reading.nominal_wear, 1e-3))
-    for name, limit in (("power", STEEL.power), ("thrust_force", STEEL.thrust_force)):
-        if name not in entries:
-            found[:, getattr(OBS, name)] = 5.0 * (limit.law(*cut) / limit.most - 1.0)
-    return found
-
-
-def commands(policy: AdaptiveRule, seen: np.ndarray) -> tuple[float, float]:
-    """Cutting speed [m/min] and feed [mm/rev] after one action."""
-    speed, feed = 0.5 * (policy.act(seen)[0] + 1.0)
-    return 50.0 + 150.0 * float(speed), 0.06 + 0.54 * float(feed)
-
-
-def test_the_adaptive_rule_heeds_measurements() -> None:
-    policy = AdaptiveRule(SET_POINTS, 1, "PN", margin=0.9, smoothing=0.5)
-    nominal = np.prod(commands(policy, observed()))
-    harder = [np.prod(commands(policy, observed(power=1.0, thrust_force=1.0))) for _ in range(4)]
-    assert nominal > harder[0] > harder[1] > harder[3]
-    assert np.prod(commands(policy, observed(power=-5.0, thrust_force=-5.0, cutting=0.0))) == harder[3]
