@@ -9,7 +9,6 @@ The filter (``models/load_filter.py``) knows the nominal model and sees the obse
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import gymnasium
@@ -96,10 +95,10 @@ class Belief:
         self._leaves = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
         self._scenario = unchecked(nested((shared | self._leaves).items()))
 
-    def assign(self, env_index: int, number: int, scenario: Callable[[], Scenario]) -> None:
+    def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates; models are kept by their number."""
         if number not in self._models:
-            found = scenario()
+            found = scenario(number)
             self._models[number] = _leaves(found), model_of([found], self._errors)
         leaves, model = self._models[number]
         for name, value in leaves.items():
@@ -148,18 +147,13 @@ def _belief_of(env: Any, num_envs: int) -> Belief:
     return Belief([scenario.nominal()] * num_envs, bool(scenario.nominal_model))
 
 
-def _nominal(env: Any, number: int) -> Scenario:
-    scenario: Scenario = env.family.job(number, env.split).scenario
-    return scenario.nominal()
-
-
 def _begin(belief: Belief, env: Any, mask: NDArray[np.bool_], infos: dict[str, Any]) -> None:
     """Forget the estimates of the environments in a mask, shape (num_envs,), which have begun an episode, perhaps another job."""
     belief.reset(mask)
     if isinstance(env, FamilyEnv | FamilyVectorEnv):
         for index in np.flatnonzero(mask).tolist():
             number = int(np.atleast_1d(infos["job"])[index])
-            belief.assign(index, number, partial(_nominal, env, number))
+            belief.assign(index, number, lambda number: env.family.job(number, env.split).scenario.nominal())
 
 
 def with_belief(space: Any) -> Any:

@@ -31,9 +31,7 @@ FILES = (
 RULES: dict[str, Rule] = {}
 """All rules by name."""
 for _file in FILES:
-    for _name, _rule in import_module(f"baselines.{_file}").RULES.items():
-        if RULES.setdefault(_name, _rule) is not _rule:
-            raise ImportError(f"baselines/{_file}.py declares a rule {_name!r}, as a file before it does")
+    RULES |= import_module(f"baselines.{_file}").RULES
 
 CHANGE_AT = "change_at"
 """Parameter of rules that do not change edges themselves: nominal wear over the criterion at which the edge is changed [-]."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from baselines.models.process import Scales
 from baselines.rule import Range, Rule
-from turning_env import Scenario, read
+from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import real_power
@@ -80,18 +80,20 @@ def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, pow
 
 
 @compiled_entry
-def search(parameters, speeds, feeds, used_lives, times, interval, force_limits, power_limits, chosen):
-    """Fill ``chosen``, shape (num_envs, 2), with cutting speeds [m/min] and feeds [mm/rev]."""
+def search(parameters, speeds, feeds, used_lives, times, interval, limits, chosen):
+    """Fill ``chosen``, shape (num_envs, 2), with cutting speeds [m/min] and feeds [mm/rev].
+
+    ``limits``: of force [N] and power [kW], shape (2, num_envs).
+    """
     p = parameters[0]
     for i in range(len(used_lives)):
-        start, end = times[i], times[i] + interval
-        speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limits[i], power_limits[i], 1.0)
+        start, end, force_limit, power_limit = times[i], times[i] + interval, limits[0, i], limits[1, i]
+        speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, 1.0)
         if speed < 0:
-            speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limits[i], power_limits[i], np.inf)
+            speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, np.inf)
         if speed < 0:
             speed, feed = len(speeds) - 1, 0
-        chosen[i, 0] = speeds[speed]
-        chosen[i, 1] = feeds[feed]
+        chosen[i, 0], chosen[i, 1] = speeds[speed], feeds[feed]
 
 
 class GridSearch(Policy):
@@ -105,24 +107,18 @@ class GridSearch(Policy):
         self._scenario = scenario
         self._parameters: Any = parameter_records(scenario)
         self._speeds, self._feeds = grid(scenario)
-        self._force_limits = np.full(num_envs, scenario.limits.thrust_force)
-        self._power_limits = np.full(num_envs, scenario.limits.power)
+        self._limits = np.array([[scenario.limits.thrust_force], [scenario.limits.power]]) * np.ones(num_envs)
 
     def act(self, observations: Observations) -> Actions:
-        reading = read(observations, self._scenario)
-        chosen = np.empty((len(observations), 2))
-        search(
-            self._parameters,
-            self._speeds,
-            self._feeds,
-            real_power(reading.nominal_wear / self._scenario.tool.wear_criterion, 1.0 / self._scenario.material.wear.time),
-            reading.cutting_time,
-            self._scenario.control.interval / 60.0,
-            self._force_limits,
-            self._power_limits,
-            chosen,
-        )
-        return towards(reading, self._scenario, chosen[:, 0], chosen[:, 1])
+        return self._act(read(observations, self._scenario), self._limits)
+
+    def _act(self, reading: Reading, limits: NDArray[np.float64]) -> Actions:
+        """Return the actions within limits of force [N] and power [kW], shape (2, num_envs)."""
+        scenario, chosen = self._scenario, np.empty((len(reading.feed), 2))
+        used_life = real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time)
+        times = reading.cutting_time, scenario.control.interval / 60.0
+        search(self._parameters, self._speeds, self._feeds, used_life, *times, limits, chosen)
+        return towards(reading, scenario, chosen[:, 0], chosen[:, 1])
 
 
 class RescaledGridSearch(GridSearch):
@@ -143,10 +139,8 @@ class RescaledGridSearch(GridSearch):
     def act(self, observations: Observations) -> Actions:
         reading = read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
-        force_scale, power_scale = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
-        self._force_limits = self._margin * self._scenario.limits.thrust_force / force_scale
-        self._power_limits = self._margin * self._scenario.limits.power / power_scale
-        return super().act(observations)
+        scales = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
+        return self._act(reading, self._margin * self._limits / scales)
 
 
 def _plays(scenario: Scenario) -> bool:

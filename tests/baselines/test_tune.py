@@ -150,20 +150,6 @@ def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     assert sorted(folder.iterdir()) == [folder / "short.toml", path]
 
 
-def test_a_scenario_of_ones_own_leaves_what_ships_alone_whatever_it_is_called(folder: Path) -> None:
-    tuned.FOLDER.mkdir()
-    shipped, own = Scenario.load("forging"), folder / "forging.toml"
-    SHORT.save(own)
-    rules = {"fixed_tuned": {"parameters": {"cutting_speed": 150.0, "feed": 0.2}}}
-    about = {"command": "tune it", "scenario_digest": shipped.digest(), "rules": rules}
-    tuned.path(shipped).write_text(json.dumps(about))
-    assert tune.main(["--scenario", str(own), "--trials", "1", "--seeds", "1"]) == 0
-    assert json.loads(tuned.path(shipped).read_text()) == about
-    found = spec("fixed_tuned", Scenario.load(own)).parameters
-    assert found == json.loads((folder / "forging.tuned.json").read_text())["rules"]["fixed_tuned"]["parameters"]
-    assert found != spec("fixed_tuned", shipped).parameters == {"cutting_speed": 150.0, "feed": 0.2}
-
-
 def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
