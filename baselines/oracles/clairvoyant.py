@@ -1,18 +1,12 @@
 """The clairvoyant bound: the greatest return of one edge or job if all bars are known in advance and nothing lags.
 
-It is computed by dynamic programming over cells of the bars (Bellman 1957). The transition's own functions give the seed's
-fields in the middle of each cell. Commands take effect at once, and no force breaks the edge. The volume of a cell is fixed, so
-the used share D of the edge's life is the whole state:
+It is computed by dynamic programming over cells of the bars and used shares D of the edge's life (docs/bounds.md):
 
     V(i, D) = max over cutting speed and feed of  gain of cell i at D + V(i + 1, D + life used in the cell)
 
-with V = 0 when the edge is worn out or the job is done. For each cell and D, it tries a ladder of cutting speeds, each with feeds
-around the one at which force or power reaches its limit. Lower feeds waste time, higher feeds pay for overload. Wear and loads
-are those at the cell's start, where the edge is sharpest; this can only raise the bound. Air is crossed at the highest speed and
-feed.
-
-All relaxations raise the bound, so no policy earns more, except for the error of the grids (``TOLERANCE``). A time limit is
-ignored, so only policies with a low return may reach it.
+with V = 0 when the edge is worn out or the job is done. The transition's own functions give the seed's fields in the middle of
+each cell. Wear and loads are those at the cell's start, where the edge is sharpest. All relaxations raise the bound, so no policy
+earns more, except for the error of the grids (``TOLERANCE``). A time limit is ignored.
 """
 
 from collections.abc import Callable, Sequence
