@@ -161,12 +161,12 @@ WORK = (
 )
 """Scratch: values used within a step only."""
 
-_KEPT = {quantity.name: quantity for quantity in STATE}
+_BY_NAME = {quantity.name: quantity for quantity in STATE}
 
 
 def _kept(*names: str) -> list[Quantity]:
     """Return quantities of the state, which are reported as they are."""
-    return [_KEPT[name] for name in names]
+    return [_BY_NAME[name] for name in names]
 
 
 AT_END = (
@@ -191,6 +191,8 @@ AT_END = (
     *_kept("roughness_reference", "probed_depth"),
 )
 """True values in ``info`` at the end of a step."""
+KEPT = tuple(quantity.name for quantity in AT_END if quantity is _BY_NAME.get(quantity.name))
+"""Names of those that are quantities of the state."""
 
 OVER_STEP = (
     Q("mean_thrust_force", "N", "mean while cutting; with parts, in the last pass"),

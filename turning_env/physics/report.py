@@ -1,10 +1,12 @@
 """The report of a step: sums over the step, and the true state at its end."""
 
 import numpy as np
+from numba import literal_unroll
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
 from turning_env.physics.drives import spindle_torque
+from turning_env.physics.quantities import KEPT
 from turning_env.physics.records import FIRST_SUM, LAST_ROW
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
@@ -23,31 +25,19 @@ def clear_sums(report, first, last):
 @compiled
 def write_state(state, report, first, last, p):
     """Report the true state of some environments of a block at the step's end."""
+    for name in literal_unroll(KEPT):
+        for i in env_range(first, last):
+            report[name][i] = state[name][i]
     for i in env_range(first, last):
         spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]
-        report.cutting_speed[i] = state.cutting_speed[i]
-        report.feed[i] = state.feed[i]
-        report.commanded_cutting_speed[i] = state.commanded_cutting_speed[i]
-        report.commanded_feed[i] = state.commanded_feed[i]
+        power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
+        available = p.rated_power[i] * (capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0)
         report.spindle_speed[i] = spindle_speed
         report.feed_velocity[i] = spindle_speed * state.feed[i]
-        power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
         report.torque[i] = spindle_torque(power, spindle_speed)
-        available = p.rated_power[i] * (capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0)
         report.spindle_load[i] = power / available
-        report.spindle_heat[i] = state.spindle_heat[i]
-        report.path[i] = state.path[i]
-        report.bar[i] = np.floor(state.path[i] * p.bars_per_path[i])
-        report.cutting_time[i] = state.cutting_time[i]
-        report.used_life[i] = state.used_life[i]
-        report.edge_strength[i] = state.edge_strength[i]
-        report.thrust_force[i] = state.thrust_force[i]
         report.power[i] = power
-        report.measured_thrust_force[i] = state.measured_thrust_force[i]
-        report.measured_servo_current[i] = state.measured_servo_current[i]
-        report.measured_power[i] = state.measured_power[i]
-        report.roughness_reference[i] = state.roughness_reference[i]
-        report.probed_depth[i] = state.probed_depth[i]
+        report.bar[i] = np.floor(state.path[i] * p.bars_per_path[i])
     for i in env_range(first, last):
         in_metal = state.cutting[i] > 0
         hardness = exp(state.log_hardness[i])
