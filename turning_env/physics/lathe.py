@@ -11,6 +11,8 @@ middle of the metal that it cuts.
 
 import math
 
+from numba import literal_unroll
+
 from turning_env.numerics.compilation import compiled, compiled_separately, env_range
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
@@ -30,6 +32,10 @@ from turning_env.physics.swarf import clear_chips, tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
+_ZERO_AT_START = (
+    *("step_count", "ended", "path", "clock", "turns", "edge", "tangles", "pass_floor", "spindle_heat", "removed_wear"),
+    *("measured_thrust_force", "measured_servo_current", "measured_power"),
+)
 _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
 _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 
@@ -37,34 +43,23 @@ _MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
 @compiled_separately
 def start_episode(state, work, report, i, p):
     """Put a fresh edge before the first bar. The state's ``seed`` and ``episode`` determine edges and bars."""
-    state.step_count[i] = 0
-    state.ended[i] = 0
-    state.path[i] = 0.0
-    state.clock[i] = 0.0
-    state.turns[i] = 0.0
+    for name in literal_unroll(_ZERO_AT_START):
+        state[name][i] = 0
     _, in_metal = position_in_row(p, i, 0.0)
     state.cutting[i] = 1 if in_metal else 0
     state.commanded_cutting_speed[i] = p.initial_cutting_speed[i]
     state.commanded_feed[i] = p.initial_feed[i]
     state.cutting_speed[i] = p.initial_cutting_speed[i]
     state.feed[i] = p.initial_feed[i]
-    state.edge[i] = 0
     fit_edge(state, i, p)
     if p.chips_tangle:
-        state.tangles[i] = 0
         state.tangle_margin[i] = exponential(state, i, TANGLE_CHANNEL, 0, 0)
     state.bar[i] = -1.0
-    state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf
     state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
     work.engaged[i] = 1.0
     look_up_fields(state, work, i, i + 1, p)
-    state.measured_thrust_force[i] = 0.0
-    state.measured_servo_current[i] = 0.0
-    state.measured_power[i] = 0.0
-    state.spindle_heat[i] = 0.0
-    state.removed_wear[i] = 0.0
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
     work.log_cutting_speed[i] = log(p.initial_cutting_speed[i])
