@@ -118,7 +118,9 @@ def test_bad_arguments_are_refused():
         RoughTurningVectorEnv(2).reset(options={"reset_masks": np.ones(2, bool)})
     with pytest.raises(ValueError, match="num_envs is 0, but must be at least 1"):
         RoughTurningVectorEnv(0)
-    with pytest.raises(ValueError, match="render_mode is 'human'"):
+    with pytest.raises(ValueError, match="rendered_envs is 3, but must be None or 1 to num_envs, which is 2"):
+        RoughTurningVectorEnv(2, render_mode="rgb_array", rendered_envs=3)
+    with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
         RoughTurningVectorEnv(1, render_mode="human")
     with pytest.raises(ValueError, match="threads is 0, but must be at least 1"):
         RoughTurningVectorEnv(1, threads=0)

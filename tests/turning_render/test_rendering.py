@@ -86,28 +86,16 @@ def test_render_modes_are_gymnasium_s():
     assert slow.metadata["render_fps"] < RoughTurningEnv.metadata["render_fps"]
 
 
-def test_a_batch_is_drawn_as_single_environments():
+def test_as_many_environments_as_asked_are_drawn_as_single_ones():
     actions = fixed_actions(20, 3, SHORT_LIVED)
-    envs = RoughTurningVectorEnv(3, SHORT_LIVED, render_mode="rgb_array")
+    envs = RoughTurningVectorEnv(3, SHORT_LIVED, render_mode="rgb_array", rendered_envs=2)
     envs.reset(seed=6)
     for each in actions:
         envs.step(each)
     frames = envs.render()
-    assert isinstance(frames, tuple)
+    assert len(frames) == 2
     for index, frame in enumerate(frames):
         assert np.array_equal(frame, rendered(SHORT_LIVED, 6 + index, actions[:, index]).render())
-
-
-def test_as_many_environments_are_drawn_as_asked():
-    envs = gymnasium.make_vec("RoughTurning-v0", num_envs=40, render_mode="rgb_array", rendered_envs=2)
-    envs.reset(seed=0)
-    envs.step(envs.action_space.sample())
-    assert [frame.shape for frame in envs.render()] == [SHAPE, SHAPE]
-    for number in (0, 41):
-        with pytest.raises(ValueError, match=f"rendered_envs is {number}, but must be None or 1 to num_envs, which is 40"):
-            RoughTurningVectorEnv(40, render_mode="rgb_array", rendered_envs=number)
-    with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
-        RoughTurningVectorEnv(40, render_mode="human")
 
 
 def test_the_window_shows_by_itself_and_says_when_it_was_closed(monkeypatch):
