@@ -65,7 +65,6 @@ leaderboard cards: --results nothing | --results file
 leaderboard pack: --results nothing | --results file
 leaderboard run: --knows true_laws | --env RoughTurning-Family-v0 --split nothing | --env RoughTurning-Family-v0 --seeds 257
 leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out made.txt | --agent nothing.onnx --out made.gif
-studies.bound: --scenario nothing | --scenario shift | --seeds 0
 studies.clients: nothing | --write
 studies.exploits: --env nothing | --seeds 0 | --search -1
 studies.headroom: --seeds 0 | --seeds 257
