@@ -11,7 +11,7 @@ from pathlib import Path
 
 from turning_env import Scenario
 from turning_env.console import described, number_within
-from turning_nc.adapt import adapt, schedule
+from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.moves import run
 from turning_nc.report import summary
@@ -42,7 +42,7 @@ def situation_of(name: str, machine: Machine | None = None) -> Situation:
 def main() -> int:
     """Print a line per program, and the totals."""
     parser = argparse.ArgumentParser(prog="python -m examples.adapt_programs", **described(__doc__))
-    parser.add_argument("--adapt", choices=("words", "blocks", "positions"), default="words", help="default: %(default)s")
+    parser.add_argument("--adapt", choices=("words", "blocks"), default="words", help="default: %(default)s")
     parser.add_argument("--max-feed", type=number_within(0.01, 10.0, "mm/rev"), default=10.0, help="highest feed [mm/rev]")
     options = parser.parse_args()
     totals = [0.0, 0.0]
@@ -50,11 +50,8 @@ def main() -> int:
     for name in COLLECTION:
         situation = situation_of(name, Machine(max_feed=options.max_feed))
         before = summary(situation, play(situation, WEAR))
-        if options.adapt == "positions":
-            after = summary(situation, schedule(situation, WEAR)[1])
-        else:
-            adapted = adapt(situation, WEAR, options.adapt)
-            after = summary(adapted.situation, adapted.played)
+        adapted = adapt(situation, WEAR, options.adapt)
+        after = summary(adapted.situation, adapted.played)
         life = sum(after.used_life.values()) / sum(before.used_life.values())
         print(
             f"{name:<24}{before.time:>7.1f} s{after.time:>7.1f} s{100 * (1 - after.time / before.time):>8.1f} %"

@@ -104,7 +104,7 @@ def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries
 
 
 LINES = {
-    **{"turning_env": 7100, "turning_render": 1250, "turning_shop": 2785, "turning_nc": 3980, "turning_control": 1695},
+    **{"turning_env": 7100, "turning_render": 1250, "turning_shop": 2785, "turning_nc": 3900, "turning_control": 1695},
     **{"baselines": 4261, "train": 4176, "leaderboard": 3350, "papers": 2570, "studies": 2000, "tests": 14600},
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.

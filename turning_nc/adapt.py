@@ -2,8 +2,6 @@
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest. The limits
 are the scenario's force and power, the machine's range, and the tool life that the program used before.
-
-Within a block the depth of cut changes, but no word can. ``schedule`` therefore gives a table of feeds by position instead.
 """
 
 import math
@@ -24,9 +22,7 @@ _MIN_PRICE, _MAX_PRICE = 1.0, 1e6  # range of prices of an edge's life that are 
 _PRICE_STEP = 1.02  # ratio of prices that count as equal [-]
 _CANDIDATES = 61
 
-SAME_DEPTH = 0.02  # relative difference of depths up to which slices of a move are one section of a schedule [-]
-
-Where = Literal["words", "blocks", "positions"]
+Where = Literal["words", "blocks"]
 Key = tuple[str, int, tuple[int, int] | None]
 """Key of a value: address, line, and the place of the number in it; None if a word is put in."""
 
@@ -52,11 +48,7 @@ class Adapted:
 
 
 def adapt(
-    situation: Situation,
-    wear: float,
-    where: Where = "words",
-    life: float = 1.0,
-    finishing_depth: float = FINISHING_DEPTH,
+    situation: Situation, wear: float, where: Where = "words", life: float = 1.0, finishing_depth: float = FINISHING_DEPTH
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
@@ -78,44 +70,6 @@ def adapt(
     if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
         return Adapted(search.text, (), situation, before)
     return Adapted(text, changes, again, played)
-
-
-@dataclass(frozen=True)
-class Section:
-    """A stretch of a move in metal, and its feed and speed in a schedule by position."""
-
-    line: int
-    cycle_pass: int  # number of the pass within a cycle; 0 outside
-    tool: str
-    z: tuple[float, float]  # from and to [mm]
-    diameter: tuple[float, float]  # from and to [mm]
-    depth: float  # largest depth of cut [mm]
-    feed: float  # [mm/rev]
-    override: float  # over the programmed feed [-]
-    cutting_speed: float  # highest [m/min]
-
-
-def schedule(
-    situation: Situation, wear: float, life: float = 1.0, finishing_depth: float = FINISHING_DEPTH
-) -> tuple[list[Section], Play]:
-    """Return the feeds by position that make the program shortest, and their play; see ``adapt``.
-
-    Feeds are constant within a section, and speeds within a block. In air, the programmed values stay.
-    """
-    search = _Search(situation, wear, "positions", finishing_depth)
-    played = play(situation, wear, *search.settings(search.within_life(life * _LIFE_MARGIN)))
-    slices, moves = situation.removal.slices, situation.moves.moves
-    on = np.flatnonzero(situation.engaged)
-    breaks = np.flatnonzero((np.diff(on) > 1) | (np.diff(slices.move[on]) > 0) | (np.abs(np.diff(played.feed[on])) > 1e-9)) + 1
-    sections = []
-    for group in np.split(on, breaks) if len(on) else []:
-        move, first = moves[slices.move[group[0]]], group[0]
-        (z, x), (end, end_x) = slices.start[first].tolist(), slices.end[group[-1]].tolist()
-        feed, depth, speed = (float(values[group].max()) for values in (played.feed, slices.depth, played.cutting_speed))
-        override = feed / float(search.before.feed[first])
-        ends = (z, end), (2.0 * x, 2.0 * end_x)
-        sections.append(Section(move.line, move.cycle_pass, move.tool, *ends, depth, feed, override, speed))
-    return sections, played
 
 
 class _Search:
@@ -154,8 +108,6 @@ class _Search:
             for key in np.unique(self.feed_of[self.feed_of >= 0])
             if s.finishing(self.feed_of == key, finishing_depth)
         }
-        if where == "positions":
-            self._divide()
         # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
         self.wear = np.zeros(len(slices.move))
         for mine in s.by_tool.values():
@@ -167,28 +119,12 @@ class _Search:
         return {int(key) for of in (self.feed_of, self.speed_of) for key in np.unique(of[of >= 0])}
 
     def _index(self, key: Key, scale: float) -> int:
-        """Return the index of a key, which is new for a section of a schedule (line 0)."""
-        if key not in self.keys or key[1] == 0:
+        """Return the index of a key."""
+        if key not in self.keys:
             self.keys.append(key)
             self.scales.append(scale)
             return len(self.keys) - 1
         return self.keys.index(key)
-
-    def _divide(self) -> None:
-        """Give sections of about the same depth feeds of their own, except for finishing."""
-        slices = self.situation.removal.slices
-        divided = self.feed_of.copy()
-        begun = last = -1
-        loose = self.situation.engaged & (self.feed_of >= 0) & ~np.isin(self.feed_of, list(self.fixed))
-        for index in np.flatnonzero(loose).tolist():
-            same_depth = abs(slices.depth[index] - slices.depth[begun]) <= SAME_DEPTH * slices.depth[begun]
-            if begun >= 0 and index == last + 1 and slices.move[index] == slices.move[begun] and same_depth:
-                divided[index] = divided[begun]
-            else:
-                begun = index
-                divided[index] = self._index(("F", 0, None), self.scales[self.feed_of[index]])
-            last = index
-        self.feed_of = divided
 
     def within_life(self, share: float) -> Values:
         """Return the values that make the program shortest while no tool uses more than a share of what it used before."""

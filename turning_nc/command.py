@@ -25,8 +25,7 @@ def program(options: argparse.Namespace) -> int:
     The program is Fanuc's (ISO) or SINUMERIK's. An error names lines that are not understood. All values are nominal.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
-    more tool life. Within a block no word can change: --adapt positions makes a table (CSV) of feeds by position instead. The
-    adapted program is simulation output. Do not run it on a machine without review.
+    more tool life. The adapted program is simulation output. Do not run it on a machine without review.
 
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
@@ -62,27 +61,22 @@ def program(options: argparse.Namespace) -> int:
         raise NcError(f"{options.program}: nothing is adapted, because the program is implausible; --force adapts it:{listed}")
     rows = report.rows(situation, played)
     totals = report.summary(situation, played)
-    adapted = sections = None
-    if options.adapt == "positions":
-        sections, scheduled = adapt.schedule(situation, wear, options.life, options.finishing)
-        after = report.summary(situation, scheduled)
-    elif options.adapt:
+    adapted = None
+    if options.adapt:
         adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing)
         after = report.summary(adapted.situation, adapted.played)
         notes += [f"adapted, {note}" for note in report.extrapolated(adapted.situation, adapted.played)]
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
-    if options.out:
-        data = adapted.text.encode("latin-1") if adapted else report.schedule_table(sections or []).encode()
+    if adapted and options.out:
+        data = adapted.text.encode("latin-1")
         replace_file(options.out, lambda partial: partial.write_bytes(data))
     if options.json:
         results: dict[str, Any] = {"program": options.program, "dialect": text.dialect.name, "scenario": scenario.name}
         sides = {line: {"side": side.name, "why": side.why} for line, side in run.sides.items()}
         results |= {"wear": wear, "totals": totals, "blocks": rows, "sides": sides, "warnings": implausible, "notes": notes}
-        if options.adapt:
-            results["adapted"] = {"totals": after, "changes": adapted.changes if adapted else (), "warning": WARNING}
-        if sections is not None:
-            results["adapted"]["sections"] = sections
+        if adapted:
+            results["adapted"] = {"totals": after, "changes": adapted.changes, "warning": WARNING}
         print_json(results)
         return 0
     turned = [f"line {line} turns {side.name}, {side.why}; --side sets it" for line, side in run.sides.items()]
@@ -92,8 +86,6 @@ def program(options: argparse.Namespace) -> int:
     if adapted:
         changed = report.changes(adapted.changes, options.nose_radius)
         print("", f"adapted ({WARNING}): {len(adapted.changes)} words", *changed, *report.comparison(totals, after), sep="\n")
-    elif sections is not None:
-        print("", f"schedule by position ({WARNING}): {len(sections)} sections", *report.comparison(totals, after), sep="\n")
     for path in filter(None, (options.figure, options.out)):
         print(path)
     return 0
@@ -105,8 +97,7 @@ def _check_out(options: argparse.Namespace) -> None:
     if not options.adapt:
         raise NcError("--out needs --adapt: only an adapted program is written")
     if MARK not in options.out.suffixes:
-        suffix = ".csv" if options.adapt == "positions" else options.program.suffix
-        wanted = options.program.with_suffix(f"{MARK}{suffix}").name
+        wanted = options.program.with_suffix(f"{MARK}{options.program.suffix}").name
         reason = "so that nobody takes it for a tried program"
         raise NcError(f"--out {options.out}: its name must hold {MARK}, such as {wanted}, {reason}")
     if options.out.exists() and not options.overwrite:
@@ -128,8 +119,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--unit", choices=("mm", "inch"), help="unit of a program that states none (default: mm, with a note)")
     add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
     add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
-    hows = "in the program's own words, in every block, or in a table by position"
-    add("--adapt", choices=("words", "blocks", "positions"), help=f"adapt feeds and speeds: {hows}")
+    add("--adapt", choices=("words", "blocks"), help="adapt feeds and speeds in the program's own words, or in every block")
     for option, default, low, high, unit, text in (
         ("--wear", None, 0.0, 10.0, "mm", "flank wear of the edges at the start [mm] (default: half the wear criterion)"),
         ("--max-spindle", 4000.0, 1.0, 1e5, "rev/min", "highest spindle speed of the machine [rev/min] (default: %(default)g)"),
@@ -142,7 +132,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
          "feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)"),
     ):  # fmt: skip
         add(option, type=number_within(low, high, unit), default=default, metavar="X", help=text)
-    add("--out", type=Path, metavar="FILE", help=f"adapted program, or table, to write; its name must hold {MARK}")
+    add("--out", type=Path, metavar="FILE", help=f"adapted program to write; its name must hold {MARK}")
     add("--force", action="store_true", help="adapt a program that is implausible")
     add("--overwrite", action="store_true", help="replace an existing file")
     add("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")

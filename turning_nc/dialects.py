@@ -53,7 +53,7 @@ FANUC = Dialect(
     codes=frozenset(
         _CODES_OF_BOTH
         | {7, 8, 20, 21, 28, 30, 32, 50, *range(70, 77), 80, 81, 82, 83, 84, 92, 98, 99}
-        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69}
+        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69, 103, 187}
     ),
     units={20: (INCH, True), 21: (1.0, True)},
     spindle_limits=frozenset({50, 92}),
@@ -82,11 +82,11 @@ SINUMERIK = Dialect(
     flow=re.compile(
         r"(?:(?P<word>IF|WHILE)\b(?P<condition>.+?))?\s*(?:\b(?P<jump>GOTO[BF]?|ENDWHILE)\b\s*(?P<target>\w*))?(?P<then>(?!))?"
     ),
-    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG"}),
+    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG", "SPOS"}),
     names=frozenset(
         {"DIAMON", "DIAMOF", "DIAM90", "CYCLE95", "CYCLE97", "RET", "SUPA"}
         | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE", "NORM", "KONT", "G"}
-        | {"MSG", "SETMS", "WORKPIECE"}
+        | {"MSG", "SETMS", "WORKPIECE", "GROUP_BEGIN", "GROUP_END", "TRANS", "ATRANS"}
     ),
     codes=frozenset(
         _CODES_OF_BOTH

@@ -125,6 +125,10 @@ class Modal:
         spindle = line.first("S", "S1")
         limit = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
         for code in codes & self.dialect.spindle_limits:
+            if code == 50 and self.here == HOME and line.first("X", "Z"):  # it says where the tool stands
+                self.z, self.x = self.target(line)
+                self.note("G50 sets the zero point from where the tool stands")
+                continue
             if spindle is None or spindle.value is None or line.first("X", "Z", "U", "W"):
                 raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
             limit = limit if code == 25 else spindle.value  # G25 is the lowest speed

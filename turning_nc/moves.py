@@ -204,7 +204,11 @@ class Control(Modal):
         self.set_feed_and_speed(line, codes)
         self.set_tool(line)
         follows = index + 1
-        if codes & self.dialect.references:
+        if line.first("TRANS", "ATRANS"):
+            if any(move.path.length for move in self.moves):
+                raise Problem("TRANS after the first move is not understood")
+            self.note("TRANS before the first move is taken as part of the zero offset")
+        elif codes & self.dialect.references:
             if self.fanuc:
                 self.go_rapidly(self.target(line))  # on the way
             self._go_home("reference points", line)

@@ -50,12 +50,8 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     above.set_xlabel("Z [mm]")
     above.set_ylabel("X, radius [mm]")
     figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
-    marks = [
-        Patch(color=LIGHT, label="stock"),
-        Patch(color=_PART, label="part"),
-        Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid"),
-    ]
-    above.legend(handles=marks, **_ABOVE)
+    rapid_mark = Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid")
+    above.legend(handles=[Patch(color=LIGHT, label="stock"), Patch(color=_PART, label="part"), rapid_mark], **_ABOVE)
     figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max")
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]

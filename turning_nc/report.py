@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_nc.adapt import Change, Section
+from turning_nc.adapt import Change
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
 from turning_nc.words import NcError, at_lines
 
@@ -171,18 +171,6 @@ def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
         if longest:
             found.append(f"wasted by {what}: " + ", ".join(f"line {line} {time:.1f} s" for time, line in longest))
     return found
-
-
-def schedule_table(sections: Sequence[Section]) -> str:
-    """Return a schedule by position as CSV."""
-    points = "from Z [mm],to Z [mm],from diameter [mm],to diameter [mm]"
-    rows = [
-        f"{each.line},{each.cycle_pass or ''},{each.tool},"
-        + ",".join(f"{value:.3f}" for value in (*each.z, *each.diameter, each.depth, each.feed))
-        + f",{100 * each.override:.0f},{each.cutting_speed:.0f}"
-        for each in sections
-    ]
-    return "\n".join([f"line,pass,tool,{points},depth [mm],feed [mm/rev],override [%],speed [m/min]", *rows]) + "\n"
 
 
 def implausible(situation: Situation, played: Play) -> dict[str, str]:

@@ -304,8 +304,8 @@ def _check_side(moves: Moves, line: int, left: Any) -> None:
         shapely.intersection(left, shapely.box(low, *ends)).area for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
     )
     if within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low):
-        found = "metal beyond it alone" if outside else "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
-        other = "inside" if outside else "outside"
+        hole = "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
+        found, other = ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
         begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
         raise NcError(f"{begin}, but the stock has {found}; or set --side {line}={other}")
 

@@ -89,7 +89,7 @@ def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: st
         (ISO, "G1 Z-20.", "G1 Z#101", 7, "#101 has no value"),
         (ISO, "G1 Z-20.", "G1 Z[1./0.]", 7, "zero"),
         (ISO, "G1 Z-20.", "IF [#1 EQ 2] GOTO 5", 7, "no word"),
-        (ISO, "G50 S2000", "G50 X100. Z50.", 4, "G50"),
+        (ISO, "N80 M98 P7", "N80 G50 X100. Z50.", 10, "G50"),
         (ISO, "M98 P7", "M98 P8", 10, "sub-program 8"),
         (ISO, "M98 P7", "G71 P100 Q200", 10, "N100 to N200"),
         (ISO, "M98 P7", "G71 U2. R1.\nG71 P90 Q100", 11, "contour"),
@@ -327,7 +327,8 @@ CUTS: dict[str, list[tuple[float, float]]] = {
     f"DIAMON G71 G95 G97 S500 F0.2 M3\nG0 X20 Z0\n{AGAIN}": [(-2.0, 10.0), (-1.0, 10.0), (-1.0, 9.5)],
     f"{BAR}G1 X56. F0.25\n/2 Z-10.\n/Z-12.": [(2.0, 28.0), (-10.0, 28.0), (-12.0, 28.0)],
     "\ufeff%\nG21 G91 G28 X0. Z0.\nG90\nG99 G97 S500 M3\nG0 X62. Z2.\nG1 Z-5. F0.2 (A (NESTED) COMMENT\nM30%": [(-5.0, 31.0)],
-    "DIAMON G71 G95 G97 S500 M3\nG0 X30 Z5\nG33 Z-25 K1.5 SF=0": [(-25.0, 15.0)],
+    "G50 X200. Z100.\nG21 G99 G97 S500 M3\nG1 U-80. F0.2": [(100.0, 60.0)],
+    "TRANS Z100\nDIAMON G71 G95 G97 S500 M3\nG0 X30 Z5\nG33 Z-25 K1.5 SF=0": [(-25.0, 15.0)],
     f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R3.\nZ-12.": [(0.0, 30.0), (5.0, 25.0), (-10.0, 26.0), (-12.0, 26.0)],
 }
 

@@ -1,6 +1,5 @@
 """Programs on their stock: metal, loads, adapted feeds and speeds, and the command; the collection as LinuxCNC runs it."""
 
-import itertools
 import json
 import math
 import re
@@ -16,7 +15,7 @@ from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translate
 from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_nc.adapt import Where, adapt, schedule
+from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.moves import Moves, run
 from turning_nc.report import extrapolated, implausible, summary
@@ -84,19 +83,6 @@ def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
             before += first.time
             after += summary(second.situation, second.played).time
     assert after < 0.9 * before
-
-
-@pytest.mark.parametrize("name", ["flange", "welle"])
-def test_a_schedule_by_position_keeps_limits_and_is_shortest(name: str) -> None:
-    situation = situation_of(name)
-    before, blocks = play(situation, WEAR), adapt(situation, WEAR, "blocks").played
-    sections, played = schedule(situation, WEAR)
-    assert played.load.max() <= 1.001
-    assert played.used_life.sum() <= before.used_life.sum() * 1.001
-    assert played.time.sum() <= 1.001 * blocks.time.sum()
-    here = [each for each in sections if each.line == sections[-1].line]
-    assert all(first.z[1] == second.z[0] for first, second in itertools.pairwise(here))
-    assert {each.line for each in sections} == set(situation.line[situation.engaged].tolist())
 
 
 def test_finishing_keeps_its_feed_and_an_overload_is_removed() -> None:
@@ -208,15 +194,12 @@ def options(name: str, *more: str) -> list[str]:
 
 
 def test_the_command_plays_draws_and_adapts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out, table, figure = (tmp_path / name for name in ("welle.simulated.mpf", "welle.simulated.csv", "welle.png"))
+    out, figure = tmp_path / "welle.simulated.mpf", tmp_path / "welle.png"
     assert main(options("welle", "--adapt", "words", "--out", str(out), "--json")) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["adapted"]["totals"]["time"] < 0.9 * found["totals"]["time"]
     again = run(read_program_file(out))
     assert [move.path for move in again.moves] == [move.path for move in situation_of("welle").moves.moves]
-    assert main(options("welle", "--adapt", "positions", "--out", str(table), "--json")) == 0
-    sections = json.loads(capsys.readouterr().out)["adapted"]["sections"]
-    assert len(table.read_text().splitlines()) == 1 + len(sections)
     assert main(options("welle", "--figure", str(figure))) == 0
     assert f"cycle time: {found['totals']['time']:.1f} s" in capsys.readouterr().out
     assert figure.stat().st_size > 10_000
@@ -248,7 +231,7 @@ def test_the_page_prints_what_the_commands_print(
         played += 1
         for line in printed.splitlines():
             assert line == "..." or line in found
-    assert played == 3
+    assert played == 2
 
 
 def test_letters_that_grow_in_capitals_do_not_shift_words(tmp_path: Path) -> None:
