@@ -48,12 +48,12 @@ FANUC = Dialect(
     flow=re.compile(
         r"(?:(?P<word>IF|WHILE)\s*(?P<condition>\[.*\]))?\s*(?:(?P<jump>GOTO|DO|END)\s*(?P<target>\d+)|THEN\s*(?P<then>.+))"
     ),
-    addresses=frozenset({*"NGMTSFXZUWIKRPQDLA", ",A", ",C", ",R"}),
+    addresses=frozenset({*"NGMTSFXZUWIKRPQDLAH", ",A", ",C", ",R"}),
     names=frozenset(),
     codes=frozenset(
         _CODES_OF_BOTH
         | {7, 8, 20, 21, 28, 30, 32, 50, *range(70, 77), 80, 81, 82, 83, 84, 92, 98, 99}
-        | {18, 22, 23, 25, 26, 40, 49, *range(54, 60), 61, 64, 67, 69, 103, 187}
+        | {18, 22, 23, 25, 26, 40, 43, 49, *range(54, 60), 61, 64, 67, 69, 103, 187}
     ),
     units={20: (INCH, True), 21: (1.0, True)},
     spindle_limits=frozenset({50, 92}),

@@ -66,7 +66,7 @@ class ToolPath:
         text = read_program_file(Path(program))
         with naming(program):
             moves = run(text)
-        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves)[0], tools)
+        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools)
         situation = Situation(base, Machine(max_spindle_speed), moves, removal)
         slices = removal.slices
         metal = {name: float(slices.volume[mine].sum()) for name, mine in situation.by_tool.items()}

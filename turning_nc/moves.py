@@ -257,7 +257,7 @@ class Control(Modal):
             if 76 in codes or sum(word.address in ("X", "Z", "U", "W") for word in words) == 1:
                 used |= {"A"}
             calls = any(word.address == "M" and word.value == 98 for word in words)
-            used |= {*"PL"} if calls else {"P"} if codes & {4, 30} else {"D"} if 96 in codes else set()
+            used |= {*"PL"} if calls else {"P"} if codes & {4, 30, 64, 103} else {"D"} if 96 in codes else set()
         else:
             calls = any(word.address == "L" or word.address in self.program.parts for word in words)
             used |= {*"DLP"} if calls else {*"DL"}

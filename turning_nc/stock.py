@@ -272,7 +272,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
                     taken.append((move.line, metal))
                     slim = shapely.difference(slim, _hull(slim_shapes[move.tool], *ends_of_path))
                 elif move.kind == "rapid":
-                    if areas[-1] > COLLISION and move.tool not in threading:
+                    withdraws = start[0] == end[0] and mirror * (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
+                    if areas[-1] > COLLISION and move.tool not in threading and not withdraws:
                         rapids[move.line] = max(rapids.get(move.line, 0.0), float(areas[-1]))
                     areas = moments = np.zeros(count)
             cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
