@@ -6,7 +6,6 @@ The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is 
 import difflib
 import json
 import os
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +25,8 @@ from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
 from turning_shop.plausibility import law_problems, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
-from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers
+from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers, stated_by
+from turning_shop.whatif import NO_LIMIT
 
 VAGUE = 1.0
 """Half-width of the interval of the wear law's exponent of speed above which that of catalogues is taken if it lies within."""
@@ -172,38 +172,35 @@ def summary(calibration: Calibration) -> Iterator[str]:
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
-    """Write and return a scenario with the values that the base states, but the fitted laws.
+    """Write and return a scenario with the fitted laws on a base.
+
+    A limit of force or power that no file states is off if its law was not measured.
 
     Args:
         calibration: The fitted laws.
-        base: A preset, or a scenario file whose values are copied, without name and comments.
+        base: A preset or a scenario file.
         source: Name of the measurements' file, for the comment.
         out: File to write, whole or not at all; its name without the suffix becomes the scenario's name.
 
     Raises:
-        WorkshopError: The fitted laws do not suit the base.
+        WorkshopError: The fitted laws do not suit the base, or the base is no other TOML file.
         OSError: The file cannot be written.
     """
+    path = None if base in presets() else Path(base)
+    if path and (path.suffix != ".toml" or path.resolve() == out.resolve()):
+        raise WorkshopError(f"--base is {base}, but must be a preset or a file that ends in .toml, and not --out")
+    own = stated_by(path)[0].get("limits", {}) if path else {}
+    off = {name: none for name, none in NO_LIMIT.items() if name in calibration.kept and name not in own}
     spread = calibration.wear_factor_spread
-    tool = {} if spread is None else {"wear_factor_spread": spread}
+    tables = {"limits": off, "tool": {} if spread is None else {"wear_factor_spread": spread}}
     values = Scenario.load(base).model_dump() | {"name": name_of_file(out), "material": calibration.material.model_dump()}
-    values["tool"] |= tool
     try:
-        scenario = Scenario.model_validate(values)
+        scenario = Scenario.model_validate(values | {name: values[name] | table for name, table in tables.items()})
     except ValidationError as error:
         detail = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise WorkshopError(f"{out}: {detail}") from error
-    stated: dict[str, Any] = {"base": base}
-    if base not in presets():
-        stated = tomllib.loads(Path(base).read_text("utf-8-sig"))
-        stated.pop("name", None)
-        if (above := stated.get("base")) and above not in presets():  # a file, named from the folder of the one that states it
-            stated["base"] = os.path.relpath(Path(base).parent / above, out.parent)
-        material = {name: law for name, law in stated.pop("material", {}).items() if name not in calibration.fits}
-        stated |= {"material": material} if material else {}
-    if tool:
-        stated["tool"] = stated.get("tool", {}) | tool
-    stated.pop("calibration", None)
+    stated: dict[str, Any] = {"base": os.path.relpath(path, out.parent) if path else base}
+    stated |= {name: table for name, table in tables.items() if table}
     before = read_evidence(Scenario.load(base))
     kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
     lasting = [warning for warning in calibration.warnings if not warning.startswith("column ")]  # of laws, not of the sheet
@@ -221,6 +218,8 @@ def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evid
     yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its 95 % interval."
     for response, why in calibration.kept.items():
         yield f"# The law of {response} is the base's: {why}."
+    for name in stated.get("limits", {}):
+        yield f"# limits.{name} is off, as its law was not measured and no file states it."
     if calibration.wear_factor_spread is not None:
         yield "# tool.wear_factor_spread is the deviation of edges from the law of wear."
     yield ""

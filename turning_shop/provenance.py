@@ -34,7 +34,7 @@ def load(source: Source) -> tuple[Scenario, Evidence]:
     evidence = read_evidence(scenario)
     if scenario.file is None:
         return scenario, evidence
-    stated, preset = _stated(scenario.file)
+    stated, preset = stated_by(scenario.file)
     own = {name for name, _ in flat(stated)}
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
     if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in ASKED if name not in own]:
@@ -44,8 +44,9 @@ def load(source: Source) -> tuple[Scenario, Evidence]:
             whose = "that of your files" if any(each.startswith(f"material.{name}.") for each in own) else f"that of {preset}"
             warnings.append(f"{name}: the law was not measured; it is {whose}")
     limits: dict[str, Any] = {name: none for name, none in NO_LIMIT.items() if f"limits.{name}" not in own}
-    warnings += [f"limits.{name} is off: your files do not state it" for name in limits]
     update: dict[str, Any] = {"limits": scenario.limits.model_copy(update=limits)}
+    off = [name for name, none in NO_LIMIT.items() if getattr(update["limits"], name) == none]
+    warnings += [f"limits.{name} is off: your files do not state it" for name in off]
     wear = scenario.material.wear
     if "wear" not in evidence.laws and is_papers(wear):
         update["material"] = scenario.material.model_copy(
@@ -67,7 +68,7 @@ def with_speed_exponent(law: PowerLaw, exponent: float, cutting_speed: float) ->
     return law.model_copy(update={"cutting_speed": exponent, "coefficient": law.coefficient * scale})
 
 
-def _stated(path: Path) -> tuple[dict[str, Any], str]:
+def stated_by(path: Path) -> tuple[dict[str, Any], str]:
     """Return the values that a scenario file and the files of its bases state, and the preset below them."""
     values = tomllib.loads(path.read_text("utf-8-sig"))
     base = values.pop("base", "rough_turning")
@@ -75,5 +76,5 @@ def _stated(path: Path) -> tuple[dict[str, Any], str]:
         values.pop(table, None)
     if base in presets():
         return values, base
-    below, preset = _stated(path.parent / base)
+    below, preset = stated_by(path.parent / base)
     return {key: {**below.get(key, {}), **values.get(key, {})} for key in below | values}, preset

@@ -49,7 +49,8 @@ def test_values_of_a_base_file_are_kept() -> None:
     assert made.material.wear.time == pytest.approx(0.3)
     assert made.material.wear.feed == 0.9  # never varies
     assert made.material.power == base.material.power
-    assert made.model_copy(update={"material": base.material, "name": "old"}) == base
+    assert (made.limits.power, made.limits.thrust_force) == (11.0, 1e6)  # a limit that no file states, of a law not measured
+    assert made.model_copy(update={"material": base.material, "name": "old", "limits": base.limits}) == base
     assert "# The law of power is the base's: there is no column power" in Path("my_tool.toml").read_text()
 
 
@@ -72,6 +73,7 @@ def test_spread_of_edges_is_written() -> None:
     made = Scenario.load("my_tool.toml")
     assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)  # of the factors' logarithms
     assert made.tool.wear_criterion == 0.4
+    assert calibrate("--base", "my_tool.toml", "--overwrite", measurements="wear.csv") == 2  # not on itself
 
 
 @pytest.mark.parametrize("speeds", [(220, 220, 220), (219, 220, 221)])

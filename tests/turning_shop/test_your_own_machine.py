@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.walking import ROOT, blocks, commands
+from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.headers import COLUMNS, EDGE
 
@@ -44,7 +45,7 @@ def test_the_tutorial_works_from_first_to_last(
     assert [line for line in quoted if line not in table and not any(same(line, other) for other in printed)] == []
     for made in ("my_tool.toml", "map.png", "sheet.pdf", "page.html"):
         assert Path(made).stat().st_size > 0
-    assert "power = 5.5" in Path("my_tool.toml").read_text()
+    assert Scenario.load("my_tool.toml").limits.power == 5.5
 
 
 def test_the_columns_are_those_that_are_read() -> None:
