@@ -13,8 +13,7 @@ from turning_env.scenario import Scenario
 from turning_nc.dialects import DIALECTS
 from turning_nc.words import NcError, naming, read_program_file
 
-FEED_PER_NOSE = 0.5
-"""Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""
+FEED_PER_NOSE = 0.5  # highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
 

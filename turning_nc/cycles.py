@@ -227,11 +227,18 @@ def _contour(control: "Control", lines: Sequence[Line], first: int, last: int) -
         inner.run_lines(lines, first, last)
         inner.end_corner()
     paths = [replace(move.path, line=move.line) for move in inner.moves if move.kind in ("rapid", "feed")]
-    while len(paths) > 2 and paths[-1].rapid:  # the tool departs
+    ends = {line.number for line in lines[first:last] if 40 in line.codes}  # of compensation
+    while len(paths) > 2 and (paths[-1].rapid or (paths[-1].line in ends and _returns(paths))):  # the tool departs
         paths.pop()
     if len(paths) < 2:
         raise Problem("the contour has no moves after the one that leads to it")
     return [replace(path, rapid=False) for path in paths[1:]]
+
+
+def _returns(paths: Sequence[Path]) -> bool:
+    """Return whether the last path leads back towards the first."""
+    (z, x), (end, end_x), (begin, begin_x) = paths[-1].start, paths[-1].end, paths[1].start
+    return (end - z) * (z - begin) + (end_x - x) * (x - begin_x) < 0.0
 
 
 def _add_passes(control: "Control", made: Iterable[Sequence[Path]], kind: "Kind" = "feed") -> None:

@@ -286,11 +286,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     lengths, radii, depths, volumes = np.maximum(table[:, 1:5], 0.0).T
     slices = Slices(table[:, 0].astype(np.int64), lengths, radii, depths, volumes, table[:, 5:7], table[:, 7:9])
     notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in beyond]
-    notes += [
-        f"tool {name} cuts along the axis alone and is taken as a drill that removes nothing: set --tool {name}=drill:DIAMETER"
-        for name, kind in kinds.items()
-        if kind == DRILL
-    ]
+    drill = "cuts along the axis alone and is taken as a drill that removes nothing: set --tool NAME=drill:DIAMETER"
+    notes += [f"tool {name} {drill}" for name, kind in kinds.items() if kind == DRILL]
     notes += [f"tool {name} is taken as turning inside" for name, kind in kinds.items() if kind == "inside" and name not in tools]
     return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
 

@@ -354,6 +354,7 @@ def roughing(start: str = "62.", cycle: str = "U0.4 W0.1", **changed: str) -> st
     [
         (roughing(), "outside"),
         (roughing(more="Z-40.\n", leave="G1 X62."), "outside"),
+        (roughing(more="Z-40.\nX62.\n", leave="G1 G40 X66. Z2."), "outside"),  # departs at feed
         (roughing(first="50.", last="20."), "outside"),  # whatever the ends of the contour
         (roughing("18.", "U-0.4 W0.1", first="50.", last="20."), "inside"),
         (roughing("18.", "W0.1", first="50.", last="20."), "inside"),
