@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from baselines import law_errors
 from baselines.catalogue import spec
 from baselines.self_tuning import SelfTuning
 from turning_env import FamilyVectorEnv, Scenario
@@ -47,3 +48,10 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
 def test_a_rule_for_one_scenario_refuses_several() -> None:
     with pytest.raises(ValueError, match="one scenario at a time"):
         spec("fixed_tuned", [Scenario(), Scenario()])
+
+
+def test_the_errors_that_ship_are_those_of_training_jobs():
+    shipped, errors = law_errors.read(), law_errors.errors_of(Family.load("shop").draw("train", 0))
+    spread = np.sqrt(np.diag(shipped.covariance))
+    assert np.abs((errors.mean(axis=0) - shipped.mean) / spread).max() < 0.2
+    assert np.abs(errors.std(axis=0) / spread - 1.0).max() < 0.2
