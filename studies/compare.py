@@ -189,7 +189,8 @@ def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
     for name, run in trained:
         if not (folder / f"{name}-seed{run.seed}{ONNX_SUFFIX}").exists():
             export(run.folder, folder, name)
-        curves[f"{name}-seed{run.seed}"] = Training.of(run)
+        if run.read_learning_curve():  # an untrained agent has none
+            curves[f"{name}-seed{run.seed}"] = Training.of(run)
     if trained:
         _, run = trained[0]
         Trainings(env_id=run.env_id, scenario=run.task, trainings=curves).write(folder / CURVES)
