@@ -24,6 +24,7 @@ GIVEN = {
 """Inputs of training beside observations, by name."""
 SEEN = {
     "memory": "remembers earlier observations",
+    "belief": "estimates of a Kalman filter of the observations, which knows the nominal model",
     "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
 }
 """Inputs at run time beside the present observation, by name."""
@@ -84,6 +85,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     gradient = given.isdisjoint(_REWARDS)
     has = {
         "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
+        "belief": p.get("belief") is True,
         "position": p.get("position", gradient) is True,
     }
     return Information(

@@ -176,10 +176,12 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
     return Family.load("shop") if study.task == FAMILY_ID else with_changes(Scenario.load(IDS[study.task]), variant.scenario)
 
 
-def run_of(study: Study, name: str, seed: int, runs: Path, command: str) -> Run:
-    """Return the training of a variant with a training seed."""
+def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
+    """Return the training of a variant with a training seed, which the recorded command repeats on the id's own scenario."""
     variant = study.variant(name)
     settings = study.settings | variant.settings
+    words = [f"--set {shlex.quote(f'{key}={json.dumps(value)}')}" for key, value in settings.items()]
+    command = f"python -m train.{variant.algorithm} --env {study.task} --seed {seed} {' '.join(words)}"
     return Run.plan(variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings)
 
 
@@ -196,14 +198,13 @@ def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
         Trainings(env_id=run.env_id, scenario=run.task, trainings=curves).write(folder / CURVES)
 
 
-def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Played:
+def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     """Train a variant with a training seed and play it, unless that is done.
 
     Args:
         piece: the variant's name and the training seed.
         study: the study.
         runs: folder of trainings and episodes.
-        command: the command that a training records.
 
     Raises:
         ValueError: a training's folder holds a training with other settings, or there is no such policy or file.
@@ -214,7 +215,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path, command: str) -> Pl
     home = home_of(study, variant)
     if variant.algorithm:
         algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
-        run = run_of(study, name, seed, runs, command)
+        run = run_of(study, name, seed, runs)
         spec = load_agent(train(run, algorithm).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
@@ -373,9 +374,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     names = [name for name in study.variants if not parsed.variants or name in parsed.variants]
     # One training seed after the other, so that an interrupted command leaves whole rows.
     pieces = sorted(((name, seed) for name in names for seed in range(study.count(name))), key=lambda piece: piece[1])
-    command = f"python -m studies {shlex.join(arguments)}"
     runs = parsed.runs / Path(parsed.study).stem / (parsed.task or "")
-    work = partial(played, study=study, runs=runs, command=command)
+    work = partial(played, study=study, runs=runs)
     done: dict[tuple[str, int], Played] = {}
     with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
         for piece, outcome in spread(over, work, zip(pieces, pieces, strict=True)):
@@ -384,7 +384,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bar.update()
     if parsed.agents:
         publish(
-            [(name, run_of(study, name, seed, runs, command)) for name, seed in pieces if study.variant(name).algorithm],
+            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm],
             parsed.agents,
         )
     print("\n".join(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names})))
