@@ -83,7 +83,12 @@ def test_another_version_of_the_model_or_of_a_rule_voids_results(copy: Path) -> 
     model, rule = copy / "turning_env" / "physics" / "__init__.py", copy / "baselines" / "grid_search.py"
     for path, old, new, voided in (
         (model, "MODEL_VERSION = 1", "MODEL_VERSION = 2", "was played with version 1 of the model, which is now 2"),
-        (rule, "GridSearch, _plays, {})", "GridSearch, _plays, {}, version=2)", "grid_search is no longer what played: version differ"),
+        (
+            rule,
+            "GridSearch, _plays, {})",
+            "GridSearch, _plays, {}, version=2)",
+            "grid_search is no longer what played: version differ",
+        ),
     ):
         before = path.read_text("utf-8")
         edit(path, old, new)

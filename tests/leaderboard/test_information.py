@@ -29,8 +29,10 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     found = information(policy, file.metadata.scenario)
     assert found is not None
     assert found.seen is not None
-    cells = file.metadata.parameters.get("cells", 0), file.metadata.parameters.get("memory_cells", 0)
-    assert file.memory_size == (cells[0] + DistanceTracker.STATES * ("position" in found.seen) if cells[0] else 2 * cells[1])
+    p, entries = file.metadata.parameters, len(file.metadata.observation_space.low)
+    tracker = DistanceTracker.STATES * ("position" in found.seen)
+    remembered = 2 * p.get("memory_cells", 0) + (p.get("frames", 1) - 1) * entries
+    assert file.memory_size == (p["cells"] + tracker if "cells" in p else remembered)
     assert ("memory" in found.seen) == (file.memory_size > 0)
     assert found.steps == file.metadata.trained_steps
 
