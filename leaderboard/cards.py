@@ -12,7 +12,8 @@ from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
-from turning_env import SPLITS
+from train.run import family_of
+from turning_env import FAMILY_ID, SPLITS
 
 
 def write_all(results: Path, agents: Path) -> list[Path]:
@@ -27,7 +28,8 @@ def write_all(results: Path, agents: Path) -> list[Path]:
     written = []
     for folder in folders:
         env_id, home = folder.parts[-2:]
-        board = read_leaderboard(result_folder(results, env_id, home))
+        played_on = f"{home}-unseen_jobs" if env_id == FAMILY_ID else home
+        board = read_leaderboard(result_folder(results, env_id, played_on))
         splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
         across = table.across([board, *map(read_leaderboard, splits)])
         played = {(each.policy.label, each.policy.sha256) for each in board.results}
@@ -85,7 +87,8 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
         except (OSError, ValueError) as error:
             raise ResultError(str(error)) from error
         metadata = file.metadata
-        place = Path(metadata.env_id) / metadata.scenario.name / f"{file.label}{ONNX_SUFFIX}"
+        family = family_of(metadata.env_id, metadata.parameters)
+        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
             raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
         agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)

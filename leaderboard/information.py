@@ -24,7 +24,7 @@ GIVEN = {
 """Inputs of training beside observations, by name."""
 SEEN = {
     "memory": "remembers earlier observations",
-    "belief": "estimates of a Kalman filter of the observations, which knows the nominal model",
+    "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the observations",
     "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
 }
 """Inputs at run time beside the present observation, by name."""
