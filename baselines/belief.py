@@ -130,7 +130,7 @@ class Belief:
         expected = np.stack([outlook.log_force, outlook.log_power], axis=2) + laws[:, np.newaxis, :]
         spreads = np.stack([outlook.force_spread, outlook.power_spread], axis=2)
         columns = (
-            *(believed.mean / prior, np.minimum(deviations / prior, LIMIT)),
+            *(believed.mean / prior, deviations / prior),
             *(believed.log_wear_factor, believed.wear_deviation, used, believed.memory["measured"]),
             log(1.0 + (believed.parameters["pitch"] - believed.along) / velocity),
             *(expected.reshape(len(wear), -1), spreads.reshape(len(wear), -1)),

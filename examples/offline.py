@@ -56,6 +56,11 @@ BEHAVIOURS = {
 CANONICAL = ("grid_search", "analytic_gradient", "mixture")
 
 
+def acting(behaviour: str) -> tuple[tuple[str, ...], float]:
+    """Return the policies of a behaviour, of which a controller's name is one, and the noise on their actions."""
+    return BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
+
+
 def load_rule(observations: Observations) -> Any:
     """Return actions that lower the feed while the power or the force is above 80 % of its limit, and raise it below."""
     feed = -0.3 * (observations[:, [OBS.power, OBS.thrust_force]].max(axis=1) + 1.0)
@@ -118,7 +123,7 @@ def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path
     name = f"{IDS.get(env_id, 'family')}-{behaviour}-v0"
     if (out / name).exists():
         return out / name
-    policies, noise = BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
+    policies, noise = acting(behaviour)
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
         for number, each in enumerate(policies):  # by turns: seed i is played by policy i modulo their number
@@ -138,7 +143,7 @@ def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, env_id: str) -> None:
     """Have Minari write a data set below ``root``, with a description."""
     source = Family.load("shop") if env_id == FAMILY_ID else Scenario.load(IDS[env_id])
-    policies, noise = BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
+    policies, noise = acting(behaviour)
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
@@ -206,10 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder = make(behaviour, options.episodes, options.out, options.env)
         dataset = load(folder)
         marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
-        returns = {
-            name: [each["return"] for each in marks if each["behaviour"] == name]
-            for name in BEHAVIOURS.get(behaviour, ((behaviour,),))[0]
-        }
+        returns = {name: [each["return"] for each in marks if each["behaviour"] == name] for name in acting(behaviour)[0]}
         means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
         print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
         print(f"    sha256 {checksum(dataset)}", flush=True)

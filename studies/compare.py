@@ -29,9 +29,8 @@ from baselines import catalogue
 from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
-from train.curves import read as read_curves
 from train.export import export
-from train.run import HYPERPARAMETERS, Run, hyperparameters
+from train.run import HYPERPARAMETERS, Run, hyperparameters, trained_on
 from train.training import SEEDS, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
@@ -173,7 +172,8 @@ class Played(NamedTuple):
 
 def home_of(study: Study, variant: Variant) -> Scenario | Family:
     """Return the family of a study, or its scenario with a variant's changes."""
-    return Family.load("shop") if study.task == FAMILY_ID else with_changes(Scenario.load(IDS[study.task]), variant.scenario)
+    home = trained_on(study.task, None)
+    return home if isinstance(home, Family) else with_changes(home, variant.scenario)
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
@@ -187,7 +187,7 @@ def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
 
 def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
     """Write agents under the names of their variants as ONNX files, and their learning curves, beside those that are there."""
-    curves = read_curves([folder / CURVES]).trainings if (folder / CURVES).exists() else {}
+    curves = Trainings.read(folder / CURVES).trainings if (folder / CURVES).exists() else {}
     for name, run in trained:
         if not (folder / f"{name}-seed{run.seed}{ONNX_SUFFIX}").exists():
             export(run.folder, folder, name)
