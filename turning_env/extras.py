@@ -12,10 +12,11 @@ EXTRAS = {
     "programs": ("ezdxf", "shapely"),
     "render": ("PIL", "pygame"),
     "sb3": ("stable_baselines3",),
+    "onnx": ("onnxruntime",),
+    "opcua": ("asyncua",),
     "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
     "benchmark": (
-        *("jinja2", "joblib", "onnx", "onnxruntime", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy"),
-        *("tensorboard", "torch", "tqdm"),
+        *("jinja2", "joblib", "onnx", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy", "tensorboard", "torch", "tqdm"),
     ),
     "distributed": ("dask", "distributed", "psutil"),
 }
