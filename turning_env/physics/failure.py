@@ -1,4 +1,4 @@
-"""Sudden failures of the edge beside too large a force: plastic collapse and chipping. Both count as breakage.
+"""Failures of the edge beside too large a force: plastic collapse, chipping and notch wear. They count as breakage.
 
 Collapse: an edge deforms plastically at once where its temperature, a power law of cutting speed, feed, depth, wear and hardness,
 exceeds a limit. So the limit is a surface over speed, feed and wear, and the speed that an edge bears falls with its wear. (The
@@ -10,6 +10,9 @@ Chipping: a random failure with the hazard rate [1/min]
 
 An edge chips when the integral of its hazard over the cutting time exceeds its margin, an exponential number with mean 1 that is
 drawn when the edge is fitted. So the result converges with shorter sub-steps. (Assumption.)
+
+Notch wear: the skin of the cut, hardened by the bar's last turn, cuts a notch into the edge at the depth of cut, which takes the
+share g D of its strength at a used life D. No load shows it. (Stainless and heat-resistant materials; form: assumption.)
 """
 
 from turning_env.numerics.compilation import compiled
@@ -35,3 +38,10 @@ def chip(state, work, i, p):
     log_hazard = p.chipping_load_exponent[i] * load + p.chipping_wear_exponent[i] * (work.log_wear[i] - p.log_wear_criterion[i])
     state.chipping_margin[i] -= p.chipping_rate[i] * work.engaged[i] * exp(min(log_hazard, _MAX_EXPONENT))
     work.broken[i] |= 1 if state.chipping_margin[i] <= 0.0 and work.engaged[i] > 0.0 else 0
+
+
+@compiled
+def break_at_notch(state, work, i, p):
+    """Break the edge if the notch leaves less strength than the thrust force needs."""
+    strength = state.edge_strength[i] * (1.0 - p.notch_growth[i] * state.used_life[i])
+    work.broken[i] |= 1 if state.thrust_force[i] > strength and work.engaged[i] > 0.0 else 0

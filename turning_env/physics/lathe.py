@@ -16,10 +16,11 @@ from numba import literal_unroll
 from turning_env.numerics.compilation import compiled, compiled_separately, env_range
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
+from turning_env.physics.chatter import sing
 from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
 from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
-from turning_env.physics.failure import chip, collapse
+from turning_env.physics.failure import break_at_notch, chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
@@ -29,7 +30,7 @@ from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import clear_chips, tangle, use_up_margin
-from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_tertiary_wear
+from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_phases
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
 _ZERO_AT_START = (
@@ -236,7 +237,7 @@ def run_sub_step(state, work, report, count, p, varies):
         work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
     for i in range(count):
         state.cutting_time[i] += work.engaged[i]
-    if p.wears_faster:
+    if p.has_phases:
         for i in range(count):
             work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
@@ -254,14 +255,17 @@ def run_sub_step(state, work, report, count, p, varies):
             used_life = real_power(work.wear[i], p.life_exponent[i])
             used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
             state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
-    if p.wears_faster:
+    if p.has_phases:
         for i in range(count):
-            state.used_life[i] = with_tertiary_wear(p, i, work.life_before[i], state.used_life[i])
+            state.used_life[i] = with_phases(p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i])
     for i in range(count):
         work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
     if p.chips_lag:
         for i in range(count):
             work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
+    if p.chatters:
+        for i in range(count):
+            sing(state, work, i, p)
     for i in range(count):
         load_edge(state, work, i, p)
     if p.holds_roughness:
@@ -275,6 +279,9 @@ def run_sub_step(state, work, report, count, p, varies):
     if p.edges_chip:
         for i in range(count):
             chip(state, work, i, p)
+    if p.notches:
+        for i in range(count):
+            break_at_notch(state, work, i, p)
     if p.chips_tangle:
         tangled = 0
         for i in range(count):
@@ -346,6 +353,7 @@ def load_edge(state, work, i, p):
         p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
     )
     remains = work.chip_remains[i]
+    force *= 1.0 + work.chatter[i]
     force = force * (1.0 - remains) + state.thrust_force[i] * remains
     power = power * (1.0 - remains) + state.power[i] * remains
     state.thrust_force[i] = force if work.engaged[i] > 0.0 else state.thrust_force[i]

@@ -155,6 +155,7 @@ WORK = (
     Q("word_1", "-", "random word of the sensors", np.uint64),
     Q("force_noise", "-", "factor of the measured force"),
     Q("predicted_force", "N", "thrust force by the nominal model"),
+    Q("chatter", "-", "dynamic over static thrust force"),
     Q("cut_stiffness", "N/mm", "thrust force over depth of cut, in the sub-step before"),
     Q("life_before", "-", "used life before the sub-step"),
     Q("tangles", "-", "times that chips have tangled in the step", np.int64),

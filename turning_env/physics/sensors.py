@@ -1,12 +1,13 @@
 """Sensors of power, and of thrust force or servo current, each with a first-order lag and noise.
 
-The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
+The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force. Readings may drift (``warm_up.py``).
 """
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
 from turning_env.physics.drives import servo_current
 from turning_env.physics.spindle import idle_power
+from turning_env.physics.warm_up import warmth
 
 
 @compiled
@@ -30,6 +31,11 @@ def read_sensors(state, work, first, last, p):
         power = (1.0 + p.power_bias[i]) * state.lagged_power[i] * (1.0 + p.power_noise[i] * power_normal)
         state.measured_power[i] = max(power, 0.0)
         work.force_noise[i] = 1.0 + p.force_noise[i] * force_normal
+    if p.warms_up:
+        for i in env_range(first, last):
+            warm = warmth(state, i, p)
+            state.measured_power[i] *= 1.0 + p.power_drift[i] * warm
+            work.force_noise[i] *= 1.0 + p.force_drift[i] * warm
     if p.senses_current:
         for i in env_range(first, last):
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]

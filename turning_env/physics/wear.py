@@ -10,7 +10,9 @@ not matter.
 Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each step adds K (t_i^n - t_{i-1}^n), t being the
 edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
 
-Tertiary wear: beyond a wear W_t, dD/dt is exp(r (W - W_t)) times as large (assumption).
+Phases of wear: while an edge runs in, dD/dt is 1 + a exp(-W / W_r) times as large, and beyond a wear W_t exp(r (W - W_t)) times.
+Built-up edge: about a speed V_b, it is 1 + b exp(-(log(V / V_b) / s)^2) times as large, so wear has a minimum above this speed.
+(Forms: assumptions; both are seen in textbooks' curves of wear over time and over speed.)
 """
 
 from turning_env.numerics.compilation import compiled
@@ -50,10 +52,14 @@ def advance_used_life(p, i, used_life, log_wear_coefficient, start, end):
 
 
 @compiled
-def with_tertiary_wear(p, i, before, after):
-    """Return the used life [-] after a short cut that takes it from ``before`` to ``after`` without tertiary wear."""
-    beyond = max(exp(log_wear(p, i, before)) - p.tertiary_wear[i], 0.0)
-    return before + (after - before) * exp(p.tertiary_rate[i] * beyond)
+def with_phases(p, i, before, after, log_cutting_speed):
+    """Return the used life [-] after a short cut that takes it from ``before`` to ``after`` without phases and built-up edge."""
+    wear = exp(log_wear(p, i, before))
+    factor = exp(p.tertiary_rate[i] * max(wear - p.tertiary_wear[i], 0.0))
+    factor *= 1.0 + p.running_in[i] * exp(-wear / p.running_in_wear[i])
+    off = (log_cutting_speed - p.log_built_up_speed[i]) / p.built_up_width[i]
+    factor *= 1.0 + p.built_up_edge[i] * exp(-off * off)
+    return before + (after - before) * factor
 
 
 @compiled

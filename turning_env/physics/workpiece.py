@@ -11,6 +11,8 @@ The nominal depth may step along a bar, and the depth ripple with the spindle's 
 is a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
 between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
 wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
+Within a bar, log hardness may rise or fall in proportion to the height above the finished contour, so that a deeper cut is harder or
+softer on average (bars cool from outside; assumption).
 """
 
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import log, sine_and_cosine
 from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
+from turning_env.physics.warm_up import warmth
 
 MIN_DEPTH_SHARE = 0.01
 
@@ -92,8 +95,15 @@ def look_up_fields(state, work, first, last, p):
         for i in env_range(first, last):
             sine, _ = sine_and_cosine(p.depth_ripples_per_turn[i] * state.turns[i])
             work.blank_depth[i] *= 1.0 + p.depth_ripple[i] * sine
+    if p.warms_up:
+        for i in env_range(first, last):
+            work.blank_depth[i] += p.thermal_growth[i] * warmth(state, i, p)
     for i in env_range(first, last):
         limit_depth(state, work, i)
+    if p.has_gradient:
+        for i in env_range(first, last):
+            deeper = state.depth_of_cut[i] / work.nominal_depth[i] - 1.0 if work.nominal_depth[i] > 0.0 else 0.0
+            state.log_hardness[i] += 0.5 * p.hardness_gradient[i] * deeper if work.engaged[i] > 0.0 else 0.0
     if p.has_skin:
         for i in env_range(first, last):
             cut_skin(state, work, i, p)

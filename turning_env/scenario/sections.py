@@ -71,6 +71,12 @@ class EdgeFailure(Section):
     chipping_rate: float = quantity(0, 0, 1e3, "1/min", "chipping rate of a worn-out edge loaded with its strength; 0: never")
     chipping_load_exponent: float = quantity(3, 0, 20, "-", "exponent of thrust force over edge strength (assumption)")
     chipping_wear_exponent: float = quantity(1, 0, 20, "-", "exponent of flank wear over the criterion (assumption)")
+    running_in: float = quantity(0, 0, 100, "-", "rate of wear of a sharp edge over that of one that has run in, less 1; 0: none")
+    running_in_wear: float = quantity(0.05, 0.001, 5, "mm", "flank wear over which the rate falls by a factor e (assumption)")
+    built_up_edge: float = quantity(0, 0, 100, "-", "rate of wear where edges build up most, over that without, less 1; 0: none")
+    built_up_speed: float = quantity(60, 0.1, 5000, "m/min", "cutting speed at which edges build up most (assumption)")
+    built_up_width: float = quantity(0.25, 0.01, 3, "-", "log width of the range of speed in which edges build up (assumption)")
+    notch_growth: float = quantity(0, 0, 20, "-", "loss of strength to the notch at the depth of cut, per used life; 0: none")
 
     @model_validator(mode="after")
     def _temperature_without_time(self) -> Self:
@@ -99,6 +105,9 @@ class Machine(Section):
     feed_max: float = quantity(0.60, 0.001, 10, "mm/rev", "highest feed")
     feed_time_constant: float = quantity(0.13, 0, 60, "s", "time constant of the feed drive (measured, roughness control paper)")
     spindle_time_constant: float = quantity(0.4, 0, 60, "s", "time constant of the spindle drive (assumption)")
+    chatter: float = quantity(0, 0, 10, "-", "dynamic thrust force over the static one at the worst speed; 0: no chatter")
+    chatter_speed: float = quantity(500, 1, 1e5, "rev/min", "spindle speed at which the bar chatters most (assumption)")
+    chatter_width: float = quantity(0.06, 0.001, 3, "-", "log width of the range of speeds in which it chatters (assumption)")
     chip_lag: float = quantity(0, 0, 100, "rev", "lag of force and power behind the cut: a chip thickens over a revolution")
     command_delay: float = quantity(0, 0, 60, "s", "dead time of the drives, at most 4 control intervals (of LinuxCNC)")
     rated_power: float = quantity(7.5, 0.001, 1e4, "kW", "spindle power at a load of 100 % (assumption)")
@@ -253,6 +262,11 @@ class Mismatch(Section):
     initial_wear: float = quantity(0, 0, 5, "mm", "flank wear of every edge at its start, where the nominal model has none")
     power_bias: float = quantity(0, -0.9, 10, "-", "measured over true power, less 1")
     force_bias: float = quantity(0, -0.9, 10, "-", "measured over true thrust force (or servo current, if measured), less 1")
+    power_drift: float = quantity(0, -0.9, 10, "-", "change of measured over true power until the machine is warm")
+    force_drift: float = quantity(0, -0.9, 10, "-", "likewise of measured thrust force (or servo current, if measured)")
+    thermal_growth: float = quantity(0, -5, 5, "mm", "change of the depth of cut until the machine is warm")
+    warm_up_time: float = quantity(30, 0.1, 1e4, "min", "time constant of the machine's warm-up (assumption)")
+    hardness_gradient: float = quantity(0, -5, 5, "-", "log hardness at a bar's skin less that at the finished contour")
 
 
 class Economics(Section):

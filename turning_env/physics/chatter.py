@@ -1,0 +1,17 @@
+"""Chatter: about one spindle speed, a slender bar sings, and a dynamic force adds to the thrust force.
+
+    dynamic over static force = c (depth / nominal depth) exp(-(log(n / n_c) / s)^2)
+
+The stability lobes of regenerative chatter are such bands of spindle speed, and chatter grows with the depth of cut; one band and
+its shape are an assumption. Power stays as it is, as its mean does.
+"""
+
+from turning_env.numerics.compilation import compiled
+from turning_env.numerics.functions import exp
+
+
+@compiled
+def sing(state, work, i, p):
+    """Set the dynamic over the static thrust force [-]."""
+    off = (work.log_cutting_speed[i] - p.log_chatter_cutting_speed[i]) / p.chatter_width[i]
+    work.chatter[i] = p.chatter[i] * state.depth_of_cut[i] / p.depth_of_cut[i] * exp(-off * off)
