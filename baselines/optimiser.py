@@ -142,7 +142,7 @@ class Optimiser(Policy):
         points[:, feed_search.LIFE_PRICE] = column(price) * exp(wear / column(law.time))
         points[:, feed_search.CUTTING] = cutting
         points[:, feed_search.UNMEASURED] = unmeasured
-        speeds = scenario.machine.cutting_speed_min, scenario.cutting_speed_max
+        speeds = scenario.machine.cutting_speed_min, self._fastest()
         environments = np.empty((len(price), feed_search.ENVIRONMENT))
         environments[:, : feed_search.LIFE_RATE] = np.stack(
             [
@@ -160,6 +160,10 @@ class Optimiser(Policy):
         found = np.empty((len(points), 2))
         feed_search.search(self._parameters, self._left, environments, points, found)
         return exp(found[:, 0]), exp(found[:, 1])
+
+    def _fastest(self) -> Any:
+        """Return the highest cutting speed to command [m/min]."""
+        return self._scenario.cutting_speed_max
 
     def _life_rate(self) -> list[Array]:
         """Return the log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [1/s], and its exponents of both."""

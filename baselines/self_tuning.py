@@ -29,13 +29,28 @@ MIN_SPENT_LIFE = 0.5
 class SelfTuning(Predictive):
     """A policy as ``Predictive``, on a filter that expects errors of the nominal model.
 
-    See ``Optimiser`` for the arguments.
+    See ``Optimiser`` for the other arguments. Attributes, shape (num_envs,), can be set before every action:
+
+    Attributes:
+        top_speed: highest cutting speed over the machine's highest one [-].
+        change_at: used life at which edges are changed, if not before [-].
     """
 
     def __init__(
-        self, scenario: Scenario | Sequence[Scenario], num_envs: int, severity: float, caution: float, wear_caution: float
+        self,
+        scenario: Scenario | Sequence[Scenario],
+        num_envs: int,
+        severity: float,
+        caution: float,
+        wear_caution: float,
+        top_speed: float = 1.0,
+        change_at: float = 1.0,
     ) -> None:
         super().__init__(scenario, num_envs, severity, caution, wear_caution, law_errors.read())
+        self.top_speed, self.change_at = np.full(num_envs, top_speed), np.full(num_envs, change_at)
+
+    def _fastest(self) -> Array:
+        return np.minimum(self._scenario.cutting_speed_max, self._scenario.machine.cutting_speed_max * self.top_speed)
 
     def _early(self, velocity: Array) -> Array:
         return self._filter.memory["slack"] + EARLY * velocity
@@ -56,7 +71,8 @@ class SelfTuning(Predictive):
         return prices
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
-        return super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))
+        spent = super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))
+        return spent | ((used_life >= self.change_at) & (reading.nominal_wear > 0.0))
 
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"

@@ -11,8 +11,9 @@ Chipping: a random failure with the hazard rate [1/min]
 An edge chips when the integral of its hazard over the cutting time exceeds its margin, an exponential number with mean 1 that is
 drawn when the edge is fitted. So the result converges with shorter sub-steps. (Assumption.)
 
-Notch wear: the skin of the cut, hardened by the bar's last turn, cuts a notch into the edge at the depth of cut, which takes the
-share g D of its strength at a used life D. No load shows it. (Stainless and heat-resistant materials; form: assumption.)
+Notch wear: the skin of the cut, hardened by the bar's last turn, cuts a notch into the edge at the depth of cut. The edge breaks
+where the notch, growth times used life, exceeds its strength over the median strength. No load shows the notch. (Stainless and
+heat-resistant materials; form: assumption.)
 """
 
 from turning_env.numerics.compilation import compiled
@@ -42,6 +43,6 @@ def chip(state, work, i, p):
 
 @compiled
 def break_at_notch(state, work, i, p):
-    """Break the edge if the notch leaves less strength than the thrust force needs."""
-    strength = state.edge_strength[i] * (1.0 - p.notch_growth[i] * state.used_life[i])
-    work.broken[i] |= 1 if state.thrust_force[i] > strength and work.engaged[i] > 0.0 else 0
+    """Break the edge if its notch is too deep."""
+    too_deep = p.notch_growth[i] * state.used_life[i] * p.edge_strength[i] > state.edge_strength[i]
+    work.broken[i] |= 1 if too_deep and work.engaged[i] > 0.0 else 0

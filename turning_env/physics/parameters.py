@@ -86,14 +86,13 @@ def _log_collapse_temperature(s: Scenario) -> Any:
     return log(np.where(np.equal(temperature, 0.0), np.inf, temperature))
 
 
-def _has_phases(s: Scenario) -> Any:
+def _has_phases(s: Scenario) -> bool:
     wear = s.edge_failure
-    return np.greater(np.maximum(np.maximum(wear.tertiary_rate, wear.running_in), wear.built_up_edge), 0.0)
+    return any(np.any(rate) for rate in (wear.tertiary_rate, wear.running_in, wear.built_up_edge))
 
 
-def _warms_up(s: Scenario) -> Any:
-    mismatch = s.mismatch
-    return np.not_equal(mismatch.power_drift, 0.0) | np.not_equal(mismatch.force_drift, 0.0) | np.not_equal(mismatch.thermal_growth, 0.0)
+def _warms_up(s: Scenario) -> bool:
+    return any(np.any(change) for change in (s.mismatch.power_drift, s.mismatch.force_drift, s.mismatch.thermal_growth))
 
 
 def _chatter_speed(s: Scenario) -> Any:
@@ -218,22 +217,28 @@ PARAMETERS = (
     P("edge_price", "s", "price of a whole edge", lambda s: 60.0 * (s.economics.edge_cost + _lost(s, "edge_change_time"))),
     P("breakage_price", "s", "price of breakage beside the edge", lambda s: 60.0 * _lost(s, "breakage_downtime")),
     P("clock_limit", "min", "machine time that stops end at", lambda s: np.inf if _timeless(s) else s.control.time_limit),
-    P("collapses", "-", "edges collapse", lambda s: s.edge_failure.collapse_temperature > 0.0, np.bool_),
+    P("collapses", "-", "edges collapse", lambda s: bool(np.any(s.edge_failure.collapse_temperature > 0.0)), np.bool_),
     P("temperature_law", "K", "temperature of the edge", lambda s: s.edge_failure.temperature, POWER_LAW_RECORD),
     P("log_collapse_temperature", "-", "logarithm of the temperature [K] that an edge bears", _log_collapse_temperature),
     P("has_phases", "-", "wear has phases, or edges build up", _has_phases, np.bool_),
     P("log_built_up_speed", "-", "logarithm of the speed [m/min]", lambda s: log(s.edge_failure.built_up_speed)),
     *_same("running_in", "running_in_wear", "built_up_edge", "built_up_width", "notch_growth"),
-    P("notches", "-", "edges notch", lambda s: s.edge_failure.notch_growth > 0.0, np.bool_),
-    P("chatters", "-", "bars chatter", lambda s: s.machine.chatter > 0.0, np.bool_),
+    P("notches", "-", "edges notch", lambda s: bool(np.any(s.edge_failure.notch_growth > 0.0)), np.bool_),
+    P("chatters", "-", "bars chatter", lambda s: bool(np.any(s.machine.chatter > 0.0)), np.bool_),
     P("log_chatter_cutting_speed", "-", "logarithm of the cutting speed [m/min] at the worst spindle speed", _chatter_speed),
     *_same("chatter", "chatter_width"),
     P("warms_up", "-", "readings or depth drift", _warms_up, np.bool_),
     *_same("power_drift", "force_drift", "thermal_growth", "warm_up_time", "hardness_gradient"),
-    P("has_gradient", "-", "bars are harder at the skin or within", lambda s: s.mismatch.hardness_gradient != 0.0, np.bool_),
-    P("edges_chip", "-", "edges chip", lambda s: s.edge_failure.chipping_rate > 0.0, np.bool_),
+    P(
+        "has_gradient",
+        "-",
+        "bars are harder at the skin or within",
+        lambda s: bool(np.any(s.mismatch.hardness_gradient != 0.0)),
+        np.bool_,
+    ),
+    P("edges_chip", "-", "edges chip", lambda s: bool(np.any(s.edge_failure.chipping_rate > 0.0)), np.bool_),
     *_same("tertiary_wear", "tertiary_rate", "chipping_rate", "chipping_load_exponent", "chipping_wear_exponent"),
-    P("chips_tangle", "-", "chips tangle", lambda s: s.swarf.tangle_rate > 0.0, np.bool_),
+    P("chips_tangle", "-", "chips tangle", lambda s: bool(np.any(s.swarf.tangle_rate > 0.0)), np.bool_),
     *_same("chip_feed_min", "chip_feed_max", "chip_depth_min", "chip_depth_max", "tangle_rate", "tangle_time"),
     P("support", "-", "how the bar is held", lambda s: SUPPORTS[s.workpiece.support], np.int64),
     P("bends", "-", "the bar bends", lambda s: SUPPORTS[s.workpiece.support] != RIGID, np.bool_),

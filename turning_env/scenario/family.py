@@ -2,8 +2,8 @@
 
 A family is a TOML file. Its ``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for
 the scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal model's best set point
-(``plan.py``). A variable with a ``truth`` has a true value, too, and the fields that depend on it differ between truth and
-nominal model. ``docs/family.md`` describes the preset.
+(``plan.py``), and ``hidden`` fields are the truth's alone. A variable with a ``truth`` has a true value, too, and the fields that
+depend on it differ between truth and nominal model. ``docs/family.md`` describes the families that ship.
 
 A job depends on family, split and number alone. Its numbers are keyed by the name of their variable (``numerics.keyed_random``),
 so a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
@@ -29,7 +29,7 @@ from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
-from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, nested
+from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested
 from turning_env.scenario.section import Section, names_instead
 
 Array = NDArray[np.float64]
@@ -255,6 +255,10 @@ class Family(Section):
     derived: dict[str, float | str] = {}  # noqa: RUF012
     """Further variables: formulas of nominal values, in order."""
     fields: dict[str, float | bool | str]
+    hidden: dict[str, float | str] = {}  # noqa: RUF012
+    """Fields that the nominal model leaves at the base's values: formulas of true values, for forms that its laws do not have."""
+    shown: tuple[str, ...] = ()
+    """Variables and columns whose nominal values join the context."""
     planned: dict[str, float | bool | str] = {}  # noqa: RUF012
     splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012
     """Names of splits, and of the tables whose held-out rows each of them draws."""
@@ -286,7 +290,7 @@ class Family(Section):
         if not path.is_file():
             instead = names_instead(str(source), families(), "families()")
             raise ScenarioError(f"no family and no file is called {str(source)!r}; {instead}")
-        return cls._from_values(str(path), lambda: {"name": path.stem} | tomllib.loads(path.read_text("utf-8")))
+        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path.read_text("utf-8")))
 
     @classmethod
     def _from_values(cls, source: str, read: Callable[[], Values]) -> "Family":
@@ -329,7 +333,7 @@ class Family(Section):
         number = self.number(seed, episode, split)
         draw, i = self.draw(split, number // CHUNK), number % CHUNK
         nominal, true = ({name: _one(value, i) for name, value in fields.items()} for fields in draw.fields)
-        differing = {name: value for name, value in nominal.items() if value != true[name]}
+        differing = {name: value for name, value in nominal.items() if value != true[name] and not always_told(name)}
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
@@ -429,8 +433,10 @@ class Family(Section):
             name: value if always_told(name) or name in self.planned else _evaluate(self.fields[name], true)
             for name, value in nominal_fields.items()
         }
+        nominal_fields |= {name: self._base[name] for name in self.hidden}
+        true_fields |= {name: _evaluate(formula, true | planned) for name, formula in self.hidden.items()}
         nominal = self.columns(nominal_fields)
-        fields, context = (nominal_fields, true_fields), features(nominal, plan)
+        fields, context = (nominal_fields, true_fields), features(nominal, plan) | {name: told[name] for name in self.shown}
         return Draw(self.columns(true_fields), nominal, plan, fields, rows, context)
 
 
@@ -446,4 +452,14 @@ def families() -> tuple[str, ...]:
 @cache
 def _preset(name: str) -> Family:
     text = (_FAMILIES / f"{name}.toml").read_text("utf-8")
-    return Family._from_values(f"family {name}", lambda: {"name": name} | tomllib.loads(text))
+    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(text))
+
+
+def _read(text: str) -> Values:
+    """Return the values of a family's TOML, on top of those of the family that it ``extends``, one that ships."""
+    values = tomllib.loads(text)
+    if (other := values.pop("extends", None)) is None:
+        return values
+    if other not in families():
+        raise ValueError(f"extends is {other!r}; {names_instead(str(other), families(), 'families()')}")
+    return merged(_read((_FAMILIES / f"{other}.toml").read_text("utf-8")), values)

@@ -268,7 +268,7 @@ class Scenario(Section):
                 above = cls._read(base if base in presets() else folder / base)
             except ScenarioError as error:
                 raise ScenarioError(f"{source}: base: {error}") from error
-            values = _merged(above.model_dump(exclude={"name"}), values)
+            values = merged(above.model_dump(exclude={"name"}), values)
             calibration = above.calibration if calibration is None else calibration
         try:
             loaded = cls.model_validate({"name": name} | values)
@@ -356,7 +356,7 @@ class Scenario(Section):
         """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
         update: dict[str, Any] = {"mismatch": Mismatch(), "nominal_model": ()}
         if self.nominal_model:
-            values = _merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
+            values = merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
             update |= dict(Scenario.model_validate(values)) | {"name": self.name}
         return self.model_copy(update=update)
 
@@ -368,7 +368,7 @@ _DEFAULTS = Scenario()
 
 
 def _from_differences(values: Any) -> Any:
-    return _merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
+    return merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
 
 
 PortableScenario = Annotated[
@@ -401,10 +401,10 @@ def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, 
     }
 
 
-def _merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+def merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
     """Return the base's values, overwritten entry by entry, also in nested tables."""
     both = {
-        key: _merged(base[key], value)
+        key: merged(base[key], value)
         for key, value in values.items()
         if isinstance(value, dict) and isinstance(base.get(key), dict)
     }

@@ -76,7 +76,7 @@ class EdgeFailure(Section):
     built_up_edge: float = quantity(0, 0, 100, "-", "rate of wear where edges build up most, over that without, less 1; 0: none")
     built_up_speed: float = quantity(60, 0.1, 5000, "m/min", "cutting speed at which edges build up most (assumption)")
     built_up_width: float = quantity(0.25, 0.01, 3, "-", "log width of the range of speed in which edges build up (assumption)")
-    notch_growth: float = quantity(0, 0, 20, "-", "loss of strength to the notch at the depth of cut, per used life; 0: none")
+    notch_growth: float = quantity(0, 0, 20, "-", "notch of a worn-out edge over that which breaks a usual one; 0: none")
 
     @model_validator(mode="after")
     def _temperature_without_time(self) -> Self:

@@ -63,7 +63,8 @@ class Truthful(Family):
         told = {name: true[name] if name.startswith(self.right) else value for name, value in nominal.items()}
         columns = self.columns(told)
         plan = plan_of(columns, len(numbers))
-        return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=features(columns, plan))
+        context = features(columns, plan) | {name: draw.features[name] for name in self.shown}
+        return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=context)
 
 
 def truthful(family: Family, right: str = "") -> Truthful:
