@@ -66,9 +66,7 @@ class GuidedRule(SelfTuning):
         believed = self.belief.observe(observations)
         reading = read(observations[:, : self._entries], self._scenario)
         self._note(reading)
-        return np.concatenate(
-            [observations[:, self._entries :], believed, self._history.astype(np.float32)], axis=1
-        )
+        return np.concatenate([observations[:, self._entries :], believed, self._history.astype(np.float32)], axis=1)
 
     def _note(self, reading: Reading) -> None:
         scenario, last, history = self._scenario, self._last, self._history
@@ -87,7 +85,9 @@ class GuidedRule(SelfTuning):
         law = scenario.edge_failure.temperature
         start = START_SHARE * scenario.machine.cutting_speed_max
         log_wear = log(wear) + self._filter.log_wear_factor
-        heat = log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
+        heat = (
+            log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
+        )
         heat = np.where(reading.cutting & (reading.nominal_wear > 0.0), np.maximum(heat, -2.0), -2.0)
         self._worst = np.where(fresh, -2.0, self._worst)
         self._worst[1] = np.maximum(self._worst[1], heat)

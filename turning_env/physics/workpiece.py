@@ -11,8 +11,8 @@ The nominal depth may step along a bar, and the depth ripple with the spindle's 
 is a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
 between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
 wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
-Within a bar, log hardness may rise or fall in proportion to the height above the finished contour, so that a deeper cut is harder or
-softer on average (bars cool from outside; assumption).
+Within a bar, log hardness may rise or fall in proportion to the height above the finished contour, so that a deeper cut is harder
+or softer on average (bars cool from outside; assumption).
 """
 
 import numpy as np
