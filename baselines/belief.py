@@ -88,7 +88,7 @@ class Belief:
                     f"control.action {scenario.control.action!r} and sensors.force {scenario.sensors.force!r}"
                 )
         self._errors = law_errors.read() if learns_laws else None
-        self._filter = LoadFilter(scenarios, len(scenarios), self._errors)
+        self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
         self._models: dict[int, tuple[dict[str, float], Any]] = {}
         self._entries = len(layout(scenarios[0]))
         shared, leaves = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"}))), [*map(_leaves, scenarios)]
@@ -103,18 +103,18 @@ class Belief:
         leaves, model = self._models[number]
         for name, value in leaves.items():
             self._leaves[name][env_index] = value  # and so in the scenario
-        self._filter.assign(env_index, model)
+        self.filter.assign(env_index, model)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Forget the estimates of the environments in the mask, shape (num_envs,)."""
-        self._filter.reset(mask)
+        self.filter.reset(mask)
 
     def observe(self, observations: Float32s, mask: NDArray[np.bool_] | None = None) -> Float32s:
         """Learn from observations, in the environments of a mask or in all; return ``ENTRIES``, shape (num_envs, len(ENTRIES)).
 
         Entries of observations beyond the environment's own, such as a family's context, are ignored.
         """
-        believed, scenario = self._filter, self._scenario
+        believed, scenario = self.filter, self._scenario
         reading = read(observations[:, : self._entries], scenario)
         believed.observe(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))

@@ -1,133 +1,148 @@
-"""A rule with two set points that a guide gives: the highest cutting speed and the used life at which edges are changed.
+"""``self_tuning`` with a guide that has seen other lathes, and sets the highest speed and when edges are changed.
 
-``self_tuning`` does the rest. A guide, such as a network trained on other lathes, sees ``features``: what the nominal model says of
-the job (its context), what the rule's filter believes, and what became of the edges before. The rule is so slow to mislead that a
-guide decides once in ``HOLD`` steps.
+A guide, such as a network, sees ``features``: what the nominal model says of the job (its context), what the rule's filter
+believes, and what became of the edges before. A decision holds for ``HOLD`` steps; the rule does the rest.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from baselines.belief import Belief, Float32s
+from baselines.belief import ENTRIES, LIMIT, Belief, Float32s
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log
+from turning_env.physics.quantities import layout
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 
 HOLD = 30
-"""Steps for which a guide's decision holds."""
-MIDDLE, SPAN = (0.9, 0.8), (0.5, 0.3)
-"""Actions of 0 mean this share of the start speed and this used life. Actions of 1: exp(0.5) times the speed, and 0.3 more life."""
+"""Steps for which a decision holds."""
 START_SHARE = 0.625
-"""Start speed over the machine's highest speed [-], in the families that ship."""
+"""Start speed of a material over the machine's highest speed [-], in the families that ship."""
+SPEED, LIFE = (0.9, 0.5), (0.8, 0.3)
+"""A decision of 0 allows 0.9 times the start speed and changes edges at a used life of 0.8; one of 1 allows exp(0.5) times as
+much speed, and 0.3 more life."""
 WORN = 0.97
-"""Measured over criterion wear above which an edge that was changed unasked counts as worn out, not broken [-]."""
+"""Measured wear over the criterion below which an edge that ended unasked broke [-]."""
+INTERVAL = 0.5
+"""Time that an edge must outlive a temperature to have borne it [min]."""
+UNKNOWN = (0.0, 1.0, 1.5, -2.0, 0.0, 0.0)
+"""Values of ``HISTORY`` at the start."""
 HISTORY = (
     "edges_broken",  # over 3, at most 1
-    "heat_at_breakage",  # log temperature of the edge that broke last, over that of a worn-out one at the start speed; 1 if none did
-    "life_at_breakage",  # its used life; 1.5 if none did
-    "heat_survived",  # the hottest that any edge has been before its last half minute; -2 at first
-    "life_survived",  # the longest used life of an edge that was not broken
-    "wear_surprise",  # log ratio of the last removed edge's measured wear to the one expected
+    "heat_at_breakage",  # of the edge that broke last: log speed over the start speed at which a worn-out edge is as hot
+    "life_at_breakage",  # its used life
+    "heat_survived",  # the hottest that an edge has outlived, likewise
+    "life_survived",  # the longest used life of an edge that did not break
+    "wear_surprise",  # log ratio of the used life of the last edge, by its measured wear, to the one expected
 )
-"""What a guide knows of the edges before [-]."""
+"""What a guide is told of the edges before [-]."""
+
+
+def feature_space(context: int) -> Box:
+    """Return the space of a guide's features for a number of entries of the context."""
+    return Box(-LIMIT, LIMIT, (context + len(ENTRIES) + len(HISTORY),), np.float32)
+
+
+def decision_space() -> Box:
+    """Return the space of a guide's decisions: highest speed, and used life at which edges are changed."""
+    return Box(-1.0, 1.0, (2,), np.float32)
 
 
 class GuidedRule(SelfTuning):
-    """``self_tuning`` on the filter of a ``Belief``, which observes for it, in environments with a nominal model each."""
+    """``self_tuning`` in environments with a nominal model each; its filter is that of a ``Belief``, which observes for it.
+
+    Call ``features`` with every observation, before ``act``.
+    """
 
     def __init__(self, scenarios: Sequence[Scenario]) -> None:
         parameters: Any = RULES["self_tuning"].fixed
         super().__init__(scenarios, len(scenarios), **parameters)
-        self.belief = Belief(scenarios, learns_laws=True)
-        self._filter = self.belief._filter
+        self._belief = Belief(scenarios, learns_laws=True)
+        self._filter = self._belief.filter
+        self._entries = len(layout(scenarios[0]))
         self._history = np.zeros((len(scenarios), len(HISTORY)))
         self._last = np.zeros((4, len(scenarios)))  # cutting time [min], used life, heat, and whether the edge was to be changed
-        self._worst = np.zeros((2, len(scenarios)))  # heat of the present edge: half a minute ago, and since
-        self._entries = self.belief._entries
+        self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
         self.reset(np.ones(len(scenarios), np.bool_))
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         super().reset(mask)
-        self._history[mask] = 0.0, 1.0, 1.5, -2.0, 0.0, 0.0
+        self._history[mask] = UNKNOWN
         self._last[:, mask] = 0.0
-        self._worst[:, mask] = -2.0
+        self._heat[:, mask] = UNKNOWN[3]
+        self.follow(np.zeros((len(mask), 2)), mask)
 
-    def _observe(self, reading: Reading) -> None:
-        """Leave it to ``features``."""
+    def follow(self, decisions: Any, mask: NDArray[np.bool_] | None = None) -> None:
+        """Take a guide's decisions, limited to -1..1, shape (num_envs, 2), in the environments of a mask or in all."""
+        speed, life = np.clip(np.asarray(decisions, np.float64), -1.0, 1.0).T
+        chosen = np.ones(len(speed), np.bool_) if mask is None else mask
+        self.top_speed = np.where(chosen, START_SHARE * SPEED[0] * exp(SPEED[1] * speed), self.top_speed)
+        self.change_at = np.where(chosen, LIFE[0] + LIFE[1] * life, self.change_at)
 
     def features(self, observations: Observations) -> Float32s:
-        """Return belief, history and context of the observations, shape (num_envs, entries)."""
-        believed = self.belief.observe(observations)
-        reading = read(observations[:, : self._entries], self._scenario)
-        self._note(reading)
-        return np.concatenate([observations[:, self._entries :], believed, self._history.astype(np.float32)], axis=1)
-
-    def _note(self, reading: Reading) -> None:
-        scenario, last, history = self._scenario, self._last, self._history
-        fresh = reading.cutting_time < last[0]
-        measured = reading.removed_wear / scenario.tool.wear_criterion
-        broke = fresh & (last[3] == 0.0) & (measured < WORN)
-        history[:, 0] = np.minimum(history[:, 0] + broke / 3.0, 1.0)
-        history[:, 1] = np.where(broke, last[2], history[:, 1])
-        history[:, 2] = np.where(broke, last[1], history[:, 2])
-        history[:, 4] = np.where(fresh & ~broke, np.maximum(history[:, 4], last[1]), history[:, 4])
-        expected = np.maximum(last[1], 1e-3)
-        surprise = log(np.maximum(measured, 1e-3)) / scenario.material.wear.time - log(expected)
-        history[:, 5] = np.where(fresh & (measured > 0.0), np.clip(surprise, -2.0, 2.0), history[:, 5])
-        wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3)
-        used = exp((log(wear) + self._filter.log_wear_factor) / scenario.material.wear.time)
-        law = scenario.edge_failure.temperature
-        start = START_SHARE * scenario.machine.cutting_speed_max
-        log_wear = log(wear) + self._filter.log_wear_factor
-        heat = (
-            log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
-        )
-        heat = np.where(reading.cutting & (reading.nominal_wear > 0.0), np.maximum(heat, -2.0), -2.0)
-        self._worst = np.where(fresh, -2.0, self._worst)
-        self._worst[1] = np.maximum(self._worst[1], heat)
-        slow = np.floor(reading.cutting_time / 0.5) > np.floor(last[0] / 0.5)
-        history[:, 3] = np.where(slow, np.maximum(history[:, 3], self._worst[0]), history[:, 3])
-        self._worst[0] = np.where(slow, self._worst[1], self._worst[0])
-        last[0], last[1], last[2] = reading.cutting_time, used, heat
-
-    def follow(self, decisions: Array, mask: Any = slice(None)) -> None:
-        """Take a guide's decisions, numbers from -1 to 1, shape (num_envs, 2)."""
-        speed, life = np.clip(decisions, -1.0, 1.0).T
-        self.top_speed[mask] = (START_SHARE * MIDDLE[0] * exp(SPAN[0] * speed))[mask]
-        self.change_at[mask] = (MIDDLE[1] + SPAN[1] * life)[mask]
+        """Return context, belief and history, shape (num_envs, entries)."""
+        believed = self._belief.observe(observations)
+        self._remember(read(observations[:, : self._entries], self._scenario))
+        history = np.clip(self._history, -LIMIT, LIMIT).astype(np.float32)
+        return np.concatenate([observations[:, self._entries :], believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
         actions = super().act(observations[:, : self._entries])
         self._last[3] = actions[:, 2] > 0.0
         return actions
 
+    def _observe(self, reading: Reading) -> None:
+        """Leave it to ``features``."""
 
-class Guided(Policy):
+    def _remember(self, reading: Reading) -> None:
+        """Bring the history up to date."""
+        scenario, history, (time, used, heat, asked) = self._scenario, self._history.T, self._last
+        fresh, measured = reading.cutting_time < time, reading.removed_wear / scenario.tool.wear_criterion
+        broke, exponent = fresh & (asked == 0.0) & (measured < WORN), scenario.material.wear.time
+        history[0] = np.minimum(history[0] + broke / 3.0, 1.0)
+        history[1], history[2] = np.where(broke, (heat, used), history[1:3])
+        history[4] = np.where(fresh & ~broke, np.maximum(history[4], used), history[4])
+        surprise = log(np.maximum(measured, 1e-3)) / exponent - log(np.maximum(used, 1e-3))
+        history[5] = np.where(fresh & (measured > 0.0), np.clip(surprise, -2.0, 2.0), history[5])
+
+        log_wear = log(np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3)) + self._filter.log_wear_factor
+        law, start = scenario.edge_failure.temperature, START_SHARE * scenario.machine.cutting_speed_max
+        now = log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
+        now = np.where(reading.cutting & (reading.nominal_wear > 0.0), np.maximum(now, UNKNOWN[3]), UNKNOWN[3])
+        self._heat[:, fresh] = UNKNOWN[3]
+        self._heat[1] = np.maximum(self._heat[1], now)
+        later = np.floor(reading.cutting_time / INTERVAL) > np.floor(time / INTERVAL)
+        history[3] = np.where(later, np.maximum(history[3], self._heat[0]), history[3])
+        self._heat[0] = np.where(later, self._heat[1], self._heat[0])
+        self._last[:3] = reading.cutting_time, exp(log_wear / exponent), now
+
+
+class GuidedPolicy(Policy):
     """A guided rule as a policy.
 
     Args:
-        guide: returns decisions, shape (num_envs, 2), for features, shape (num_envs, entries).
+        guide: a policy that is shown features, and whose actions are decisions.
         scenarios: nominal models, one for each environment.
     """
 
-    def __init__(self, guide: Callable[[Float32s], Any], scenarios: Sequence[Scenario]) -> None:
+    def __init__(self, guide: Policy, scenarios: Sequence[Scenario]) -> None:
         self._guide, self._rule = guide, GuidedRule(scenarios)
         self._steps = np.zeros(len(scenarios), np.int64)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
+        self._guide.reset(mask)
         self._rule.reset(mask)
         self._steps[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
         features = self._rule.features(observations)
-        due = self._steps % HOLD == 0
-        if due.any():
-            self._rule.follow(np.asarray(self._guide(features), np.float64), due)
+        if (due := self._steps % HOLD == 0).any():
+            self._rule.follow(self._guide.act(features), due)
         self._steps += 1
         return self._rule.act(observations)

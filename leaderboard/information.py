@@ -25,6 +25,7 @@ GIVEN = {
 SEEN = {
     "memory": "remembers earlier observations",
     "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the observations",
+    "rule": "sets two limits of the rule self_tuning, which knows the nominal model and does the rest",
     "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
 }
 """Inputs at run time beside the present observation, by name."""
@@ -35,6 +36,7 @@ _TEACHER = frozenset({"model gradients", "true states", "geometry"}) | _PRICED
 _ALGORITHMS: Mapping[str, frozenset[str]] = {
     "ppo": _REWARDS,
     "recurrent_ppo": _REWARDS,
+    "guided_ppo": _REWARDS,
     "sac": _REWARDS,
     "tqc": _REWARDS,
     "lagrangian_ppo": _REWARDS | {"overload share"},
@@ -85,7 +87,8 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     gradient = given.isdisjoint(_REWARDS)
     has = {
         "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
-        "belief": p.get("belief") is True,
+        "belief": p.get("belief") is True or p.get("guide") is True,
+        "rule": p.get("guide") is True,
         "position": p.get("position", gradient) is True,
     }
     return Information(

@@ -79,7 +79,7 @@ class _Agent:
             sampled, difference = 0.0, 0.0
             if self.actor:
                 env = _environments(file.metadata)
-                sampled, difference = largest_differences(ActorPolicy(self.actor, NUM_ENVS), policy, env)
+                sampled, difference = largest_differences(ActorPolicy(self.actor, NUM_ENVS), policy, file.metadata, env)
             if not (difference <= MAX_DIFFERENCE and sampled <= MAX_SAMPLED_DIFFERENCE):
                 raise ValueError(f"its file acts otherwise, by up to {max(sampled, difference):g}")
         except ValueError as error:
@@ -193,7 +193,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         env_id=run.env_id,
         scenario=run.scenario,
         observation_space=Space.of(agent_file.seen_space(run.env_id, run.scenario, run.parameters)),
-        action_space=Space.of(action_space(run.scenario)),
+        action_space=Space.of(agent_file.acting_space(run.scenario, run.parameters)),
         parameters=run.parameters,
         trained_steps=run.parameters["steps"],
         command=run.command,
@@ -202,25 +202,32 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
 
 
 def _environments(about: Metadata) -> Any:
-    """Return ``NUM_ENVS`` environments like those of an agent's training."""
+    """Return ``NUM_ENVS`` environments like those of an agent's training; a guide's are compared on features alone."""
+    if about.parameters.get("guide") is True:
+        return None
     env = vector_env(family_of(about.env_id, about.parameters) or about.scenario, NUM_ENVS, AutoresetMode.SAME_STEP)
     return VectorBeliefObservation(env) if about.parameters.get("belief") is True else env
 
 
-def largest_differences(original: Policy, policy: Policy, env: Any) -> tuple[float, float]:
+def largest_differences(original: Policy, policy: Policy, about: Metadata, env: Any) -> tuple[float, float]:
     """Return the largest differences between the actions of two policies of ``NUM_ENVS`` environments.
 
     Both see the same observations and keep their own memories. The first difference is on observations sampled from the
-    observation space, the second in episodes on tuning seeds in which the original acts.
+    observation space, the second in episodes on tuning seeds in which the original acts, if there are environments.
     """
     generator = np.random.default_rng(0)
-    box: Box = env.single_observation_space
-    observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
+    space, observations = about.observation_space, np.zeros(0, np.float32)
+    if env is not None:
+        observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
     largest = [0.0, 0.0]
-    for played in (False, True):
+    for played in (False, True) if env is not None else (False,):
         begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
-            seen = observations if played else generator.uniform(box.low, box.high, (NUM_ENVS, *box.shape)).astype(np.float32)
+            seen = (
+                observations
+                if played
+                else generator.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
+            )
             original.reset(begins)
             policy.reset(begins)
             mine, its = original.act(seen), policy.act(seen)

@@ -210,7 +210,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
-    if run.family and algorithm.vec_env is not RoughTurningVecEnv:
+    if run.family and algorithm.vec_env is not RoughTurningVecEnv and not run.parameters.get("guide"):
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
         apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"

@@ -21,6 +21,7 @@ from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from baselines.belief import Belief, BeliefPolicy, with_belief
+from baselines.guided import GuidedPolicy, decision_space, feature_space
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
@@ -80,7 +81,7 @@ class Metadata(BaseModel):
             raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
         for name, box in (
             ("observation_space", seen_space(self.env_id, self.scenario, self.parameters)),
-            ("action_space", action_space(self.scenario)),
+            ("action_space", acting_space(self.scenario, self.parameters)),
         ):
             if getattr(self, name) != Space.of(box):
                 raise ValueError(f"{name} is not that of scenario {self.scenario.name!r}")
@@ -130,27 +131,38 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
         raise ValueError(f"parameters must have context.names, as env_id is {FAMILY_ID!r}") from error
+    if parameters.get("guide") is True:
+        return feature_space(context)
     space: Any = observation_space(scenario, context)
     box: Box = with_belief(space) if parameters.get("belief") is True else space
     return box
 
 
+def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
+    """Return the space of an agent's actions: the environment's, or a guide's decisions if its parameters say so."""
+    return decision_space() if parameters.get("guide") is True else action_space(scenario)
+
+
 def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
-    """Return the function that makes an agent which is also shown its belief, if its parameters name one.
+    """Return the function that makes an agent, with the belief that it is shown or the rule that it guides, if its parameters name one.
 
     Args:
         agent: the agent. If the nominal model of its training was wrong, the belief expects errors of the laws.
         scenarios: scenario that it plays, or those of its environments.
     """
-    if agent.parameters.get("belief") is not True:
+    guides = agent.parameters.get("guide") is True
+    if not guides and agent.parameters.get("belief") is not True:
         return agent.make
 
-    def believing(num_envs: int) -> Policy:
+    def with_model(num_envs: int) -> Policy:
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
+        models = [each.nominal() for each in played]
+        if guides:
+            return GuidedPolicy(agent.make(num_envs), models)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
-        return BeliefPolicy(agent.make(num_envs), Belief([each.nominal() for each in played], learns_laws))
+        return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
 
-    return believing
+    return with_model
 
 
 def _from_json(text: str) -> Any:
