@@ -27,7 +27,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from tqdm import tqdm
 
@@ -40,7 +39,6 @@ from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import HYPERPARAMETERS, Run, family_of, trained_on
 from train.training import load_actor
 from turning_env import FAMILY_ID, IDS, Scenario
-from turning_env.batch.driver import action_space
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file

@@ -140,11 +140,12 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
 
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's actions: the environment's, or a guide's decisions if its parameters say so."""
-    return decision_space() if parameters.get("guide") is True else action_space(scenario)
+    space: Box = decision_space() if parameters.get("guide") is True else action_space(scenario)
+    return space
 
 
 def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
-    """Return the function that makes an agent, with the belief that it is shown or the rule that it guides, if its parameters name one.
+    """Return the function that makes an agent, with the belief or the rule that its parameters name.
 
     Args:
         agent: the agent. If the nominal model of its training was wrong, the belief expects errors of the laws.
