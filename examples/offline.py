@@ -29,6 +29,7 @@ from gymnasium.vector import AutoresetMode
 from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
 from tqdm import tqdm
 
+from examples import data_card
 from examples.shared import ENV_ID, at_least, run
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
@@ -141,7 +142,7 @@ def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path
 
 
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, env_id: str) -> None:
-    """Have Minari write a data set below ``root``, with a description."""
+    """Have Minari write a data set below ``root``, with a description and its cards."""
     source = Family.load("shop") if env_id == FAMILY_ID else Scenario.load(IDS[env_id])
     policies, noise = acting(behaviour)
     folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
@@ -169,6 +170,7 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, e
     turns = zip(cycle(policies), buffers, strict=False)
     marks = [{"behaviour": name, "return": float(sum(each.rewards))} for name, each in turns]
     dataset.storage.update_episode_metadata(marks)
+    data_card.write(root / name, dataset.storage.metadata, checksum(dataset))
 
 
 def load(folder: Path) -> minari.MinariDataset:

@@ -1,6 +1,7 @@
-"""RLlib: PPO on single environments, whose scenario is a dictionary in RLlib's configuration.
+"""RLlib: PPO on the vector environment of any id.
 
 python -m examples.rllib_ppo --steps 100000
+python -m examples.rllib_ppo --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
 """
 
 import sys
@@ -10,34 +11,34 @@ from typing import Any
 import gymnasium
 import ray
 import torch
+from gymnasium.wrappers.vector import TransformReward
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.tune.registry import register_env
 
-from examples.shared import ENV_ID, of_tensors, parser, run, score
-from turning_env import Scenario
+from examples.shared import of_tensors, parser, run, score
 
-ROLLOUT = 4096
+ROLLOUT = 8192
 """Steps of all environments between updates."""
 
 
-def make(config: dict[str, Any]) -> gymnasium.Env[Any, Any]:
-    """Return an environment; workers import this package, which registers its ids."""
-    env = gymnasium.make(f"turning_env:{ENV_ID}", scenario=Scenario.model_validate(config["scenario"]))
-    return gymnasium.wrappers.TransformReward(env, lambda reward: float(reward) / 3)
+def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    """Return the environments of a worker; its Gymnasium imports this package, which registers the ids."""
+    envs = gymnasium.make_vec(f"turning_env:{config['id']}", config["num_envs"], vectorization_mode="vector_entry_point")
+    return TransformReward(envs, lambda rewards: rewards * config["reward_scale"])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    options = parser("rllib_ppo", __doc__, 100_000, 16).parse_args(arguments)
+    options = parser("rllib_ppo", __doc__, 100_000, 64, ids=True).parse_args(arguments)
     ray.init(include_dashboard=False, num_cpus=1, log_to_driver=False)
     register_env("rough_turning", make)
     config = (
         PPOConfig()
-        .environment("rough_turning", env_config={"scenario": {"control": {"time_limit": 30.0}}})
-        .env_runners(num_env_runners=0, num_envs_per_env_runner=options.num_envs)
+        .environment("rough_turning", env_config={"id": options.env, "reward_scale": options.reward_scale})
+        .env_runners(num_env_runners=0, num_envs_per_env_runner=options.num_envs, gym_env_vectorize_mode="vector_entry_point")
         .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64], fcnet_activation="relu"))
-        .training(gamma=0.8, lr=1e-3, train_batch_size_per_learner=ROLLOUT, minibatch_size=512, num_epochs=5)
+        .training(gamma=options.discount, lr=1e-3, train_batch_size_per_learner=ROLLOUT, minibatch_size=512, num_epochs=5)
         .debugging(seed=options.seed)
     )
     algorithm = config.build_algo()
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         numbers: torch.Tensor = module.forward_inference({"obs": observations})["action_dist_inputs"]
         return numbers.chunk(2, dim=1)[0]  # the other half holds standard deviations
 
-    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}")
     ray.shutdown()
     return 0
 

@@ -1,6 +1,7 @@
 """skrl: PPO on the vector environment.
 
     python -m examples.skrl_ppo --steps 200000
+    python -m examples.skrl_ppo --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
 
 skrl expects the next episode's first observation at the end of an episode, so the autoreset mode must be SAME_STEP.
 """
@@ -19,7 +20,7 @@ from skrl.utils import set_seed
 from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_model
 
 import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, of_tensors, parser, run, score
+from examples.shared import of_tensors, parser, run, score
 
 ROLLOUT = 64
 """Steps per environment between updates."""
@@ -27,17 +28,17 @@ ROLLOUT = 64
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    options = parser("skrl_ppo", __doc__, 200_000, 64).parse_args(arguments)
+    options = parser("skrl_ppo", __doc__, 200_000, 64, ids=True).parse_args(arguments)
     set_seed(options.seed)
-    envs = wrap_env(gymnasium.make_vec(ENV_ID, options.num_envs, autoreset_mode="SameStep"))
+    envs = wrap_env(gymnasium.make_vec(options.env, options.num_envs, autoreset_mode="SameStep"), wrapper="gymnasium")
     spaces = {"observation_space": envs.observation_space, "action_space": envs.action_space, "device": "cpu"}
     layers = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "relu"}]
     policy = gaussian_model(**spaces, network=layers, output="ACTIONS", initial_log_std=-1.0)
     value = deterministic_model(**spaces, network=layers, output="ONE")
     silent = ExperimentCfg(write_interval=0, checkpoint_interval=0)
-    cfg = PPO_CFG(rollouts=ROLLOUT, learning_epochs=5, mini_batches=8, discount_factor=0.8, experiment=silent)
+    cfg = PPO_CFG(rollouts=ROLLOUT, learning_epochs=5, mini_batches=8, discount_factor=options.discount, experiment=silent)
     cfg.time_limit_bootstrap = True
-    cfg.rewards_shaper = lambda rewards, *_: rewards / 3
+    cfg.rewards_shaper = lambda rewards, *_: rewards * options.reward_scale
     memory = RandomMemory(memory_size=ROLLOUT, num_envs=options.num_envs, device="cpu")
     agent = PPO(models={"policy": policy, "value": value}, memory=memory, cfg=cfg, **spaces)
     updates = -(-options.steps // (ROLLOUT * options.num_envs))
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
         return actions
 
-    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds)}")
+    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}")
     return 0
 
 

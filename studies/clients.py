@@ -35,14 +35,14 @@ class Client(NamedTuple):
     """Module in ``examples``."""
     uses: str
     packages: tuple[str, ...]
-    words: str = "--steps 5000 --tuning-seeds 2"
+    words: str = "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"
     """Options that make it small."""
 
 
 CLIENTS = {
-    "skrl": Client("skrl_ppo", "PPO on the batch", ("skrl",)),
-    "ray": Client("rllib_ppo", "RLlib's PPO on single environments", ("ray[rllib]",)),
-    "sbx-rl": Client("sbx_sac", "SAC on the batch", ("sbx-rl",)),
+    "skrl": Client("skrl_ppo", "PPO on the batch of any id", ("skrl",)),
+    "ray": Client("rllib_ppo", "RLlib's PPO on the batch of any id", ("ray[rllib]",)),
+    "sbx-rl": Client("sbx_sac", "SAC on the batch of any id", ("sbx-rl",)),
     "d3rlpy": Client(
         "offline_rl",
         "BC, IQL, CQL, TD3+BC on data of Minari",

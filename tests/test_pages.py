@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import turning_env
 from tests.walking import ROOT, Smaller, check, copy_to, run, walk
 
 DOCS = ROOT / "docs"
@@ -72,6 +73,11 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         text = (tmp_path / page).read_text("utf-8")
         assert "RoughTurning" in text
         assert "fonts.googleapis.com" not in text
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    text = (DOCS / "api.md").read_text("utf-8")
+    assert set(turning_env.__all__) - {"__version__"} <= set(re.findall(r"^::: turning_env\.(\w+)$", text, re.MULTILINE))
 
 
 def test_every_link_of_the_readme_leads_somewhere() -> None:

@@ -1,5 +1,7 @@
 """Data sets: what is written can be played again, and is of seeds that nothing is scored or tuned on."""
 
+import hashlib
+import json
 from importlib import import_module
 from pathlib import Path
 
@@ -10,7 +12,8 @@ pytest.importorskip("minari")
 
 import minari
 
-from examples.offline import checksum, load, main, policy, record
+from examples import publish
+from examples.offline import AGENT, checksum, load, main, policy, record
 from turning_env import RoughTurningEnv
 from turning_env.scoring.seeds import TUNING_START
 
@@ -48,6 +51,20 @@ def test_minari_recovers_the_environment_and_episodes_play_again(folder: Path, m
             np.testing.assert_array_equal([step[column] for step in played[1:]], recorded)
         assert episode.terminations[-1] or episode.truncations[-1]
         assert mark["return"] == pytest.approx(episode.rewards.sum())
+
+
+@pytest.mark.slow
+def test_the_metadata_name_the_files_by_their_digests(folder: Path) -> None:
+    """``mlcroissant validate`` checks the form (docs/publishing.md)."""
+    home = folder / "rough_turning-mixture-v0"
+    files = json.loads((home / "croissant.json").read_text("utf-8"))["distribution"]
+    assert {each["contentUrl"] for each in files} == {"data/main_data.hdf5", "data/metadata.json"}
+    for each in files:
+        assert hashlib.sha256((home / each["contentUrl"]).read_bytes()).hexdigest() == each["sha256"]
+    assert publish.repository(home).files.keys() == {"README.md", "croissant.json", "data/main_data.hdf5", "data/metadata.json"}
+    assert publish.repository(AGENT.with_name("ppo.md")).files["ppo-seed0.onnx"].exists()
+    assert publish.main(["OWNER", str(folder)]) == 2
+    assert checksum(load(home)) in (home / "README.md").read_text("utf-8")
 
 
 @pytest.mark.slow

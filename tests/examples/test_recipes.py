@@ -54,7 +54,7 @@ def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
 def test_other_libraries_learn(library: str, recipe: str, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip(library)
     assert import_module(f"examples.{recipe}").main(["--steps", "500", "--tuning-seeds", "2"]) == 0
-    assert " s per edge " in capsys.readouterr().out.splitlines()[-1]
+    assert " s per episode " in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_bad_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

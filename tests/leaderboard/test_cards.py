@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
+import yaml
 
 from leaderboard import policies
 from leaderboard.__main__ import main
@@ -41,6 +42,7 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
     folder = shipped / "agents" / ENV_ID / "short"
     assert capsys.readouterr().out == f"wrote {folder / 'ppo.md'}\n"
     card = (folder / "ppo.md").read_text("utf-8")
+    assert yaml.safe_load(card.split("---\n")[1])["model-index"][0]["name"] == "ppo"
     for seed in (0, 1):
         content = (folder / f"ppo-seed{seed}.onnx").read_bytes()
         digest = hashlib.sha256(content).hexdigest()
