@@ -50,7 +50,8 @@ class SelfTuning(Predictive):
         self.top_speed, self.change_at = np.full(num_envs, top_speed), np.full(num_envs, change_at)
 
     def _fastest(self) -> Array:
-        return np.minimum(self._scenario.cutting_speed_max, self._scenario.machine.cutting_speed_max * self.top_speed)
+        scenario = self._scenario
+        return np.asarray(np.minimum(scenario.cutting_speed_max, scenario.machine.cutting_speed_max * self.top_speed))
 
     def _early(self, velocity: Array) -> Array:
         return self._filter.memory["slack"] + EARLY * velocity

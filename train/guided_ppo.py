@@ -3,8 +3,8 @@
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
 
 The rule knows laws; the guide learns from a thousand lathes what no law of the rule says (``baselines/guided.py``). A step of
-this training is a decision, which holds for ``HOLD`` steps of the environment, and each environment keeps its job, with new bars in
-every episode. The same command resumes an interrupted training, and does nothing if training is finished.
+this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in every
+episode. The same command resumes an interrupted training, and does nothing if training is finished.
 """
 
 import sys
@@ -43,7 +43,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Return first features, shape (num_envs, entries); see ``RoughTurningVecEnv.reset``."""
-        self._own = np.array([seed if seed is not None else self.np_random.integers(2**31) for seed in self._seeds])
+        self._own = np.array([i if seed is None else seed for i, seed in enumerate(self._seeds)])
         self._observations, infos = self.vector_env.reset(seed=self._own.tolist())
         self._reset_seeds()
         self._returns[:], self._lengths[:] = 0.0, 0
