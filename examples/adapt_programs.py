@@ -13,6 +13,7 @@ from turning_env import Scenario
 from turning_env.console import described, number_within
 from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
+from turning_nc.edges import change_wear
 from turning_nc.moves import run
 from turning_nc.report import summary
 from turning_nc.stock import read_stock, remove
@@ -22,8 +23,6 @@ FOLDER = Path(__file__).parent / "programs"
 COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))
 """Stock and tools of each program."""
 SCENARIO = Scenario.load("rough_turning")
-WEAR = SCENARIO.tool.wear_criterion / 2.0
-"""Flank wear of the edges at the start [mm]."""
 
 
 def path_of(name: str) -> Path:
@@ -49,8 +48,8 @@ def main() -> int:
     print(f"{'program':<24}{'before':>9}{'after':>9}{'saved':>10}{'load before':>13}{'after':>7}{'life':>7}")
     for name in COLLECTION:
         situation = situation_of(name, Machine(max_feed=options.max_feed))
-        before = summary(situation, play(situation, WEAR))
-        adapted = adapt(situation, WEAR, options.adapt)
+        before = summary(situation, play(situation, change_wear(situation)))
+        adapted = adapt(situation, None, options.adapt)
         after = summary(adapted.situation, adapted.played)
         life = sum(after.used_life.values()) / sum(before.used_life.values())
         print(

@@ -13,7 +13,7 @@ LEANS_ON = {
     "turning_env": set(),
     "turning_render": {"turning_env"},
     "turning_shop": {"turning_env", "turning_render"},
-    "turning_nc": {"turning_env", "turning_render"},
+    "turning_nc": {"turning_env", "turning_render", "turning_shop"},
     "turning_control": {"turning_env", "turning_render"},
     "baselines": {"turning_env"},
     "train": {"turning_env", "baselines", "turning_nc", "turning_render"},

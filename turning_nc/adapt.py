@@ -1,7 +1,8 @@
 """Choose the feeds and speeds of a part program anew, and write it back with only its F and S words changed.
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest. The limits
-are the scenario's force and power, the machine's range, and the tool life that the program used before.
+are the scenario's force and power with the edge worn as at its change, the machine's range, and the tool life that the program
+used before.
 """
 
 import math
@@ -12,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, tool_life
+from turning_nc.edges import change_wear
 from turning_nc.moves import run
 from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
+from turning_shop.whatif import CHANGES
 
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
 _LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
@@ -48,25 +51,45 @@ class Adapted:
 
 
 def adapt(
-    situation: Situation, wear: float, where: Where = "words", life: float = 1.0, finishing_depth: float = FINISHING_DEPTH
+    situation: Situation,
+    wear: float | None = None,
+    where: Where = "words",
+    life: float = 1.0,
+    finishing_depth: float = FINISHING_DEPTH,
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
     ``where`` says whether existing words change, or every block gets one. The program may use ``life`` times
-    the tool life that it used before [-], from edges of flank wear ``wear`` [mm]. Feeds of words whose cuts are no deeper than
-    ``finishing_depth`` [mm] stay.
+    the edges that it used before [-]. These are changed at a flank wear ``wear`` [mm]; by default as ``change_wear`` says, and
+    after that at the one that makes the program shortest. Feeds of words whose cuts are no deeper than ``finishing_depth`` [mm]
+    stay.
 
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can be changed.
     """
-    search = _Search(situation, wear, where, finishing_depth)
-    values = search.within_life(life * _LIFE_MARGIN)
+    first = change_wear(situation) if wear is None else np.full(len(situation.tool), wear)
+    before = play(situation, first)
+
+    def planned(highest: float) -> tuple[float, _Search, Values]:
+        search = _Search(situation, np.minimum(first, highest), where, finishing_depth)
+        values = search.within_life(life * _LIFE_MARGIN * search.before.life_at_change / before.life_at_change)
+        found = play(situation, search.wear, *search.settings(values))
+        return float(found.time.sum()) + 1e6 * max(float(found.load.max()) - 1.0, 0.0), search, values
+
+    best = planned(first.max())
+    for highest in CHANGES[::-1] * situation.scenario.tool.wear_criterion if wear is None else ():
+        if highest < first.max():
+            found = planned(highest)
+            if found[0] >= best[0]:
+                break
+            best = found
+    _, search, values = best
     text, changes = search.written(values)
     moves = run(divide(text, situation.moves.program.dialect), situation.moves.reading)
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
-    again = Situation(situation.scenario, situation.machine, moves, situation.removal)
-    played, before = play(again, wear), search.before
+    again = Situation(situation.scenario, situation.machine, moves, situation.removal, situation.evidence)
+    played = play(again, search.wear)
     if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
         return Adapted(search.text, (), situation, before)
     return Adapted(text, changes, again, played)
@@ -75,10 +98,10 @@ def adapt(
 class _Search:
     """The words of a program that can change, and the times, loads and lives that follow."""
 
-    def __init__(self, situation: Situation, wear: float, where: Where, finishing_depth: float) -> None:
+    def __init__(self, situation: Situation, wear: Values, where: Where, finishing_depth: float) -> None:
         self.situation = s = situation
-        self.start_wear = wear
-        self.before = before = play(situation, wear)
+        self.wear = wear
+        self.before = play(situation, wear)
         self.text = s.moves.program.text
         self.keys: list[Key] = []
         self.scales: list[float] = []
@@ -108,10 +131,6 @@ class _Search:
             for key in np.unique(self.feed_of[self.feed_of >= 0])
             if s.finishing(self.feed_of == key, finishing_depth)
         }
-        # Loads are judged at the wear that the program leaves, tool by tool, so that they hold at the end too.
-        self.wear = np.zeros(len(slices.move))
-        for mine in s.by_tool.values():
-            self.wear[mine] = before.wear[mine].max()
 
     @property
     def _used(self) -> set[int]:
@@ -126,11 +145,14 @@ class _Search:
             return len(self.keys) - 1
         return self.keys.index(key)
 
-    def within_life(self, share: float) -> Values:
-        """Return the values that make the program shortest while no tool uses more than a share of what it used before."""
+    def within_life(self, share: Values) -> Values:
+        """Return the values that make the program shortest while no tool uses more than a share of what it used before.
+
+        The shares are given for every slice.
+        """
         prices = np.zeros(len(self.situation.tool))
         for mine in self.situation.by_tool.values():
-            allowed = share * float(self.before.used_life[mine].sum())
+            allowed = float(share[mine][0] * self.before.used_life[mine].sum())
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
             while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[mine] = price
@@ -187,7 +209,7 @@ class _Search:
         turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
         speed = turns * around
         depth = np.where(on, slices.depth[cuts], 1.0)
-        allowed = np.where(on, highest_feed(scenario, speed, depth, self.wear[cuts], high), high)
+        allowed = np.where(on, highest_feed(scenario, speed, turns, depth, self.wear[cuts], high), high)
         minutes = 60.0 * slices.length[cuts] / turns  # time at 1 mm/rev [s]
         lives = np.where(on, price[cuts] * minutes / tool_life(scenario, speed, np.ones_like(speed), depth), 0.0)  # priced [s]
         exponent = scenario.material.wear.feed / scenario.material.wear.time
@@ -233,7 +255,7 @@ class _Search:
 
     def _used_life(self, values: Values) -> Values:
         """Return the share of an edge's life that every slice would use [-]."""
-        return play(self.situation, self.start_wear, *self.settings(values)).used_life
+        return play(self.situation, self.wear, *self.settings(values)).used_life
 
     def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
         """Return the text with the values in its words, and the words that changed."""

@@ -9,7 +9,6 @@ from typing import Any
 
 from turning_env.console import number_within, picture_path, print_json
 from turning_env.files import replace_file
-from turning_env.scenario import Scenario
 from turning_nc.dialects import DIALECTS
 from turning_nc.words import NcError, naming, read_program_file
 
@@ -21,7 +20,8 @@ MARK = ".simulated"
 def program(options: argparse.Namespace) -> int:
     """Play a part program on a stock: depth of cut, load, wear and time of every block; adapt its feeds and speeds.
 
-    The program is Fanuc's (ISO) or SINUMERIK's. An error names lines that are not understood. All values are nominal.
+    The program is Fanuc's (ISO) or SINUMERIK's. An error names lines that are not understood. Loads are nominal, with edges
+    worn as at their change. Edges are changed after as many parts as 97.5 % of them last. Limits count as in `advise`.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
     more tool life. The adapted program is simulation output. Do not run it on a machine without review.
@@ -29,15 +29,16 @@ def program(options: argparse.Namespace) -> int:
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
     """
-    from turning_nc import adapt, cutting, moves, report, stock
+    from turning_nc import adapt, cutting, edges, moves, report, stock
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
         from turning_render import plot_style
-    scenario = Scenario.load(options.scenario)
-    wear = scenario.tool.wear_criterion / 2.0 if options.wear is None else options.wear
-    if wear > scenario.tool.wear_criterion:
-        raise NcError(f"--wear is {wear:g} mm, but must be at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
+    from turning_shop.provenance import load
+
+    scenario, evidence = load(options.scenario)
+    if (options.wear or 0.0) > scenario.tool.wear_criterion:
+        raise NcError(f"--wear is {options.wear:g} mm, but at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
     text = read_program_file(options.program, DIALECTS.get(options.dialect))
     with naming(options.program):
@@ -51,9 +52,9 @@ def program(options: argparse.Namespace) -> int:
     notes += removal.notes
     max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * (options.nose_radius or math.inf))
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
-    situation = cutting.Situation(scenario, machine, run, removal)
-    played = cutting.play(situation, wear)
-    notes += report.extrapolated(situation, played)
+    situation = cutting.Situation(scenario, machine, run, removal, evidence)
+    played = cutting.play(situation, options.wear or edges.change_wear(situation))
+    notes += [*evidence.warnings, *edges.extrapolated(situation, played)]
     implausible = report.implausible(situation, played)
     if implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())
@@ -62,9 +63,9 @@ def program(options: argparse.Namespace) -> int:
     totals = report.summary(situation, played)
     adapted = None
     if options.adapt:
-        adapted = adapt.adapt(situation, wear, options.adapt, options.life, options.finishing)
+        adapted = adapt.adapt(situation, options.wear, options.adapt, options.life, options.finishing)
         after = report.summary(adapted.situation, adapted.played)
-        notes += [f"adapted, {note}" for note in report.extrapolated(adapted.situation, adapted.played)]
+        notes += [f"adapted, {note}" for note in edges.extrapolated(adapted.situation, adapted.played)]
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
     if adapted and options.out:
@@ -73,14 +74,14 @@ def program(options: argparse.Namespace) -> int:
     if options.json:
         results: dict[str, Any] = {"program": options.program, "dialect": text.dialect.name, "scenario": scenario.name}
         sides = {line: {"side": side.name, "why": side.why} for line, side in run.sides.items()}
-        results |= {"wear": wear, "totals": totals, "blocks": rows, "sides": sides, "warnings": implausible, "notes": notes}
+        results |= {"totals": totals, "blocks": rows, "sides": sides, "warnings": implausible, "notes": notes}
         if adapted:
             results["adapted"] = {"totals": after, "changes": adapted.changes, "warning": WARNING}
         print_json(results)
         return 0
     turned = [f"line {line} turns {side.name}, {side.why}; --side sets it" for line, side in run.sides.items()]
     warned = [f"warning: {name}: {text}" for name, text in implausible.items()]
-    print(report.table(rows), "", *totals.lines(), *report.findings(rows), *turned, *warned, sep="\n")
+    print(report.table(situation, rows), "", *totals.lines(), *report.findings(rows), *turned, *warned, sep="\n")
     print(*(f"note: {note}" for note in notes), sep="\n", end="\n" * bool(notes))
     if adapted:
         changed = report.changes(adapted.changes, options.nose_radius)
@@ -120,7 +121,8 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
     add("--adapt", choices=("words", "blocks"), help="adapt feeds and speeds in the program's own words, or in every block")
     for option, default, low, high, unit, text in (
-        ("--wear", None, 0.0, 10.0, "mm", "flank wear of the edges at the start [mm] (default: half the wear criterion)"),
+        ("--wear", None, 0.001, 10.0, "mm",
+         "flank wear at which edges are changed [mm] (default: the highest that keeps the limits, up to the wear criterion)"),
         ("--max-spindle", 4000.0, 1.0, 1e5, "rev/min", "highest spindle speed of the machine [rev/min] (default: %(default)g)"),
         ("--rapid", 10_000.0, 1.0, 1e6, "mm/min", "rapid traverse [mm/min] (default: %(default)g)"),
         ("--tool-change", 2.0, 0.0, 1e3, "s", "time to change a tool [s] (default: %(default)g)"),

@@ -8,14 +8,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 from turning_nc.moves import Moves
 from turning_nc.stock import DRILL, MIN_DEPTH, Removal, Values
+from turning_shop.whatif import NO_LIMIT
+
+if TYPE_CHECKING:
+    from turning_shop.prediction import Evidence
 
 FINISHING_DEPTH = 0.5
 """Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
@@ -39,11 +44,14 @@ class Situation:
         feed: As programmed [mm/rev], or [mm/min] where ``per_revolution`` is false.
         speed: As programmed [m/min], or [rev/min] where ``constant_speed`` is false.
         max_spindle: Highest spindle speed of program and machine [rev/min].
+        evidence: Evidence for the scenario's laws.
         other_time: Time that feed and speed do not change: rapid moves, dwells, tool changes [s].
     """
 
-    def __init__(self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal) -> None:
-        self.scenario, self.machine, self.moves, self.removal = scenario, machine, moves, removal
+    def __init__(
+        self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal, evidence: "Evidence | None" = None
+    ) -> None:
+        self.scenario, self.machine, self.moves, self.removal, self.evidence = scenario, machine, moves, removal, evidence
         slices, all_moves = removal.slices, moves.moves
 
         def of(values: Iterable[Any]) -> NDArray[Any]:
@@ -75,6 +83,11 @@ class Situation:
         return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH) & ~np.isin(self.tool, drills))
 
     @cached_property
+    def without_limit(self) -> list[bool]:
+        """Whether thrust force and power have no limit."""
+        return [getattr(self.scenario.limits, name) == none for name, none in NO_LIMIT.items()]
+
+    @cached_property
     def feed_range(self) -> tuple[float, float]:
         """Lowest and highest feed that may be chosen [mm/rev]."""
         machine = self.scenario.machine
@@ -104,7 +117,9 @@ class Play:
     spindle_speed: Values  # [rev/min]
     used_life: Values  # share of an edge's life that the slice uses [-]
     wear: Values  # flank wear of the slice's edge after it [mm]
-    force_share: Values  # over the scenario's limit [-]
+    change_wear: Values  # flank wear at which the slice's edge is changed [mm]
+    life_at_change: Values  # share of the tool life that has passed then, by the nominal law [-]
+    force_share: Values  # over the scenario's limit [-]; 0 if it has none
     power_share: Values
 
     @property
@@ -125,9 +140,11 @@ def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, V
     return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
 
 
-def play(situation: Situation, wear: float, feed: Values | None = None, speed: Values | None = None) -> Play:
-    """Play the slices in their order, from a flank wear [mm]; every tool has an edge of its own.
+def play(situation: Situation, wear: Values | float, feed: Values | None = None, speed: Values | None = None) -> Play:
+    """Play the slices in their order; every tool has an edge of its own.
 
+    Edges are changed at a flank wear [mm], given for all slices or each. The part is the last of each edge, so that loads are
+    the highest of all parts.
     ``feed`` and ``speed`` replace those programmed, in the same units.
     """
     s, scenario = situation, situation.scenario
@@ -137,13 +154,17 @@ def play(situation: Situation, wear: float, feed: Values | None = None, speed: V
     life = np.zeros(len(time))
     life[on] = (time - s.other_time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
     exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
-    worn = np.zeros(len(time))
+    worn, wear = np.zeros(len(time)), np.broadcast_to(wear, time.shape)
+    end = (wear / criterion) ** (1.0 / exponent)
     for mine in s.by_tool.values():
-        worn[mine] = criterion * ((wear / criterion) ** (1.0 / exponent) + np.cumsum(life[mine])) ** exponent
-    shares, limits = np.zeros((2, len(time))), scenario.limits
+        used = np.cumsum(life[mine])
+        worn[mine] = criterion * np.minimum(np.maximum(end[mine] - used[-1], 0.0) + used, end[mine]) ** exponent
+    shares = np.zeros((2, len(time)))
     force, power = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
-    shares[:, on] = force / limits.thrust_force, power / limits.power
-    return Play(time, cutting_speed, per_turn, turns, life, worn, *shares)
+    idle, highest = power_range(scenario, turns[on])
+    shares[:, on] = force / scenario.limits.thrust_force, (power + idle) / highest
+    shares[s.without_limit] = 0.0
+    return Play(time, cutting_speed, per_turn, turns, life, worn, wear, end, *shares)
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
@@ -154,7 +175,7 @@ def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Va
 
 
 def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
-    """Return thrust force [N] and spindle power [kW].
+    """Return thrust force [N] and spindle power [kW], without the idle power.
 
     Power falls with the cutting speed to 0, as at the centre of a face.
     """
@@ -163,12 +184,21 @@ def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values
     return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
 
 
-def highest_feed(scenario: Scenario, cutting_speed: Values, depth: Values, wear: Values, high: float) -> Values:
+def power_range(scenario: Scenario, spindle_speed: Values) -> tuple[Values, Values]:
+    """Return the power of the idling spindle and the highest power [kW] at spindle speeds [rev/min]."""
+    speed = math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0  # at which the scenario states them
+    return idle_power_at(scenario, speed), scenario.limits.power * capacity_at(scenario, speed)
+
+
+def highest_feed(
+    scenario: Scenario, cutting_speed: Values, spindle_speed: Values, depth: Values, wear: Values, high: float
+) -> Values:
     """Return the highest feed within the limits of force and power, and at most ``high`` [mm/rev]."""
-    material, limits = scenario.material, scenario.limits
+    material, (idle, highest) = scenario.material, power_range(scenario, spindle_speed)
     force, power = loads(scenario, cutting_speed, np.ones_like(cutting_speed), depth, wear)  # at 1 mm/rev
     feed = np.full(cutting_speed.shape, high)
-    for load, limit, law in ((force, limits.thrust_force, material.thrust_force), (power, limits.power, material.power)):
+    force_limit, power_limit = scenario.limits.thrust_force, np.maximum(highest - idle, 1e-9)
+    for load, limit, law in ((force, force_limit, material.thrust_force), (power, power_limit, material.power)):
         if law.feed > 0.0:
             feed = np.minimum(feed, (limit / load) ** (1.0 / law.feed))
     return feed

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from turning_nc.adapt import Change
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
-from turning_nc.words import NcError, at_lines
+from turning_nc.edges import outside, parts_per_edge
+from turning_nc.words import at_lines
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
@@ -35,9 +36,13 @@ class Summary:
     time_at_feed_in_air: float
     other_time: float  # rapid moves, dwells and tool changes [s]
     removed: float  # [cm3]
-    max_load: float  # highest share of a limit [-]
+    max_load: float  # highest share of a limit in the last part of an edge [-]
     overload_time: float  # [s]
-    used_life: dict[str, float]  # share of an edge's life per part, by tool [-]
+    limited: bool  # whether there is a limit of force or power
+    used_life: dict[str, float]  # share of the tool life per part, by tool [-]
+    parts: dict[str, float]  # parts after which an edge is changed, by tool: 97.5 % of edges last as long
+    change_wear: dict[str, float]  # flank wear at which it is changed at the latest, by tool [mm]
+    extrapolated: tuple[str, ...]  # tools that cut outside of what was measured
 
     def lines(self) -> list[str]:
         """Return the totals as text."""
@@ -45,15 +50,25 @@ class Summary:
             f"{self.time_in_metal:.1f} s in metal, {self.time_at_feed_in_air:.1f} s at feed in air, {self.other_time:.1f} s other"
         )
         load = f"highest load: {100 * self.max_load:.0f} % of a limit; {self.overload_time:.1f} s above a limit"
-        used = [(tool, life) for tool, life in self.used_life.items() if life > 0.0]
-        edges = [f"{tool}: {100 * life:.2f} % of an edge's life, {1.0 / life:.0f} parts per edge" for tool, life in used]
+        load = load if self.limited else "limits of force and power are off"
+        edges = [
+            f"{tool}: {100 * self.used_life[tool]:.2f} % of the tool life a part, {self.change(tool)}" for tool in self.parts
+        ]
         return [f"cycle time: {self.time:.1f} s ({times})", f"removed: {self.removed:.2f} cm3", load, *edges]
+
+    def change(self, tool: str) -> str:
+        """Return the edge change of a tool as text, with a star if it cuts outside of what was measured."""
+        parts = self.parts[tool]
+        count = f"{parts:.2f} of a part" if parts < 1.0 else f"{parts:,.0f} part{'s' * (parts > 1.0)}"
+        return f"change after {count} or at {self.change_wear[tool]:.3g} mm" + " *" * (tool in self.extrapolated)
 
 
 def summary(situation: Situation, played: Play) -> Summary:
     """Return the totals of a play."""
     on, removal = situation.engaged, situation.removal
     time = played.time - situation.other_time
+    used = {tool: float(played.used_life[mine].sum()) for tool, mine in situation.by_tool.items()}
+    parts, beyond = parts_per_edge(situation, played), _unmeasured(situation, played)
     return Summary(
         time=float(played.time.sum()),
         time_in_metal=float(time[on].sum()),
@@ -62,8 +77,16 @@ def summary(situation: Situation, played: Play) -> Summary:
         removed=float(removal.slices.volume.sum() / 1000.0),
         max_load=float(played.load.max()),
         overload_time=float(time[played.load > 1.0].sum()),
-        used_life={tool: float(played.used_life[mine].sum()) for tool, mine in situation.by_tool.items()},
+        limited=not all(situation.without_limit),
+        used_life=used,
+        parts=parts,
+        change_wear={tool: float(played.change_wear[situation.by_tool[tool]][0]) for tool in parts},
+        extrapolated=tuple(tool for tool, mine in situation.by_tool.items() if beyond[mine].any()),
     )
+
+
+def _unmeasured(situation: Situation, played: Play) -> NDArray[np.bool_]:
+    return np.asarray(sum(outside(situation, played).values(), np.zeros(len(played.time))) > 0)
 
 
 def comparison(before: Summary, after: Summary) -> list[str]:
@@ -71,10 +94,12 @@ def comparison(before: Summary, after: Summary) -> list[str]:
     saved = 100.0 * (1.0 - after.time / before.time)
     change = f"{saved:.1f} % saved" if saved >= 0.0 else f"{-saved:.1f} % longer"
     lives = [100.0 * sum(totals.used_life.values()) for totals in (before, after)]
+    load = f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after"
     return [
         f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}",
-        f"highest load: {100 * before.max_load:.0f} % before, {100 * after.max_load:.0f} % after",
+        *([load] if before.limited else []),
         f"tool life per part: {lives[0]:.2f} % before, {lives[1]:.2f} % after",
+        *(f"{tool}: {before.change(tool)} before, {after.change(tool)} after" for tool in before.parts),
     ]
 
 
@@ -108,10 +133,11 @@ def rows(situation: Situation, played: Play) -> list[Row]:
     low, high = s.feed_range
     fastest = np.full(len(played.time), high)
     on = s.engaged
-    fastest[on] = highest_feed(s.scenario, played.cutting_speed[on], slices.depth[on], played.wear[on], high)
+    cuts = played.cutting_speed[on], played.spindle_speed[on], slices.depth[on], played.wear[on]
+    fastest[on] = highest_feed(s.scenario, *cuts, high)
     texts = s.moves.program.text.split("\n")
     made: list[Row] = []
-    time = played.time - s.other_time
+    time, beyond = played.time - s.other_time, _unmeasured(s, played)
     for group in np.split(fed, breaks):
         metal = group[on[group]]
         cut = metal if metal.size else group
@@ -119,6 +145,7 @@ def rows(situation: Situation, played: Play) -> list[Row]:
         if metal.size and not s.finishing(np.isin(np.arange(len(time)), metal), FINISHING_DEPTH):
             share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
+        mark = " *" * bool(beyond[group].any())
         line, radius, load = int(s.line[group[0]]), slices.radius[cut], played.load[group].max()
         row: Row = {"line": line, "cycle_pass": int(passes[group[0]]), "tool": str(s.tool[group[0]])}
         row |= {"text": texts[line - 1].strip()[:MAX_TEXT], "depth": float(slices.depth[metal].max(initial=0.0))}
@@ -127,7 +154,8 @@ def rows(situation: Situation, played: Play) -> list[Row]:
         row |= {"air_time": row["time"] - float(time[metal].sum()), "removed": float(slices.volume[group].sum() / 1000.0)}
         row |= {"force_share": float(played.force_share[group].max()), "power_share": float(played.power_share[group].max())}
         row |= {"used_life": float(played.used_life[group].sum()), "saves": saves}
-        made.append(row | {"remark": "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""})
+        remark = "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
+        made.append(row | {"remark": remark + mark})
     return made
 
 
@@ -147,9 +175,10 @@ _COLUMNS: dict[str, tuple[str, Callable[[Row], str]]] = {
 }
 
 
-def table(blocks: Sequence[Row]) -> str:
-    """Return an aligned table of rows."""
-    columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items()]
+def table(situation: Situation, blocks: Sequence[Row]) -> str:
+    """Return an aligned table of rows, without loads that have no limit."""
+    off = [head for head, is_off in zip(("force", "power"), situation.without_limit, strict=True) if is_off]
+    columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items() if head not in off]
     padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
     last = ["block", "", *(f" {row['text']}  {row['remark']}" for row in blocks)]
     lines = zip(*padded, last, strict=True)
@@ -159,7 +188,7 @@ def table(blocks: Sequence[Row]) -> str:
 def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     """Return the lines that overload, and those that waste most time."""
     found = []
-    over = [row for row in blocks if row["remark"] == "OVERLOAD"]
+    over = [row for row in blocks if row["remark"].startswith("OVERLOAD")]
     if over:
         worst = 100 * max(max(row["force_share"], row["power_share"]) for row in over)
         found.append(f"overload: {at_lines(row['line'] for row in over)}; the highest load is {worst:.0f} % of its limit")
@@ -195,10 +224,9 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
     gouged = s.removal.gouged
     text = f"the insert's back takes {sum(gouged.values()):.1f} mm2 of the part: is it a copying one, --tool NAME=copying?"
     add("gouged contour", gouged, text)
-    lives = {tool: float(played.used_life[mine].sum()) for tool, mine in s.by_tool.items()}
-    for tool, life in lives.items():
-        if 0.0 < life < 1.0 / MAX_PARTS:
-            add("edge life", on & s.by_tool[tool], f"an edge of {tool} would last {1.0 / life:,.0f} parts")
+    for tool, parts in summary(s, played).parts.items():
+        if parts > MAX_PARTS:
+            add("edge life", on & s.by_tool[tool], f"an edge of {tool} would last {parts:,.0f} parts")
     if not s.moves.states_unit and (fed := s.fed & on).any():
         feed, diameter = float(played.feed[fed].max()), 2.0 * float(slices.radius[fed].max())
         if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
@@ -217,26 +245,3 @@ def _backwards(s: Situation) -> NDArray[np.bool_]:
         if not kind.startswith(("groove", "drill", "neutral")):
             hand[mine] = -1.0 if "left" in kind else 1.0
     return np.asarray(along * hand > BACKWARDS)
-
-
-def extrapolated(situation: Situation, played: Play) -> list[str]:
-    """Return notes on cuts outside of the settings at which the scenario's laws were measured.
-
-    Raises:
-        NcError: the scenario's table ``calibration`` is damaged.
-    """
-    scenario, on = situation.scenario, situation.engaged
-    values = {"cutting_speed": played.cutting_speed, "feed": played.feed, "depth_of_cut": situation.removal.slices.depth}
-    notes: dict[str, set[int]] = {}
-    try:
-        for name, law in (scenario.calibration or {}).get("laws", {}).items():
-            if getattr(scenario.material, name).coefficient != law["coefficient"]:
-                continue
-            for factor, (low, high) in law["measured"].items():
-                if factor in values:
-                    outside = on & ((values[factor] < 0.99 * low) | (values[factor] > 1.01 * high))
-                    text = f"{factor.replace('_', ' ')} outside the measured {low:g} to {high:g}: results are extrapolated"
-                    notes.setdefault(text, set()).update(situation.line[outside].tolist())
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise NcError(f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it") from error
-    return [f"{at_lines(lines)}: {text}" for text, lines in notes.items() if lines]

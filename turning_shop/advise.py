@@ -5,23 +5,21 @@ edges last a part, it is changed after a fixed share of one. Loads keep their li
 of edges exceed at the change, at nominal depth and hardness. ``advise_play.py`` plays the advice on bars that vary.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
-from turning_shop.fit import FACTORS, LEVEL
+from turning_shop.fit import LEVEL
 from turning_shop.headers import COLUMNS
-from turning_shop.prediction import BEYOND, Evidence, Prediction, predict
-from turning_shop.whatif import Cuts, records, what_if
+from turning_shop.prediction import Evidence, Prediction, measured_ranges, predict
+from turning_shop.whatif import CHANGES, Cuts, records, what_if
 
 SPEEDS, FEEDS = 120, 60
 """Largest number of round cutting speeds, and of round feeds, that are tried."""
-WEARS = 10
-"""Number of flank wears at the change that are tried."""
 AIMS = ("least cost", "least cost as measured", "most metal")
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
 BINDS = 1e-3
@@ -131,9 +129,8 @@ def plan(scenario: Scenario, evidence: Evidence, cutting_speed: Any, feed: Any, 
     prices, work, machine = Prices.of(scenario), scenario.workpiece, scenario.machine
     cuts = what_if(scenario, cutting_speed, feed, hardness=hardness, wear=wear)
     prediction = predict(scenario, evidence, cuts, of_wear=True)
-    spread, known = np.full(cuts.time.shape, life_spread(scenario)), np.full(cuts.time.shape, np.nan)
-    if law := evidence.laws.get("wear"):  # edges differ at least as much as the scenario says
-        spread = np.maximum(spread, np.log(prediction.high["time"] / cuts.time))
+    margin, known = life_margin(scenario, evidence, cuts._asdict()), np.full(cuts.time.shape, np.nan)
+    if law := evidence.laws.get("wear"):
         known = law.quantile * law.log_deviation(scenario.material.wear, cuts._asdict(), 0.0) / scenario.material.wear.time
     per_minute = cuts.feed * cuts.spindle_speed  # [mm/min]
     part_time = work.bar_length / per_minute
@@ -141,8 +138,7 @@ def plan(scenario: Scenario, evidence: Evidence, cutting_speed: Any, feed: Any, 
 
     def policy(shift: Any) -> tuple[Any, Any]:
         """Return parts per edge and the cost of a part if the logarithm of all lives shifts."""
-        lasting = cuts.time * np.exp(shift - spread) / part_time
-        parts = np.where(lasting < 1, lasting, np.floor(lasting * (1 + 1e-9)))
+        parts = whole_parts(cuts.time * np.exp(shift - margin) / part_time)
         return parts, prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts
 
     parts, cost = policy(0.0)
@@ -179,7 +175,7 @@ def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
     speeds = round_numbers(machine.cutting_speed_min, scenario.cutting_speed_max, SPEEDS)
     if scenario.control.action == "override":
         speeds = np.array([scenario.control.initial_cutting_speed])
-    wears = np.arange(1, WEARS + 1) / WEARS * scenario.tool.wear_criterion
+    wears = CHANGES * scenario.tool.wear_criterion
     return speeds, round_numbers(machine.feed_min, machine.feed_max, FEEDS)[:, np.newaxis], wears[:, np.newaxis, np.newaxis]
 
 
@@ -219,7 +215,20 @@ def _bounds(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str, best:
 
 def life_spread(scenario: Scenario) -> float:
     """Return half the 95 % interval of an edge's life, in its logarithm, by the spread of edges that the scenario states [-]."""
-    return float(stats.norm.ppf(0.5 + 0.5 * LEVEL)) * scenario.tool.wear_factor_spread / scenario.material.wear.time
+    return NormalDist().inv_cdf(0.5 + 0.5 * LEVEL) * scenario.tool.wear_factor_spread / scenario.material.wear.time
+
+
+def life_margin(scenario: Scenario, evidence: Evidence, factors: Mapping[str, Values]) -> Values:
+    """Return the logarithm of the nominal life over that which 97.5 % of edges reach, at values of the law's factors [-]."""
+    margin, wear = np.full(np.shape(factors["time"]), life_spread(scenario)), scenario.material.wear
+    if law := evidence.laws.get("wear"):  # edges differ at least as much as the scenario says
+        margin = np.maximum(margin, law.quantile * law.log_deviation(wear, factors) / wear.time)
+    return margin
+
+
+def whole_parts(lasting: Any) -> Any:
+    """Return the number of parts after which an edge is changed: whole ones, or a share of one if it does not last a part."""
+    return np.where(lasting < 1, lasting, np.floor(lasting * (1 + 1e-9)))
 
 
 def part_volume(scenario: Scenario) -> float:
@@ -254,12 +263,9 @@ def money(value: float) -> str:
 def outside(evidence: Evidence, best: Plan) -> Iterator[str]:
     """Yield the factors of a cut that lie outside the ranges in which its laws were measured."""
     values = best.cuts._asdict()
-    for name in dict.fromkeys(FACTORS["wear"] + FACTORS["power"]):
-        ranges = [law.measured[name] for law in evidence.laws.values() if name in law.measured]
-        low, high = max((ends[0] for ends in ranges), default=0.0), min((ends[1] for ends in ranges), default=np.inf)
-        if not low * (1 - BEYOND) <= values[name] <= high * (1 + BEYOND):
-            measured = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-            yield f"{name} {values[name]:.3g}, but measured at {measured} {COLUMNS[name].unit}"
+    for name, measured in measured_ranges(evidence).items():
+        if measured.excludes(values[name]):
+            yield f"{name} {values[name]:.3g}, but measured at {measured}"
 
 
 def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:

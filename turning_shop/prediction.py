@@ -15,6 +15,7 @@ from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 from turning_shop import Values, WorkshopError
 from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
+from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
 
 BEYOND = 0.01
@@ -57,9 +58,8 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""
-        ranges = [(factors[name], *ends) for name, ends in self.measured.items() if name in factors]
-        outside = [(values < low * (1 - BEYOND)) | (values > high * (1 + BEYOND)) for values, low, high in ranges]
-        return np.asarray(np.logical_or.reduce(outside))
+        ranges = {name: Measured(*ends, COLUMNS[name].unit) for name, ends in self.measured.items() if name in factors}
+        return np.asarray(np.logical_or.reduce([measured.excludes(factors[name]) for name, measured in ranges.items()]))
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
@@ -68,6 +68,31 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     source: str = ""
     warnings: tuple[str, ...] = ()
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
+
+
+class Measured(NamedTuple):
+    """The range in which all laws with a factor were measured."""
+
+    low: float
+    high: float
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.low:.3g}{f' to {self.high:.3g}' * (self.low != self.high)} {self.unit}"
+
+    def excludes(self, values: Values) -> NDArray[np.bool_]:
+        """Return whether values of the factor lie outside."""
+        return np.asarray((values < self.low * (1 - BEYOND)) | (values > self.high * (1 + BEYOND)))
+
+
+def measured_ranges(evidence: Evidence) -> dict[str, Measured]:
+    """Return the measured range of each factor of the fitted laws."""
+    ranges: dict[str, Measured] = {}
+    for law in evidence.laws.values():
+        for name, (low, high) in law.measured.items():
+            known = ranges.get(name, Measured(low, high, COLUMNS[name].unit))
+            ranges[name] = Measured(max(low, known.low), min(high, known.high), known.unit)
+    return ranges
 
 
 class Prediction(NamedTuple):

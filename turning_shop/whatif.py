@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NO_LIMIT = {"thrust_force": 1e6, "power": 1e4}
 """Limits [N], [kW] that count as none: the largest that a scenario may have. Shares of them are 0."""
+CHANGES = np.arange(1, 11) / 10
+"""Flank wears at which an edge change is tried, over the wear criterion [-]."""
 
 
 class Cuts(NamedTuple):
