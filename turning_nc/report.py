@@ -17,8 +17,9 @@ MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
 MAX_LOAD = 3.0  # highest plausible load over its limit [-]
 MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
-MIN_DEEP = 1.0  # depth of cut below which neither its share of the diameter nor its direction counts [mm]
-BACKWARDS = 0.2  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
+MIN_DEEP, MIN_BACK = 3.0, 1.0  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
+BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
+MIN_BACKWARDS = 2.0  # length of a tool's cuts with its back below which they do not count [mm]
 MAX_INCH_FEED, MAX_INCH_DIAMETER = 0.06, 15.0
 """Highest feed per revolution and diameter that speak for inches in a program without a unit."""
 
@@ -205,7 +206,7 @@ def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
 def implausible(situation: Situation, played: Play) -> dict[str, str]:
     """Return texts by the names of what is implausible; empty if nothing is."""
     s, slices = situation, situation.removal.slices
-    on, deep = s.engaged, s.engaged & (slices.depth > MIN_DEEP)
+    on, deep = s.engaged, s.engaged & (slices.depth > MIN_BACK)
     found: dict[str, str] = {}
 
     def add(name: str, where: NDArray[np.bool_] | Iterable[int], text: str) -> None:
@@ -218,9 +219,9 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
     add("load", on & (played.load > MAX_LOAD), f"the load is above {100 * MAX_LOAD:g} % of its limit")
     radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
     above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)
-    add("depth of cut", deep & above, "the depth of cut is above half the diameter")
+    add("depth of cut", on & above & (slices.depth > MIN_DEEP), "the depth of cut is above half the diameter")
     add("spindle stands", on & ~s.spindle_on, "the tool cuts while the spindle stands: M3 or M4 is missing")
-    add("back of the tool", deep & _backwards(s), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
+    add("back of the tool", _backwards(s, deep), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
     gouged = s.removal.gouged
     text = f"the insert's back takes {sum(gouged.values()):.1f} mm2 of the part: is it a copying one, --tool NAME=copying?"
     add("gouged contour", gouged, text)
@@ -235,8 +236,8 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
     return found
 
 
-def _backwards(s: Situation) -> NDArray[np.bool_]:
-    """Return where a tool that is not neutral moves away from its hand in metal."""
+def _backwards(s: Situation, deep: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where a tool that is not neutral moves away from its hand in deep metal."""
     slices = s.removal.slices
     along = (slices.end[:, 0] - slices.start[:, 0]) / np.maximum(slices.length, 1e-9)
     hand = np.zeros(len(along))
@@ -244,4 +245,6 @@ def _backwards(s: Situation) -> NDArray[np.bool_]:
         kind = s.removal.tools[tool]
         if not kind.startswith(("groove", "drill", "neutral")):
             hand[mine] = -1.0 if "left" in kind else 1.0
-    return np.asarray(along * hand > BACKWARDS)
+    back = deep & (along * hand > BACKWARDS)
+    enough = [back & mine for mine in s.by_tool.values() if slices.length[back & mine].sum() > MIN_BACKWARDS]
+    return np.asarray(np.any([np.zeros_like(deep), *enough], axis=0))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from turning_env.extras import needed
 from turning_nc.modal import HOME
-from turning_nc.moves import Moves
+from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
 from turning_nc.words import NcError
@@ -32,13 +32,15 @@ MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
+MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
+GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 DRILL = "drill"
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 
 ANGLES = {"outside": (5.0, 85.0), "copying": (52.0, 87.0), "neutral": (72.5, 107.5)}
 """Angles of an insert's edges from the Z axis [degrees]: corners of 80 degrees for turning and facing, of 35 for other work."""
-KINDS = f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; groove:WIDTH, drill:DIAMETER"
+KINDS = f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; groove:WIDTH(-inside), drill:DIAMETER"
 
 
 def _insert(first: float, second: float, marks: Iterable[str]) -> Values:
@@ -59,7 +61,7 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     if set(marks) <= {"left", "inside"} and len(set(marks)) == len(marks):
         first, second = ANGLES[shape]
         return _insert(ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks)
-    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)", kind)
+    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
     if kind != DRILL and (match is None or not 0.0 < float(match[2]) <= 500.0):
         raise NcError(f"{kind!r} is no kind of tool: {KINDS}, above 0 and up to 500 mm")
     if match is None:
@@ -67,11 +69,14 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     width = float(match[2])
     if match[1] == DRILL:  # with a flat end
         return np.array(((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0)))
-    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE)))
+    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE))) * (1.0, -1.0 if match[3] else 1.0)
 
 
 def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the kinds of all tools: as given; a drill, if it cuts on the axis alone; inside, if it returns nearer to the axis.
+    """Return the kinds of all tools: as given, or as they move.
+
+    A drill cuts along the axis alone, or pecks along Z at one diameter. A grooving tool plunges along X and returns the same way
+    more often than it cuts along Z. A tool that returns nearer to the axis turns inside.
 
     Raises:
         NcError: a given tool is not in the program.
@@ -80,24 +85,40 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
     for name in given:
         if name not in known:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
-    feeds: dict[str, list[ToolPath]] = {tool: [] for tool in known}
-    votes = dict.fromkeys(known, 0.0)  # for outside
-    cut: ToolPath | None = None  # the last one along Z, while the tool has not returned
-    for move in moves.moves:
-        (z, x), (end, end_x) = move.path.start, move.path.end
-        if move.kind == "feed":
-            feeds[move.tool].append(move.path)
-            cut = move.path if abs(end - z) > max(5.0 * abs(end_x - x), 1.0) else cut
-            if move.cycle_pass and move.line in moves.sides:
-                votes[move.tool] += {"inside": -1e6, "outside": 1e6}.get(moves.sides[move.line].name, 0.0)
-        elif cut and abs(end - z) > 1.0:
-            votes[move.tool] += np.sign(round(abs(x) - abs(cut.end[1]), 6))  # it returns beside the metal
-            cut = None
     kinds = {}
-    for tool, paths in feeds.items():
-        on_axis = paths and max(abs(x) for path in paths for x in path.reach) < 1e-6
-        kinds[tool] = given.get(tool) or (DRILL if on_axis else "inside" if votes[tool] < 0.0 else "outside")
+    for tool in known:
+        mine = [move for move in moves.moves if move.tool == tool]
+        along = pecks = 0
+        plunges = {"": 0, "-inside": 0}
+        vote = 0.0  # for outside
+        cut: ToolPath | None = None  # the last one along Z, while the tool has not returned
+        for move, after in itertools.pairwise([*mine, mine[-1]]):
+            (z, x), (end, end_x), (next_z, next_x) = move.path.start, move.path.end, after.path.end
+            if _cuts(move):
+                if abs(end - z) > max(5.0 * abs(end_x - x), 1.0):
+                    cut, along = move.path, along + 1
+                elif cut and abs(end_x - x) > cut.length:  # it faces
+                    cut = None
+                if z == end == next_z < 0.0:
+                    plunges[""] += abs(end_x) < min(abs(x), abs(next_x))
+                    plunges["-inside"] += abs(end_x) > max(abs(x), abs(next_x))
+                pecks += x == end_x == next_x and end < min(z, next_z)
+                if move.cycle_pass and move.line in moves.sides:
+                    side = moves.sides[move.line]
+                    vote += -1e6 if side.name == "inside" else 1e6
+            elif cut and abs(end - z) > 1.0:
+                vote += np.sign(round(abs(x) - abs(cut.end[1]), 6))  # it returns beside the metal
+                cut = None
+        at = {round(2.0 * abs(x), 4) for move in mine if _cuts(move) for x in move.path.reach}
+        drill = DRILL if at == {0.0} else f"{DRILL}:{max(at):g}" if len(at) == 1 and pecks > 1 else ""
+        groove = next((f"groove:{GROOVE:g}{side}" for side, count in plunges.items() if count > along), "")
+        kinds[tool] = given.get(tool) or drill or groove or ("inside" if vote < 0.0 else "outside")
     return kinds
+
+
+def _cuts(move: Move) -> bool:
+    """Return whether a move is one at feed, and not so fast that it only places the tool."""
+    return move.kind == "feed" and not (move.per_revolution and move.feed.value > MAX_CUTTING_FEED)
 
 
 def read_stock(text: str) -> Any:
@@ -187,18 +208,25 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     A cut that begins beyond the metal is taken to begin ``CLEARANCE`` from it.
     """
     kinds = kinds_of(moves, tools)
-    fed = [move for move in moves.moves if move.kind in ("feed", "thread")]
+    fed = [move for move in moves.moves if _cuts(move) or move.kind == "thread"] or list(moves.moves)
     turned = [move for move in fed if not kinds[move.tool].startswith(DRILL)] or fed
     z, x = np.array([point for move in turned for point in (move.path.start, move.path.end)]).T
     z, x = np.where((x == HOME[1]) & (z == HOME[0]), 0.0, (z, x))  # a feed from the reference point
     inside = np.repeat([kinds[move.tool].endswith("inside") for move in turned], 2)
-    face = float(z[x < 1e-6].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
+    ends = np.array([x[::2], x[1::2]])
+    axial = np.repeat((abs(ends).min(axis=0) < 1e-6) | (ends.prod(axis=0) < 0.0), 2)  # moves that reach the axis
     x = abs(x)
+    plunges = (z[::2] == z[1::2]) & (z[::2] < 0.0) & (x[1::2] < x[::2])  # which begin in the air
+    if not plunges.all():
+        x[::2] = np.where(plunges, x[1::2], x[::2])
+    lower = np.repeat(np.minimum(z[::2], z[1::2]), 2)
+    face = float(lower[axial].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
     length = 10.0 - float(min(z.min(), -1.0))
     radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
     drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
     starts = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
-    bore = 0.0 if drilled else min(starts or [float(x[inside & (z < 0.0)].min(initial=radius))]) % radius
+    least = float(x[inside & (z < 0.0)].min(initial=radius))
+    bore = 0.0 if drilled else min(starts or [max(least - CLEARANCE, 0.5 * least) if least < radius else 0.0]) % radius
     name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}" if bore else f"bar:{2.0 * radius:g}x{length:g}"
     return shapely.box(-length, bore, face, radius), name + (f"+{face:g}" if face else "")
 
@@ -288,7 +316,11 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in beyond]
     drill = "cuts along the axis alone and is taken as a drill that removes nothing: set --tool NAME=drill:DIAMETER"
     notes += [f"tool {name} {drill}" for name, kind in kinds.items() if kind == DRILL]
-    notes += [f"tool {name} is taken as turning inside" for name, kind in kinds.items() if kind == "inside" and name not in tools]
+    notes += [
+        f"tool {name} is taken as {kind}; --tool {name}=KIND sets it"
+        for name, kind in kinds.items()
+        if kind not in ("outside", DRILL) and name not in tools
+    ]
     return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
 
 
