@@ -89,7 +89,7 @@ def adapt(
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
         raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
     again = Situation(situation.scenario, situation.machine, moves, situation.removal, situation.evidence)
-    played = play(again, search.wear)
+    played = play(again, change_wear(again) if wear is None else search.wear)
     if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
         return Adapted(search.text, (), situation, before)
     return Adapted(text, changes, again, played)

@@ -112,8 +112,14 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--scenario", required=True, metavar="SCENARIO", help="preset or TOML file with the laws and limits")
     sizes = "bar:DIAMETERxLENGTH or tube:OUTERxINNERxLENGTH [mm], with +FACE for metal before Z0"
     add("--stock", metavar="STOCK", help=f"{sizes}; or a DXF or CSV file (default: a bar that the program fits in)")
-    kinds = "outside, inside, left, copying, neutral, groove:WIDTH, drill:DIAMETER; -left and -inside may follow (default: as it moves)"
-    add("--tool", action="append", type=_tool, metavar="NAME=KIND", help=f"kind of a tool: {kinds}; can be repeated")
+    kinds = "outside, inside, left, copying, neutral, groove:WIDTH, drill:DIAMETER; -left and -inside may follow"
+    add(
+        "--tool",
+        action="append",
+        type=_tool,
+        metavar="NAME=KIND",
+        help=f"kind of a tool: {kinds} (default: as it moves); can be repeated",
+    )
     sides = "side that the G71, G72 or CYCLE95 in a line turns: outside or inside (default: as a control); can be repeated"
     add("--side", action="append", type=_side, metavar="LINE=SIDE", help=sides)
     add("--unit", choices=("mm", "inch"), help="unit of a program that states none (default: mm, with a note)")

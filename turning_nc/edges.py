@@ -11,6 +11,10 @@ from turning_shop.prediction import Evidence, measured_ranges
 from turning_shop.whatif import CHANGES
 
 
+BRIEF = 0.1
+"""Share of a line's time in metal up to which cuts outside the measured range do not count [-]."""
+
+
 def factors(situation: Situation, played: Play) -> dict[str, Values]:
     """Return the factors of the laws in metal, of an edge that has made the same cut up to its change."""
     on, scenario = situation.engaged, situation.scenario
@@ -45,12 +49,18 @@ def change_wear(situation: Situation) -> Values:
 
 
 def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
-    """Return where factors lie outside the range in which the scenario's laws were measured, by names and ranges."""
+    """Return where factors lie outside the range in which the scenario's laws were measured, by names and ranges.
+
+    Cuts of a line that take less than a tenth of its time in metal, as at the entry, do not count.
+    """
     ranges = measured_ranges(situation.evidence) if situation.evidence else {}
-    values, where = factors(situation, played), {}
+    values, on, where = factors(situation, played), situation.engaged, {}
+    time = np.bincount(situation.line, played.time * on)
     for name, measured in ranges.items():
-        there = where[f"{name.replace('_', ' ')} outside the measured {measured}"] = np.zeros(len(played.time), np.bool_)
-        there[situation.engaged] = measured.excludes(values[name])
+        there = np.zeros(len(on), np.bool_)
+        there[on] = measured.excludes(values[name])
+        share = np.bincount(situation.line, played.time * there) / np.maximum(time, 1e-9)
+        where[f"{name.replace('_', ' ')} outside the measured {measured}"] = there & (share > BRIEF)[situation.line]
     return where
 
 
