@@ -10,7 +10,6 @@ from turning_shop.advise import life_margin, whole_parts
 from turning_shop.prediction import Evidence, measured_ranges
 from turning_shop.whatif import CHANGES
 
-
 BRIEF = 0.1
 """Share of a line's time in metal up to which cuts outside the measured range do not count [-]."""
 

@@ -223,6 +223,8 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     face = float(lower[axial].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
     length = 10.0 - float(min(z.min(), -1.0))
     radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
+    cut = float(x[1::2][(x[::2] == x[1::2]) & (z[1::2] < 0.0)].max(initial=0.0))
+    radius = cut + CLEARANCE if cut >= radius else radius  # the first pass along Z cuts, too
     drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
     starts = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
     least = float(x[inside & (z < 0.0)].min(initial=radius))

@@ -44,8 +44,8 @@ UNITS = {
 }
 """Units of each dimension, in small letters, and their sizes."""
 
-SPOKEN = ("cutting_speed", "feed")
-"""Columns that a header may name by a unit alone, as in "SFM" and "IPR"."""
+SPOKEN = ("cutting_speed", "feed", "power")
+"""Columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"."""
 
 NAMES = {
     "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
@@ -99,7 +99,7 @@ class Heading(NamedTuple):
 def read_heading(text: str) -> Heading:
     """Return how a column with this header is read.
 
-    A unit that only speeds or feeds have names their column, as in "SFM" and "IPR".
+    A unit that only one of ``SPOKEN`` has names it.
 
     Raises:
         WorkshopError: The column is known, but its unit is not, or is one of another quantity.

@@ -29,7 +29,7 @@ MAX_ROWS, MAX_CELLS = 100_000, 200
 MAX_ABOVE = 20
 """Number of rows among which the header is looked for."""
 STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
-STATISTICS |= {"std", "sd", "stdev", "standard deviation", "standardabweichung", "stabw"}
+STATISTICS |= {"std", "sd", "stdev", "std dev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
 NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.")
 """Cells, in small letters, of numbers that were not measured."""
@@ -164,8 +164,8 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
             for text, unit in zip(header, below, strict=True)
         ]
     headings = _read_header(header, source)
-    if summed := [line for line, row in table if any(cell.strip(" :.").casefold() in STATISTICS for cell in row)]:
-        notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means or sums, the first in line {summed[0]}")
+    if summed := [line for line, row in table if _sums_up(row)]:
+        notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}")
         table = [each for each in table if each[0] not in summed]
     complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == len(headings)]
     complaints = [
@@ -204,10 +204,19 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
     )
 
 
+def _sums_up(row: Sequence[str]) -> bool:
+    """Return whether a row sums up others, or holds no number at all."""
+    statistic = any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row)
+    return statistic or not any(_is_number(cell) for cell in row)
+
+
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell.strip().replace(",", ".")))
+
+
 def _is_row_of_units(header: Sequence[str], row: Sequence[str]) -> bool:
     """Return whether a row below the header holds no numbers, and two units or more."""
-    numbers = any(_NUMBER.fullmatch(cell.strip().replace(",", ".")) for cell in row)
-    return len(row) == len(header) and not numbers and sum(map(is_unit, row)) >= 2
+    return len(row) == len(header) and not any(map(_is_number, row)) and sum(map(is_unit, row)) >= 2
 
 
 def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:

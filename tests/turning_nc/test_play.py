@@ -307,6 +307,24 @@ def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
     assert mirrored.slices.volume.sum() == plain.slices.volume.sum() > 0.0
 
 
+@pytest.mark.parametrize(
+    ("cuts", "kind"),
+    [
+        ("X62. Z-20.\nG1 X50. F0.1\nX61.\nG0 Z-26.\nG1 X50.\nG0 X61.", "groove:3"),
+        ("X20. Z-20.\nG1 X30. F0.1\nG0 X20.\nZ5.", "groove:3-inside"),
+        ("X-20. Z2.\nG1 Z-10. F0.1\nG0 Z1.\nG1 Z-20.\nG0 Z5.", "drill:20"),
+        ("X62. Z0.\nG1 X-1. F0.1\nG0 Z2.\nX56.\nG1 Z-30.", "outside"),
+        ("X62. Z-5.\nG1 X50. F3.\nG0 X62.\nZ0.\nX56.\nG1 Z-30. F0.2", "outside"),  # the first feed only places the tool
+    ],
+)
+def test_kinds_of_tools_follow_from_how_they_cut(cuts: str, kind: str) -> None:
+    made = moves(f"G21 G99 T0101\nG97 S800 M3\nG0 {cuts}")
+    stock = guessed_stock(made)[0] if "-inside" not in kind else read_stock("tube:60x20x60")
+    removal = remove(made, stock)
+    assert removal.tools["T0101"] == kind
+    assert removal.slices.volume.sum() > 0.0
+
+
 def test_a_side_without_metal_is_refused() -> None:
     text = f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\nN1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18."
     with pytest.raises(NcError, match=r"line 6: .*no hole"):
