@@ -3,8 +3,8 @@
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
 
 The rule knows laws; the guide learns from a thousand lathes what no law of the rule says (``baselines/guided.py``). A step of
-this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in every
-episode. The same command resumes an interrupted training, and does nothing if training is finished.
+this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in
+every episode. The same command resumes an interrupted training, and does nothing if training is finished.
 """
 
 import sys

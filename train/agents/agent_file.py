@@ -140,8 +140,9 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
 
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     """Return the space of an agent's actions: the environment's, or a guide's decisions if its parameters say so."""
-    space: Box = decision_space() if parameters.get("guide") is True else action_space(scenario)
-    return space
+    space: Any = decision_space() if parameters.get("guide") is True else action_space(scenario)
+    box: Box = space
+    return box
 
 
 def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:

@@ -1,0 +1,64 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stable_baselines3.common.callbacks import BaseCallback
+
+from baselines.guided import HOLD
+from train import export, guided_ppo
+from train.agents import onnx_policy
+from train.agents.agent_file import informed
+from train.run import Run
+from train.training import train
+from turning_env import FAMILY_ID, Family, FamilyVectorEnv, Scenario
+
+FAMILY = Family.load("unmodelled")
+SMALL = {"steps": 192, "num_envs": 4, "rollout": 16, "batch_size": 32, "epochs": 2, "guide": True}
+
+
+class Interruption(BaseCallback):
+    """Interrupts a training after some steps."""
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps > 100:
+            raise KeyboardInterrupt
+        return True
+
+
+def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_path: Path) -> None:
+    algorithm = guided_ppo.ALGORITHM
+    whole, cut = (Run.plan("guided_ppo", FAMILY_ID, FAMILY, 1, tmp_path / name, "a command", SMALL) for name in ("whole", "cut"))
+    train(whole, algorithm, checkpoint_every=64)
+    with pytest.raises(KeyboardInterrupt):
+        train(cut, replace(algorithm, callbacks=lambda run: [Interruption()]), checkpoint_every=64)
+    train(cut, algorithm, checkpoint_every=64)
+    files = [export.export(run.folder, tmp_path / "agents" / name) for name, run in (("whole", whole), ("cut", cut))]
+    models = [FAMILY.job(seed).scenario for seed in range(2)]
+    one, other = (informed(onnx_policy.load(Path(file["path"])), models)(2) for file in files)
+    env = FamilyVectorEnv(2, FAMILY)
+    observations, _ = env.reset(seed=[0, 1])
+    for _ in range(2 * HOLD):
+        actions = one.act(observations)
+        np.testing.assert_array_equal(actions, other.act(observations))
+        observations, *_ = env.step(actions)
+
+
+def test_every_environment_keeps_its_job_and_counts_returns_of_whole_jobs() -> None:
+    env = guided_ppo.GuidedVecEnv(FAMILY, 3, reward_scale=0.5)
+    env.seed(7)
+    first, total, episodes = env.reset(), np.zeros(3), []
+    for _ in range(4):
+        seen, rewards, _, infos = env.step(np.zeros((3, 2), np.float32))
+        total += rewards
+        episodes += [info for info in infos if info]
+    assert first.shape == seen.shape == (3, *env.observation_space.shape)
+    assert not episodes
+    time = 4 * HOLD
+    assert (abs(total) < 0.5 * 3 * time).all()
+    assert total.any()
+
+
+def test_a_guide_learns_on_families_alone() -> None:
+    with pytest.raises(ValueError, match="jobs of a family, not on scenario 'rough_turning'"):
+        guided_ppo.GuidedVecEnv(Scenario(), 2)
