@@ -150,7 +150,7 @@ def _plays(scenario: Scenario) -> bool:
 RULES = {
     "grid_search": Rule("the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}),
     "rescaled_grid_search": Rule(
-        "the grid search on models rescaled by measured force and power, with a margin, both tuned on tuning seeds",
+        "this project's own rescaling of the grid search: models scaled by measured force and power, with a margin, both tuned",
         RescaledGridSearch,
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},

@@ -123,13 +123,16 @@ def _show(options: argparse.Namespace) -> None:
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v1 --json
     python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0 --all
-    python -m leaderboard show --results leaderboard/results --track constraint
     python -m leaderboard show --results leaderboard/results --all
+    python -m leaderboard show --results leaderboard/results --markdown mean_return overload_share --policies predictive ppo
     """
     leaderboards = read_leaderboards(
-        options.results, env_id=options.env, scenario=options.scenario, most=None if options.all else 1
+        options.results, env_id=options.env, scenarios=options.scenario, most=None if options.all else 1
     )
-    _print(leaderboards, options.json, options.track)
+    if options.markdown is not None:
+        print(table.selection(leaderboards, options.markdown, options.policies))
+        return
+    _print(leaderboards, options.json)
     if not options.all and len(list(options.results.glob(f"*/*/{MANIFEST_FILE}"))) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
 
@@ -207,12 +210,12 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return Scenario.load(options.scenario or IDS[options.env])
 
 
-def _print(leaderboards: Sequence[Leaderboard], as_json: bool, track: str = "penalty") -> None:
+def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
     if as_json:
-        print_json(table.as_data(leaderboards, track))
+        print_json(table.as_data(leaderboards))
     else:
         for each in leaderboards:
-            print(table.render(each, track) + "\n")
+            print(table.render(each) + "\n")
         if (across := table.across(leaderboards)) is not None:
             print(table.render_across(across) + "\n")
     if left_out := [str(path) for each in leaderboards for path in each.left_out]:
@@ -304,11 +307,12 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(_show, "print the ranking", results, printed)
     add("--env", choices=ids, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
-    which = "the scenario's name (default: the id's own), or family and split, such as shop-unseen_jobs"
-    add("--scenario", metavar="NAME", help=which)
+    which = "names of scenarios (default: the id's own), or of family and split, such as shop-unseen_jobs"
+    add("--scenario", nargs="+", default=[], metavar="NAME", help=which)
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
-    which = "order of policies: penalty, by return, on splits by full cost (default), or constraint, feasible policies by cost"
-    add("--track", choices=table.TRACKS, default="penalty", help=which)
+    which = "print one Markdown table of these numbers, as --json calls them; without any, of full costs over splits"
+    add("--markdown", nargs="*", choices=table.COLUMNS, metavar="NUMBER", help=which)
+    add("--policies", nargs="+", default=[], metavar="NAME", help="policies in that table (default: all)")
     add = command(_page, "write all rankings as one HTML file", results)
     add("--out", type=Path, metavar="FILE", help="page to write (default: RESULTS/index.html)")
 

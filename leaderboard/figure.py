@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
-from leaderboard.standings import comparators
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_render import plot_style as style
@@ -20,8 +19,8 @@ PLAIN_NAMES = {
     "predictive": "Kalman filter and optimiser",
     "recurrent_ppo": "agent: recurrent PPO",
     "ppo": "agent: PPO",
-    "rescaled_grid_search": "published controller, rescaled online",
-    "grid_search": "published controller",
+    "adaptive_pn": "published adaptive control, rule [PN]",
+    "grid_search": "published grid search",
     "fixed_tuned": "best fixed speed and feed",
 }
 """The policies of RoughTurning-v0 in the picture, with names that a stranger understands."""
@@ -39,14 +38,14 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
     if len(episodes) < 2:
         what = f"{leaderboard.task.env_id} on scenario {leaderboard.task.scenario.name}"
         raise ResultError(f"two trajectories are needed; python -m leaderboard run records those of {what}")
-    # The first of the ranking against the published controller, or against the next.
-    published = comparators(leaderboard.task.scenario).published
-    second = next((episode for episode in episodes[1:] if episode.policy.name == published), episodes[1])
+    first = {standing.policy_class: standing.name for standing in reversed(leaderboard.standings)}
+    pair = (first.get("rule"), first.get("model-free agent"))  # the best of each, or the first two
+    episodes.sort(key=lambda episode: leaderboard.names[episode.policy.label] not in pair)
     with style.for_print():
         figure = Figure(figsize=(9.6, 3.8), layout="constrained")
-        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.5, 1))[0]
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.6, 1))[0]
         _draw_ranking(left.subplots(), leaderboard)
-        _draw_same_bar(right.subplots(3, 1, sharex=True), (episodes[0], second), leaderboard.task.scenario)
+        _draw_same_bar(right.subplots(3, 1, sharex=True), (episodes[0], episodes[1]), leaderboard.task.scenario)
         try:
             style.save(style.readable(figure), path)
         except ValueError as error:
@@ -63,13 +62,13 @@ def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
         axes.plot([estimate.low, estimate.high], [place, place], color=colour, linewidth=2.5)
         axes.plot(estimate.value, place, "o", color=colour, markerfacecolor=colour if ranked else "white")
         axes.annotate(f"{estimate.value:.0f} s", (estimate.value, place), (0, 7), textcoords="offset points", ha="center")
-        overload = f"{100.0 * standing.severe_share:.1f} %"
-        axes.annotate(overload, (1.1, place), xycoords=("axes fraction", "data"), ha="center", va="center")
-    axes.annotate("time in\noverload", (1.1, 1.01), xycoords="axes fraction", ha="center", va="bottom")
+        over = f"{100.0 * (standing.overload_share or 0.0):.1f} ({100.0 * standing.severe_share:.1f})"
+        axes.annotate(over, (1.16, place), xycoords=("axes fraction", "data"), ha="center", va="center")
+    axes.annotate("time over a limit\n(by > 5 %) [%]", (1.16, 1.01), xycoords="axes fraction", ha="center", va="bottom")
     axes.set_yticks(range(len(standings)), [PLAIN_NAMES.get(standing.name, standing.name) for standing in standings])
     axes.set_ylim(len(standings) - 0.5, -0.7)
     axes.set_xlabel("mean return [s of machine time], 95 % interval; higher is better")
-    axes.set_title(f"{len(leaderboard.task.seeds)} held-out seeds; hollow: not feasible", loc="left")
+    axes.set_title(f"{len(leaderboard.task.seeds)} held-out seeds\nhollow: not feasible", loc="left")
     axes.grid(axis="x")
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)

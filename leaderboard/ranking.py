@@ -1,5 +1,6 @@
 """The leaderboard of one environment on one scenario, as read from its folder."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,7 +78,7 @@ def read_leaderboards(
     results: Path,
     tasks: dict[Path, Task] | None = None,
     env_id: str | None = None,
-    scenario: str | None = None,
+    scenarios: Collection[str] = (),
     most: int | None = None,
 ) -> list[Leaderboard]:
     """Rank every environment on every scenario that ``results`` holds. A folder that cannot be used is named on standard error.
@@ -88,15 +89,15 @@ def read_leaderboards(
         results: the folder of all results.
         tasks: of some of the folders in it, the task whose results are ranked there; see ``read_leaderboard``.
         env_id: only this environment's; None: all.
-        scenario: only on the scenario of this name; None: all.
+        scenarios: only on the scenarios of these names; empty: all.
         most: only the first so many; None: all.
 
     Raises:
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    folders = (folder for folder in results.glob(f"{env_id or '*'}/{scenario or '*'}") if result_files(folder))
-    for folder in sorted(folders, key=_place):
+    folders = (folder for folder in results.glob(f"{env_id or '*'}/*") if not scenarios or folder.name in scenarios)
+    for folder in sorted(filter(result_files, folders), key=_place):
         if len(leaderboards) == most:
             break
         try:
@@ -104,7 +105,7 @@ def read_leaderboards(
         except ResultError as error:
             tell_once(f"skipped: {error}")
     if not leaderboards:
-        asked = "".join(f" of {each}" for each in (env_id, scenario) if each)
+        asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
         raise ResultError(f"{results} holds no results{asked} yet; python -m leaderboard run makes some")
     return leaderboards
 

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from baselines.catalogue import RULES
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
-from leaderboard.policies import CLAIRVOYANT, is_own
+from leaderboard.policies import is_own
 from leaderboard.result import Result
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, improvement, interquartile_mean, rank_key, ratio
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, interquartile_mean, rank_key, ratio
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,9 @@ class Comparators:
     """Fixed parameters: the zero of the score."""
     published: str
     """The published controller."""
-    adaptive: str | None = None
-    """The best of the literature's controllers when it adapts: the gap to close reaches from here to the causal oracle."""
 
 
-SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search", "rescaled_grid_search")
+SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search")
 OVERRIDE = Comparators("programmed_feed", "modified_fuzzy_override")
 ROUGHNESS = Comparators("programmed_feed", "constant_force")
 PARTS = Comparators("parts_fixed_tuned", "parts_app_pt")
@@ -42,6 +41,10 @@ def comparators(scenario: Scenario) -> Comparators:
     if scenario.control.action == "override":
         return ROUGHNESS if scenario.control.aim == "roughness" else OVERRIDE
     return SPEED_AND_FEED
+
+
+LARGEST = 3
+"""Number of the largest differences that a mean leaves out, to show whether a few seeds make a lead."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +69,14 @@ class Standing:
     best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
     over_best_rule: Estimate | None  # [s]
     over_causal: Estimate | None  # [s]
+    median_over_best_rule: float | None = None  # over seeds [s]
+    over_best_rule_without_largest: float | None = None  # mean over seeds but the ``LARGEST`` with the largest differences [s]
+    beats_best_rule: float | None = None  # share of seeds
     class_rank: int | None = None  # among the policies of its class, by the same order; None for an oracle
     constraint_rank: int | None = None  # among feasible policies, by cost
     over_fixed: Estimate | None = None  # [s]
     over_published: Estimate | None = None  # [s]
-    improves_on_published: Estimate | None = None  # probability
-    score: Estimate | None = None  # 0 the fixed parameters, 1 the clairvoyant bound
-    gap_closed: Estimate | None = None  # share of the gap from the adaptive controller to the causal oracle
+    score: Estimate | None = None  # 0 the fixed parameters, 1 the causal oracle
     full_cost: Estimate | None = None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
     minutes: float | None = None  # of an episode, with edge changes and downtime [min]
     part_cost: float | None = None  # edges included; None if no parts are turned [min]
@@ -88,9 +92,7 @@ class Standing:
     # Of families, whose volumes and edges do not add up:
     full_cost_share: Estimate | None = None  # cost of time, edges, overload and breakage over the worth of the metal
     job_score: Estimate | None = None  # 0 the fixed nominal optimum, 1 the causal oracle
-    gap_to_truth_closed: Estimate | None = None  # share of the gap from the best rule to the same rule with true laws
-    median_over_best_rule: float | None = None  # [s]
-    beats_best_rule: float | None = None  # share of jobs
+    over_truth: Estimate | None = None  # over the best rule with true laws [s]
     worst_return: float | None = None  # of a job [s]
     feasible_jobs: float | None = None  # share of jobs
 
@@ -130,11 +132,6 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
 
     standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each)), each.name))
     return _with_ranks(standings, board.costs)
-
-
-def by_cost(standings: Sequence[Standing]) -> list[Standing]:
-    """Return policies in the order of the constraint track: feasible ones by cost, then the others in their order."""
-    return sorted(standings, key=lambda each: each.constraint_rank or math.inf)
 
 
 def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
@@ -205,7 +202,7 @@ class _Board:
         self.groups, self.task = groups, next(iter(groups.values()))[0].task
         self.scenario = self.task.scenario
         self.played = {
-            name: {field: np.array([each.episodes[field] for each in group]) for field in self.task.fields}
+            name: {field: np.array([each.episodes[field] for each in group]) for field in group[0].episodes}
             for name, group in groups.items()
         }  # arrays of shape (training seeds, seeds)
         self.bootstrap = Bootstrap(len(self.task.seeds))
@@ -234,7 +231,7 @@ class _Board:
             kind=policy.kind,
             policy_class=class_of(policy),
             information=information(policy, policy.trained_on or scenario),
-            description=policy.description,
+            description=RULES[policy.name].description if policy.name in RULES else policy.description,
             own=is_own(policy),
             training_seeds=tuple(sorted(each.policy.training_seed or 0 for each in self.groups[name] if policy.kind == "agent")),
             feasible=severe_limit <= scenario.limits.overload_allowance,
@@ -245,7 +242,9 @@ class _Board:
             best_rule=best_rule,
             over_best_rule=self._difference(name, best_rule),
             over_causal=self._difference(name, CAUSAL),
-            **(self._of_jobs(name, best_rule) if self.task.of_family else self._of_episodes(name)),
+            overload_share=_share(episodes["overload_time"], engaged) if "overload_time" in episodes else None,
+            **self._leads(name, best_rule),
+            **(self._of_jobs(name) if self.task.of_family else self._of_episodes(name)),
         )
 
     def _difference(self, name: str, other: str | None) -> Estimate | None:
@@ -255,14 +254,25 @@ class _Board:
         value = float(np.mean(self.played[name]["return"]) - np.mean(self.played[other]["return"]))
         return Estimate.of(value, self.means[name] - self.means[other])
 
-    def _closed(self, name: str, start: str | None, end: str) -> Estimate | None:
-        """Return the share of the gap in return between two policies that a policy closes."""
-        if start is None or start not in self.played or end not in self.played or name in (start, end):
+    def _leads(self, name: str, other: str | None) -> dict[str, Any]:
+        """Return the numbers of the differences of two policies' returns, seed by seed, that a few seeds cannot decide."""
+        if other is None:
+            return {}
+        leads = self.played[name]["return"].mean(axis=0) - self.played[other]["return"].mean(axis=0)
+        few = leads[np.argsort(-np.abs(leads), kind="stable")[LARGEST:]]
+        return {
+            "median_over_best_rule": float(np.median(leads)),
+            "over_best_rule_without_largest": float(few.mean()) if few.size else None,
+            "beats_best_rule": float((leads > 0.0).mean()),
+        }
+
+    def _score(self, name: str, start: str) -> Estimate | None:
+        """Return the share of the gap in return from a policy to the causal oracle that another closes."""
+        if not {start, CAUSAL} <= self.played.keys() or name in (start, CAUSAL):
             return None
-        low, high, mean = (float(np.mean(self.played[each]["return"])) for each in (start, end, name))
-        return Estimate.of(
-            (mean - low) / (high - low), (self.means[name] - self.means[start]) / (self.means[end] - self.means[start])
-        )
+        low, high, mean = (float(np.mean(self.played[each]["return"])) for each in (start, CAUSAL, name))
+        means, least = self.means, self.means[start]
+        return Estimate.of((mean - low) / (high - low), (means[name] - least) / (means[CAUSAL] - least))
 
     def _of_episodes(self, name: str) -> dict[str, Any]:
         """Return the numbers for tasks on one scenario."""
@@ -272,19 +282,14 @@ class _Board:
         found: dict[str, Any] = {
             "over_fixed": self._difference(name, compared.fixed),
             "over_published": self._difference(name, compared.published),
-            "score": self._closed(name, compared.fixed, CLAIRVOYANT),
-            "gap_closed": self._closed(name, compared.adaptive, CAUSAL),
+            "score": self._score(name, compared.fixed),
             "minutes": float(np.mean(minutes)),
             "removal_rate": _share(removed, minutes),
-            "overload_share": _share(episodes["overload_time"], engaged),
             "excess": _share(episodes["excess"], engaged),
             "edges": float(np.mean(edges)),
             "broken_share": _share(episodes["edges_broken"], edges),
             "used_life": float(np.mean(episodes["used_life"])),
         }
-        if compared.published in self.played and name != compared.published:
-            wins = improvement(episodes["return"], self.played[compared.published]["return"])
-            found["improves_on_published"] = Estimate.of(float(np.mean(wins)), self.bootstrap.means(wins, name))
         if name in self.costs:
             found["cost"] = Estimate.of(*self.costs[name])
         if name in self.costs and scenario.control.aim == "removal":
@@ -296,7 +301,7 @@ class _Board:
             found["roughness_deviation"] = _share(episodes["roughness_deviation"], episodes["time"])
         return found
 
-    def _of_jobs(self, name: str, best_rule: str | None) -> dict[str, Any]:
+    def _of_jobs(self, name: str) -> dict[str, Any]:
         """Return the numbers for families."""
         episodes, returns = self.played[name], {each: played["return"] for each, played in self.played.items()}
         worth = episodes["reward_metal"]
@@ -313,15 +318,8 @@ class _Board:
             scores = (returns[name] - low) / (high - low)
             middle = self.bootstrap.interquartile_means(scores, name)
             found["job_score"] = Estimate.of(float(interquartile_mean(scores.ravel())), middle)
-        if best_rule is not None:
-            leads = returns[name] - returns[best_rule].mean(axis=0)
-            found |= {"median_over_best_rule": float(np.median(leads)), "beats_best_rule": float((leads > 0.0).mean())}
-        best = highest(self.rules)
-        policy = self.groups[best][0].policy if best else None
-        truth = policy.model_copy(update={"knows": "true_laws"}).title if policy else None
-        if best and truth in returns and returns[truth].mean() > returns[best].mean():
-            found["gap_to_truth_closed"] = self._closed(name, best, truth)
-        return found
+        true = {each: float(returns[each].mean()) for each, group in self.groups.items() if group[0].policy.knows == "true_laws"}
+        return found | {"over_truth": self._difference(name, highest(true))}
 
 
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:

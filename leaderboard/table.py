@@ -1,33 +1,23 @@
 """Rankings as text, and as data for ``--json``; and a table of full costs over a leaderboard and its splits."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from leaderboard.columns import FULL_COST, GROUPS, Cell, Column, Training, groups, ranking
 from leaderboard.ranking import Leaderboard
-from leaderboard.standings import Standing, by_cost, ranked_by
+from leaderboard.standings import Standing, ranked_by
 from turning_env import SPLITS
 from turning_env.scoring.policy import ScenarioId
 
-UNITS = {
-    column.field: column.unit if column.factor == 1.0 else "share"
-    for group in GROUPS.values()
-    for column in group
-    if not isinstance(column, Training)
-}
+COLUMNS = {column.field: column for group in GROUPS.values() for column in group}
+"""All columns by field."""
+UNITS = {field: each.unit if each.factor == 1.0 else "share" for field, each in COLUMNS.items() if not isinstance(each, Training)}
 """Units of the numbers of a standing."""
 
 
-TRACKS: dict[str, Callable[[Sequence[Standing]], Sequence[Standing]]] = {
-    "penalty": lambda standings: standings,
-    "constraint": by_cost,
-}
-"""The order of policies on each track: as ranked, by return or on splits by full cost; or feasible policies by cost."""
-
-
-def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict[str, Any]:
-    """Return the leaderboards with all numbers of their standings in order of a track: see ``leaderboard.standings.Standing``.
+def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
+    """Return the leaderboards with all numbers of their standings: see ``leaderboard.standings.Standing``.
 
     A number with an interval has ``value``, ``low`` and ``high``.
     """
@@ -39,24 +29,44 @@ def as_data(leaderboards: Sequence[Leaderboard], track: str = "penalty") -> dict
                 "scenario": each.task.scenario.name,
                 "seeds": each.task.seeds,
                 "task": each.task.digest,
-                "ranked_by": "cost" if track == "constraint" else ranked_by(each.task.scenario),
-                "standings": [asdict(standing) for standing in TRACKS[track](each.standings)],
+                "ranked_by": ranked_by(each.task.scenario),
+                "standings": [asdict(standing) for standing in each.standings],
             }
             for each in leaderboards
         ],
     }
 
 
-def render(leaderboard: Leaderboard, track: str = "penalty") -> str:
+def render(leaderboard: Leaderboard) -> str:
     """Return a leaderboard as tables, one per subject, under a line that names the task."""
     task = leaderboard.task
-    by = "cost" if track == "constraint" else ranking(task.scenario).heading
     about = f"{task.env_id}, scenario {task.scenario.name}, {len(task.seeds)} seeds, task {task.digest[:12]}"
-    lines = [f"{about}, ranked by {by}"]
-    standings = TRACKS[track](leaderboard.standings)
-    for heading, columns in groups(standings).items():
-        lines += ["", heading, "", aligned(_rows(standings, columns), left=1)]
+    lines = [f"{about}, ranked by {ranking(task.scenario).heading}"]
+    for heading, columns in groups(leaderboard.standings).items():
+        lines += ["", heading, "", aligned(_rows(leaderboard.standings, columns), left=1)]
     return "\n".join(lines)
+
+
+def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], policies: Collection[str]) -> str:
+    """Return some numbers of some policies, or of all if none is named, as a Markdown table; without numbers, ``across``."""
+    if not fields and (splits := across(leaderboards)):
+        head, *rows = _across_rows(splits)
+        return markdown([dict(zip(head, row, strict=True)) for row in rows if not policies or row[0] in policies])
+    found = []
+    for each in leaderboards:
+        head, units, *rows = _rows(each.standings, [COLUMNS[field] for field in fields])
+        titles = [f"{title} {unit}".strip() for title, unit in zip(head, units, strict=True)]
+        first = {"scenario": each.task.scenario.name} if len(leaderboards) > 1 else {}
+        named = (row for row in rows if not policies or row[1] in policies)
+        found += [first | {"policy": f"`{row[1]}`"} | dict(zip(titles[3:], row[3:], strict=True)) for row in named]
+    return markdown(found)
+
+
+def markdown(rows: Sequence[Mapping[str, str]]) -> str:
+    """Return a Markdown table of texts by heading."""
+    headings = list(dict.fromkeys(heading for cells in sorted(rows, key=lambda cells: -len(cells)) for heading in cells))
+    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
@@ -142,9 +152,13 @@ def _full_cost(standing: Standing) -> tuple[Cell, bool]:
 
 def render_across(table: Across) -> str:
     """Return the table as text."""
+    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
+    return f"{head}\n\n{aligned(_across_rows(table))}"
+
+
+def _across_rows(table: Across) -> list[list[str]]:
     rows = [["policy", *table.scenarios]]
     for policy, cells in table.rows.items():
         texts = {scenario: cell.text + ("" if feasible else " NO") for scenario, (cell, feasible) in cells.items()}
         rows.append([policy, *(texts.get(scenario, "") for scenario in table.scenarios)])
-    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
-    return f"{head}\n\n{aligned(rows)}"
+    return rows

@@ -15,9 +15,10 @@ import json
 import shlex
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib import import_module
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
 
@@ -26,6 +27,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
+from leaderboard.__main__ import positive
+from leaderboard.table import markdown
 from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
@@ -39,19 +42,16 @@ from turning_env.scoring.family import play_family, truthful
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
 from turning_env.scoring.workers import spread, workers
 
 FOLDER = Path(__file__).parent
 STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def with_changes(scenario: Scenario, changes: dict[str, dict[str, Any]]) -> Scenario:
-    """Return a scenario with other values by section."""
-    values = scenario.model_dump()
-    for section, fields in changes.items():
-        values[section] = values.get(section, {}) | fields
-    return Scenario.model_validate(values)
+def with_changes(env_id: str, changes: Mapping[str, dict[str, Any]], name: str | None = None) -> Scenario:
+    """Return an id's scenario with other values by section, perhaps under another name."""
+    return Scenario.load({"base": IDS[env_id], "name": name or IDS[env_id], **changes})
 
 
 JOBS = {"training_jobs": "train", "tuning": "validation", "held_out": "unseen_jobs"}
@@ -91,6 +91,8 @@ class Study(BaseModel):
     """Hyperparameters of all trainings."""
     splits: bool = False
     """Whether the variants also play the splits."""
+    scenarios: dict[str, dict[str, dict[str, Any]]] = {}
+    """Values by section of further scenarios on which controllers are ranked; the table then compares these rankings."""
     overload_prices: tuple[float, ...] = ()
     """Prices of overload at which the same episodes are charged again."""
     variants: dict[str, Variant] = Field(min_length=1)
@@ -110,7 +112,7 @@ class Study(BaseModel):
             if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
                 raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}")
             if self.task in IDS:
-                with_changes(Scenario.load(IDS[self.task]), each.scenario)
+                with_changes(self.task, each.scenario)
             known = hyperparameters(each.algorithm, self.task) if each.algorithm else each.settings
             if unknown := [key for key in self.settings | each.settings if key not in known and each.algorithm]:
                 raise ValueError(f"variants.{name}.settings has {unknown[0]!r}, but must be of {', '.join(known)}")
@@ -173,7 +175,7 @@ class Played(NamedTuple):
 def home_of(study: Study, variant: Variant) -> Scenario | Family:
     """Return the family of a study, or its scenario with a variant's changes."""
     home = trained_on(study.task, None)
-    return home if isinstance(home, Family) else with_changes(home, variant.scenario)
+    return home if isinstance(home, Family) else with_changes(study.task, variant.scenario)
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
@@ -230,18 +232,19 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
             found = partial(play_family, home, split, jobs, make)
         return Played({study.task: _cached(runs, kept, found)}, seconds)
     episodes = {}
-    for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ())):
+    others = [with_changes(study.task, changes, title) for title, changes in study.scenarios.items()]
+    for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ()), *others):
         if variant.policy:
-            spec = _controller(variant, scenario)
+            spec = _controller(variant, scenario, home)
             kept.append(spec.identity)
         seeds, make = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes), informed(spec, scenario)
         episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))
     return Played(episodes, seconds)
 
 
-def _controller(variant: Variant, scenario: Scenario) -> PolicySpec:
-    """Return the variant's controller for a scenario, tuned unless its settings say otherwise."""
-    nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario)
+def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicySpec:
+    """Return the variant's controller for a scenario, tuned for ``home`` unless its settings say otherwise."""
+    nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario, home)
     rule, parameters = catalogue.playable(variant.policy, nominal), tuned.parameters | variant.settings
     values: Any = parameters
     return tuned.model_copy(update={"parameters": parameters, "make": lambda num_envs: rule.build(nominal, num_envs, values)})
@@ -275,11 +278,11 @@ class Row:
 
     def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
         self.name, self._bootstrap = name, bootstrap
-        self._scenarios = {
+        self.scenarios = {
             scenario: {field: np.stack([each.episodes[scenario][field] for each in trained]) for field in EPISODE_FIELDS}
             for scenario in trained[0].episodes
         }
-        self._own = next(iter(self._scenarios.values()))
+        self._own = next(iter(self.scenarios.values()))
         self._seconds = [each.seconds for each in trained if each.seconds is not None]
 
     def cells(self, other: "Row | None", prices: Sequence[float] = ()) -> dict[str, str]:
@@ -307,43 +310,58 @@ class Row:
             cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
             cells["Cost without overload [min/dm3]"] = f"{(cost + total['reward_overload']) / 60.0 / volume:.2f}"
         cells["Over a limit [% of cutting time]"] = f"{100.0 * total['overload_time'] / cut:.1f}"
-        home, *splits = self._scenarios
+        home, *splits = self.scenarios
         cells["By > 5 % [%]"] = f"{100.0 * total['severe_overload_time'] / cut:.2f}{self._verdict(home)}"
         cells["Edges broken per 100"] = f"{100.0 * total['edges_broken'] / max(total['edges_used'], 1e-9):.1f}"
         for split in splits:
-            cells[f"`{split}` [s]"] = f"{self._scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
+            cells[f"`{split}` [s]"] = f"{self.scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
         if self._seconds:
             cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
         return cells
 
     def _verdict(self, scenario: str) -> str:
         """Return a remark if the variant is not feasible on a scenario; jobs of the family have limits of their own."""
-        if scenario == FAMILY_ID:
-            return ""
-        episodes = self._scenarios[scenario]
+        return "" if scenario == FAMILY_ID or not self.rank_key(scenario)[1] else ", infeasible"
+
+    def rank_key(self, scenario: str) -> tuple[bool, bool, float]:
+        """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
+        episodes = self.scenarios[scenario]
         limit = self._bootstrap.severe_limit(episodes["severe_overload_time"], episodes["engaged_time"], self.name)
-        return "" if limit <= Scenario.load(scenario).limits.overload_allowance else ", infeasible"
+        cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(episodes["removed"].sum(), 1e-9)
+        return rank_key("rule", limit <= Scenario().limits.overload_allowance, -cost)
 
 
 def _text(estimate: Estimate) -> str:
     return f"{estimate.value:.1f} ({estimate.low:.1f} to {estimate.high:.1f})"
 
 
-def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> list[str]:
-    """Return the lines of a Markdown table of variants, each with the episodes of its training seeds."""
+def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
+    """Return a Markdown table of variants, each with the episodes of its training seeds."""
     bootstrap = Bootstrap(study.episodes)
     rows = {name: Row(name, trained, bootstrap) for name, trained in variants.items()}
+    if study.scenarios:
+        return markdown([*rankings(list(rows.values()))])
     first, *_ = rows.values()
     found = [row.cells(None if (other := rows.get(study.variants[name].like, first)) is row else other, study.overload_prices)
              for name, row in rows.items()]  # fmt: skip
     return markdown(found)
 
 
-def markdown(rows: Sequence[Mapping[str, str]]) -> list[str]:
-    """Return the lines of a Markdown table of cells by heading."""
-    headings = list(dict.fromkeys(heading for cells in sorted(rows, key=lambda cells: -len(cells)) for heading in cells))
-    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in rows)]
-    return [f"| {' | '.join(line)} |" for line in lines]
+def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
+    """Yield the cells of each scenario: how its ranking of the variants differs from that of the first."""
+    home: dict[str, tuple[bool, bool, float]] = {}
+    for scenario in rows[0].scenarios:
+        keys = {row.name: row.rank_key(scenario) for row in rows}
+        home = home or keys
+        order, known = sorted(keys, key=keys.__getitem__), sorted(home, key=home.__getitem__)
+        swapped = [pair for pair in combinations(order, 2) if known.index(pair[0]) > known.index(pair[1])]
+        yield {
+            "Scenario": f"`{scenario}`",
+            "Kendall's tau": f"{1.0 - 4.0 * len(swapped) / max(len(order) * (len(order) - 1), 1):.2f}",
+            "First": f"`{order[0]}`",
+            "No longer feasible": ", ".join(f"`{name}`" for name in order if keys[name][1] and not home[name][1]),
+            "Pairs that change order": ", ".join(f"`{better}` before `{worse}`" for better, worse in swapped),
+        }
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
@@ -354,19 +372,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("study", metavar="NAME", help=f"{', '.join(STUDIES)}, or a TOML file")
     parser.add_argument("--task", choices=[*IDS, FAMILY_ID], help="task to compare on (default: as the study says)")
     parser.add_argument("--variants", nargs="+", metavar="NAME", help="variants to compare (default: all)")
-    parser.add_argument("--trainings", type=int, metavar="N", help="trainings of each variant (default: as the study says)")
-    parser.add_argument("--steps", type=int, metavar="N", help="environment steps of a training (default: as the study says)")
-    parser.add_argument("--episodes", type=int, metavar="N", help="seeds that each variant plays (default: as the study says)")
+    counts = {"trainings": "trainings of each variant", "steps": "environment steps of a training", "episodes": "seeds to play"}
+    for name, what in counts.items():
+        parser.add_argument(f"--{name}", type=positive, metavar="N", help=f"{what} (default: as the study says)")
     which = "folder for the trained agents, named after their variants, as ONNX files, and for their learning curves"
     parser.add_argument("--agents", type=Path, metavar="FOLDER", help=which)
     who = parser.add_mutually_exclusive_group()
-    who.add_argument("--jobs", type=int, default=1, metavar="N", help="variants at the same time (default: %(default)s)")
+    who.add_argument("--jobs", type=positive, default=1, metavar="N", help="variants at the same time (default: %(default)s)")
     who.add_argument("--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
-    for option in ("trainings", "steps", "episodes", "jobs"):
-        if (value := getattr(parsed, option)) is not None and value < 1:
-            parser.error(f"--{option} is {value}, but must be at least 1")
     study = Study.read(parsed.study)
     if unknown := [name for name in parsed.variants or () if name not in study.variants]:
         parser.error(f"--variants has {unknown[0]!r}, but must be of {', '.join(study.variants)}")
@@ -387,5 +402,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
             [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm],
             parsed.agents,
         )
-    print("\n".join(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names})))
+    print(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}))
     return 0

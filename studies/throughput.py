@@ -20,7 +20,6 @@ import platform
 import statistics
 import subprocess
 import sys
-import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -153,18 +152,6 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
     return cases, remarks
 
 
-def bytes_per_env(num_envs: int) -> float:
-    """Return the memory that a vector environment of ``MAIN`` has allocated after a step [bytes per environment]."""
-    vector(MAIN, 1, 1).step()  # loads all that belongs to no environment
-    tracemalloc.start()
-    try:
-        case = vector(MAIN, num_envs, 1)
-        case.step()
-        return tracemalloc.get_traced_memory()[0] / num_envs
-    finally:
-        tracemalloc.stop()
-
-
 def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
     """Return the lines of a Markdown table of medians over the turns; ratios are to the first case in the same turn."""
     lines = ["| Case | Environments | Steps per second | Per CPU second | Ratio |", "|---|---:|---:|---:|---:|"]
@@ -237,8 +224,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cases, remarks = runnable_cases({"stable_baselines3": training_cases} if options.training else PEERS)
     timings = measure(cases, options.repeats, options.seconds)
     print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")
-    if not options.training:
-        print("", f"{bytes_per_env(SIZES[-1]):.0f} bytes per environment of {SIZES[-1]}.", sep="\n")
     return 0
 
 

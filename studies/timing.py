@@ -45,9 +45,9 @@ def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
     return Case(name, 1, 1, step)
 
 
-def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any], actions: int = _ACTIONS) -> Case:
+def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any]) -> Case:
     """Return the case of a vector environment, which starts its next episodes itself."""
-    action = _actions_of(space, num_envs, count=actions)
+    action = _actions_of(space, num_envs)
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
@@ -56,21 +56,21 @@ def single(env_id: str) -> Case:
     return one(f"{env_id}, unwrapped", gymnasium.make(env_id).unwrapped)
 
 
-def vector(env_id: str, num_envs: int = NUM_ENVS, actions: int = _ACTIONS) -> Case:
+def vector(env_id: str, num_envs: int = NUM_ENVS) -> Case:
     """Return the case of a batch of one of the project's ids, on one thread."""
     env = gymnasium.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point")
     env.reset(seed=0)
-    return many(f"{env_id}, vector", env, num_envs, env.single_action_space, actions)
+    return many(f"{env_id}, vector", env, num_envs, env.single_action_space)
 
 
-def _actions_of(space: gymnasium.Space[Any], *num_envs: int, count: int = _ACTIONS) -> Callable[[], Any]:
+def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any]:
     r"""Return a function that returns random actions of a space, shape (\*num_envs, \*space.shape)."""
     rng = np.random.default_rng(0)
     if isinstance(space, gymnasium.spaces.Discrete):
-        drawn: Any = rng.integers(0, space.n, (count, *num_envs))
+        drawn: Any = rng.integers(0, space.n, (_ACTIONS, *num_envs))
     else:
         assert isinstance(space, gymnasium.spaces.Box)
-        drawn = rng.uniform(space.low, space.high, (count, *num_envs, *space.shape)).astype(space.dtype)
+        drawn = rng.uniform(space.low, space.high, (_ACTIONS, *num_envs, *space.shape)).astype(space.dtype)
     return cycle(drawn).__next__
 
 

@@ -35,7 +35,7 @@ def ranked(**returns: Any) -> dict[str, Standing]:
             policy = PolicySpec(name=name, kind=kind, knows=knows or "nominal", training_seed=seed if kind == "agent" else None)
             severe = np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0) if name == "reckless" else np.zeros(JOBS)
             episodes = {"return": row, "reward_metal": np.full(JOBS, 400.0), "steps": np.full(JOBS, 60.0)}
-            episodes |= {"engaged_time": np.full(JOBS, 100.0), "severe_overload_time": severe}
+            episodes |= {"engaged_time": np.full(JOBS, 100.0), "severe_overload_time": severe, "overload_time": 1.1 * severe}
             results.append(Result.of(TASK, policy, episodes))
     return {each.name: each for each in rank(results)}
 
@@ -50,12 +50,13 @@ def test_jobs_are_compared_pairwise() -> None:
     assert agent.over_best_rule.low < 5.0 < agent.over_best_rule.high
     assert (agent.median_over_best_rule, agent.beats_best_rule) == pytest.approx((7.0, 0.75))
     assert agent.worst_return == pytest.approx(-101.0)
-    assert agent.gap_to_truth_closed is not None
-    assert agent.gap_to_truth_closed.value == pytest.approx(0.5)
+    assert agent.over_best_rule_without_largest == pytest.approx((12 * 7.0 - 3 * 7.0 - 4.0) / 13)
+    assert agent.over_truth is not None
+    assert agent.over_truth.value == pytest.approx(-5.0)
     assert (agent.policy_class, agent.training_seeds, agent.feasible_jobs) == ("other agent", (0, 1), 1.0)
     assert agent.full_cost_share is not None
     assert agent.full_cost_share.value == pytest.approx(395.0 / 400.0)
-    assert (rule.best_rule, rule.gap_to_truth_closed) == ("bad", None)
+    assert (rule.best_rule, found["rule with true laws"].over_truth) == ("bad", None)
     assert list(found) == ["agent", "rule", "bad", "rule with true laws"]  # told more than others, it is not ranked
 
 
@@ -65,6 +66,7 @@ def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> 
     found = ranked(**rows)
     assert [found[name].job_score.value for name in rows] == pytest.approx([0.0, 1.0, 0.5])  # type: ignore[union-attr]
     assert (found["reckless"].feasible, found["reckless"].feasible_jobs) == (False, 0.75)
+    assert found["reckless"].overload_share == pytest.approx(1.1 * found["reckless"].severe_share)
     del rows[CAUSAL]
     assert all(each.job_score is None for each in ranked(**rows).values())
 

@@ -67,7 +67,7 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
     study = Study.read("overload_price").model_copy(update={"episodes": 40})
     returns = np.linspace(-500.0, 500.0, 40)
     variants = {name: [_played(returns + more)] for name, more in (("margin_1", 0.0), ("margin_0.9", 30.0))}
-    headings, _, first, second = (cells(line) for line in table(study, variants))
+    headings, _, first, second = (cells(line) for line in table(study, variants).splitlines())
     column = headings.index("Difference [s]")
     assert (first[column], second[column]) == ("", "30.0 (30.0 to 30.0)")
     assert (second[headings.index("Median [s]")], second[headings.index("Better [% of seeds]")]) == ("30.0", "100")

@@ -47,7 +47,3 @@ def test_two_checkouts_take_turns(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert single.startswith("one RoughTurning-v0: ")
     assert batch.startswith("1024 environments: ")
     assert throughput.main(["--against", str(tmp_path)]) == 2
-
-
-def test_one_of_many_environments_takes_less_than_two_kilobytes() -> None:
-    assert throughput.bytes_per_env(4096) < 2000

@@ -1,0 +1,50 @@
+"""Tables and figures of results in the docs are what the commands beside them make of the results that ship."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from leaderboard.__main__ import main as leaderboard
+from leaderboard.ranking import read_leaderboard
+from leaderboard.result import RESULTS
+from train import curves
+
+ROOT = Path(__file__).parents[1]
+PAGES = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/*.md"))}
+COMMAND = r"(?:```bash\n|<!-- )python -m ({}[^\n]*?)(?:\n```| -->)\n\n"
+SHOW = re.compile(COMMAND.format(r"leaderboard show [^\n]*--markdown") + r"((?:\|.*\n)*)")
+DRAW = re.compile(COMMAND.format(r"(?:leaderboard figure|train.curves)") + r"!\[[^]]*\]\((\S+?)\)")
+TABLES = [pytest.param(*found.groups(), id=page) for page, text in PAGES.items() for found in SHOW.finditer(text)]
+FIGURES = [pytest.param(*found.groups(), ROOT / page, id=page) for page, text in PAGES.items() for found in DRAW.finditer(text)]
+
+
+@pytest.mark.parametrize(("command", "table"), TABLES)
+def test_a_table_is_what_its_command_prints(
+    command: str, table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert leaderboard(shlex.split(command)[1:]) == 0
+    assert capsys.readouterr().out == table
+
+
+@pytest.mark.parametrize(("command", "picture", "page"), FIGURES)
+def test_a_figure_is_what_its_command_draws(
+    command: str, picture: str, page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    program, *words = shlex.split(command)
+    main = {"leaderboard": leaderboard, "train.curves": curves.main}[program]
+    assert main([*words, "--out", str(tmp_path / "drawn.png")]) == 0
+    drawn, shipped = (np.asarray(Image.open(path).convert("RGB")) for path in (tmp_path / "drawn.png", page.parent / picture))
+    np.testing.assert_array_equal(drawn, shipped)
+
+
+def test_a_level_in_a_figure_is_the_return_of_its_policy() -> None:
+    ((name, level),) = re.findall(r"--level (\w+)=(\S+)", PAGES["docs/agents.md"])
+    standings = read_leaderboard(RESULTS / "RoughTurning-v0" / "rough_turning").standings
+    assert next(each.mean_return.value for each in standings if each.name == name) == pytest.approx(float(level), abs=0.05)
+    assert len(FIGURES) == 2
