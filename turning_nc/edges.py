@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from turning_nc.cutting import Play, Situation, play, tool_life
 from turning_nc.stock import Values
 from turning_nc.words import at_lines
+from turning_shop import prediction
 from turning_shop.advise import life_margin, whole_parts
-from turning_shop.prediction import Evidence, measured_ranges
+from turning_shop.prediction import Evidence
 from turning_shop.whatif import CHANGES
 
 BRIEF = 0.1
@@ -52,12 +53,11 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
 
     Cuts of a line that take less than a tenth of its time in metal, as at the entry, do not count.
     """
-    ranges = measured_ranges(situation.evidence) if situation.evidence else {}
-    values, on, where = factors(situation, played), situation.engaged, {}
+    on, where = situation.engaged, {}
     time = np.bincount(situation.line, played.time * on)
-    for name, measured in ranges.items():
+    for name, measured, out in prediction.outside(situation.evidence or Evidence(), factors(situation, played)):
         there = np.zeros(len(on), np.bool_)
-        there[on] = measured.excludes(values[name])
+        there[on] = out
         share = np.bincount(situation.line, played.time * there) / np.maximum(time, 1e-9)
         where[f"{name.replace('_', ' ')} outside the measured {measured}"] = there & (share > BRIEF)[situation.line]
     return where

@@ -15,7 +15,7 @@ from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.fit import LEVEL
 from turning_shop.headers import COLUMNS
-from turning_shop.prediction import Evidence, Prediction, measured_ranges, predict
+from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.whatif import CHANGES, Cuts, records, what_if
 
 SPEEDS, FEEDS = 120, 60
@@ -245,7 +245,9 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
     interval = f" ({ends[0]} to {ends[1]})" if ends[0] != ends[1] else ""
     yield f"Cut {best.where}: {money(best.cost)} {unit} a part{interval}{best.mark}"
     if best.mark:
-        yield f"* outside what was measured: {'; '.join(outside(evidence, best))}"
+        values = best.cuts._asdict()
+        beyond = (f"{name} {values[name]:.3g}, but measured at {at}" for name, at, out in outside(evidence, values) if out)
+        yield f"* outside what was measured: {'; '.join(beyond)}"
     for bound in bounds:
         moved = ""
         if there := bound.without:
@@ -258,14 +260,6 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
 def money(value: float) -> str:
     """Return an amount of money with two digits behind the point, or three in all if it is small."""
     return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
-
-
-def outside(evidence: Evidence, best: Plan) -> Iterator[str]:
-    """Yield the factors of a cut that lie outside the ranges in which its laws were measured."""
-    values = best.cuts._asdict()
-    for name, measured in measured_ranges(evidence).items():
-        if measured.excludes(values[name]):
-            yield f"{name} {values[name]:.3g}, but measured at {measured}"
 
 
 def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:

@@ -16,10 +16,8 @@ from scipy import signal, stats
 
 from turning_shop import Values, WorkshopError
 
-MIN_SAMPLES = 32
-"""Lowest number of samples of a hold."""
-MIN_LOADS = 3
-"""Lowest number of different loads."""
+MIN_SAMPLES, MIN_LOADS = 32, 3
+"""Lowest number of samples of a hold, and of different loads."""
 ORDER = 10
 """Order of the low-pass, forwards and backwards together."""
 
@@ -28,23 +26,17 @@ class Line(NamedTuple):
     """Load as a straight line over one characteristic quantity of the current: ``intercept + slope * quantity``."""
 
     intercept: float
-    slope: float
-    """Load per ampere."""
-    r_squared: float
-    """Share of the load's variance that the line explains [-]."""
+    slope: float  # load per ampere
+    r_squared: float  # share of the load's variance that the line explains [-]
 
 
 class CurrentReport(NamedTuple):
     """Characteristic quantities of every hold of a record, and the load's line over each."""
 
-    load: list[float]
-    """Load of each hold, in the order of the record."""
-    quantities: dict[str, list[float]]
-    """Each quantity of every hold [A]."""
-    frequency: float
-    """Frequency of the spectral line that grows most with the load [Hz]; 0 if the current does not alternate."""
-    lines: dict[str, Line]
-    """By quantity."""
+    load: list[float]  # of each hold, in the order of the record
+    quantities: dict[str, list[float]]  # each of every hold [A]
+    frequency: float  # of the spectral line that grows most with the load [Hz]; 0 if the current does not alternate
+    lines: dict[str, Line]  # by quantity
 
 
 def analyse(time: Values, current: Values, load: Values) -> CurrentReport:
@@ -71,16 +63,10 @@ def analyse(time: Values, current: Values, load: Values) -> CurrentReport:
         "peak": amplitudes[:, peak].tolist(),
         "filtered": [_rms(signal.sosfiltfilt(sections, hold)) for hold in holds],
     }
-    return CurrentReport(
-        loads.tolist(), quantities, frequency, {name: _line(np.array(values), loads) for name, values in quantities.items()}
-    )
+    found = {name: stats.linregress(values, loads) for name, values in quantities.items()}
+    lines = {name: Line(float(line.intercept), float(line.slope), float(line.rvalue**2)) for name, line in found.items()}
+    return CurrentReport(loads.tolist(), quantities, frequency, lines)
 
 
 def _rms(values: Values) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _line(values: Values, loads: Values) -> Line:
-    """Return the line of the loads over a quantity of the same holds."""
-    found = stats.linregress(values, loads)
-    return Line(float(found.intercept), float(found.slope), float(found.rvalue**2))

@@ -78,10 +78,7 @@ def draw_map_on(
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
     ]
-    of_limits: tuple[tuple[str, str, str, Any], ...] = (
-        ("thrust_force", "N", ORANGE, "-"),
-        ("power", "kW", BLUE, (0, (6, 1.5))),
-    )
+    of_limits: tuple[tuple[str, str, str, Any], ...] = (("thrust_force", "N", ORANGE, "-"), ("power", "kW", BLUE, (0, (6, 1.5))))
     for name, unit, colour, dashes in of_limits:
         share, value = getattr(cuts, f"{name}_share"), getattr(limits, name)
         if value == NO_LIMIT[name]:

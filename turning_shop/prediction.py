@@ -3,7 +3,7 @@
 The evidence travels with a scenario, as table ``calibration`` of its file. It counts only for laws that still are those fitted.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +58,8 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""
-        ranges = {name: Measured(*ends, COLUMNS[name].unit) for name, ends in self.measured.items() if name in factors}
-        return np.asarray(np.logical_or.reduce([measured.excludes(factors[name]) for name, measured in ranges.items()]))
+        ranges = {name: ends for name, ends in self.measured.items() if name in factors}
+        return np.asarray(np.logical_or.reduce([_beyond(factors[name], *ends) for name, ends in ranges.items()]))
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
@@ -70,29 +70,17 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 
 
-class Measured(NamedTuple):
-    """The range in which all laws with a factor were measured."""
-
-    low: float
-    high: float
-    unit: str
-
-    def __str__(self) -> str:
-        return f"{self.low:.3g}{f' to {self.high:.3g}' * (self.low != self.high)} {self.unit}"
-
-    def excludes(self, values: Values) -> NDArray[np.bool_]:
-        """Return whether values of the factor lie outside."""
-        return np.asarray((values < self.low * (1 - BEYOND)) | (values > self.high * (1 + BEYOND)))
+def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+    """Yield each factor of the laws, the range in which all of them were measured, and whether its values lie outside."""
+    for name in COLUMNS:
+        if ranges := [law.measured[name] for law in evidence.laws.values() if name in law.measured]:
+            low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+            measured = f"{low:.3g}{f' to {high:.3g}' * (low != high)} {COLUMNS[name].unit}"
+            yield name, measured, _beyond(values[name], low, high)
 
 
-def measured_ranges(evidence: Evidence) -> dict[str, Measured]:
-    """Return the measured range of each factor of the fitted laws."""
-    ranges: dict[str, Measured] = {}
-    for law in evidence.laws.values():
-        for name, (low, high) in law.measured.items():
-            known = ranges.get(name, Measured(low, high, COLUMNS[name].unit))
-            ranges[name] = Measured(max(low, known.low), min(high, known.high), known.unit)
-    return ranges
+def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:
+    return np.asarray((values < low * (1 - BEYOND)) | (values > high * (1 + BEYOND)))
 
 
 class Prediction(NamedTuple):

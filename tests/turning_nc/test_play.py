@@ -74,19 +74,6 @@ def test_an_adapted_program_differs_in_words_of_feed_and_speed_alone(name: str, 
     assert second.wear.max() <= first.wear.max() * 1.001
 
 
-@pytest.mark.slow
-def test_the_collection_takes_a_tenth_less_time_at_equal_limits() -> None:
-    before = after = 0.0
-    for name in COLLECTION:
-        situation = situation_of(name, Machine(max_feed=0.4))
-        first = summary(situation, play(situation, change_wear(situation)))
-        second = adapt(situation)
-        if first.max_load <= 1.0:  # others do not keep the limits
-            before += first.time
-            after += summary(second.situation, second.played).time
-    assert after < 0.9 * before
-
-
 def test_finishing_keeps_its_feed_and_an_overload_is_removed() -> None:
     assert "F0.12" in adapt(situation_of("stepped_shaft")).text
     situation = situation_of("flange")

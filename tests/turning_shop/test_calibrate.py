@@ -54,15 +54,6 @@ def test_values_of_a_base_file_are_kept() -> None:
     assert "# The law of power is the base's: there is no column power" in Path("my_tool.toml").read_text()
 
 
-def test_existing_file_is_kept_without_overwrite(capsys: pytest.CaptureFixture[str]) -> None:
-    Path("my_tool.toml").write_text("precious")
-    assert calibrate() == 2
-    assert capsys.readouterr().err == "error: my_tool.toml exists; --overwrite replaces it\n"
-    assert Path("my_tool.toml").read_text() == "precious"
-    assert calibrate("--overwrite") == 0
-    assert Scenario.load("my_tool.toml")
-
-
 def test_spread_of_edges_is_written() -> None:
     lines = ["cutting_speed,feed,depth_of_cut,time,wear,edge"]
     for edge, factor in enumerate((0.9, 1.0, 1.1, 1.05, 0.95)):

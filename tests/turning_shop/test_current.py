@@ -31,15 +31,6 @@ def test_every_quantity_gives_the_torque_back(alternating: bool, share: float) -
         assert line.intercept == pytest.approx(-IDLE / PER_TORQUE, rel=0.02), name
 
 
-def test_noise_adds_to_the_root_mean_square_but_hardly_to_peak_and_filtered_value() -> None:
-    time, current, torque = record(UP_AND_DOWN)
-    noise = np.random.default_rng(1).standard_normal(len(time))
-    clean, noisy = analyse(time, current, torque).quantities, analyse(time, current + noise, torque).quantities
-    added = {name: noisy[name][0] - clean[name][0] for name in clean}
-    assert added["rms"] > 2.0 * added["filtered"]
-    assert added["rms"] > 3.0 * abs(added["peak"])
-
-
 def test_records_that_do_not_serve_are_refused() -> None:
     time, current, torque = record(UP_AND_DOWN)
     noisy = torque + 1e-3 * np.sin(np.arange(len(time)))

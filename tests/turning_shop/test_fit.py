@@ -21,13 +21,7 @@ BASE = Scenario()
 LAW = PowerLaw(coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5)
 
 
-RANGES = {
-    "cutting_speed": (50, 200),
-    "feed": (0.1, 0.6),
-    "depth_of_cut": (1, 4),
-    "wear": (0.05, 0.3),
-    "hardness": (0.8, 1.2),
-}
+RANGES = {"cutting_speed": (50, 200), "feed": (0.1, 0.6), "depth_of_cut": (1, 4), "wear": (0.05, 0.3), "hardness": (0.8, 1.2)}
 
 
 def table(**columns: object) -> Measurements:

@@ -98,7 +98,13 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
-        *(("SFM", "cutting_speed"), ("IPR", "feed"), ("Passivkraft", "back_force"), ("thrust force", "thrust_force")),
+        *(
+            ("SFM", "cutting_speed"),
+            ("IPR", "feed"),
+            ("HP", "power"),
+            ("Passivkraft", "back_force"),
+            ("thrust force", "thrust_force"),
+        ),
         *(("Insert", "edge"), ("Härte [%]", "hardness"), ("note, of mine", None), ("", None)),
     ],
 )
@@ -129,6 +135,8 @@ SFM,IPR,DOC,VB,Ff,Fp,Fc,note
 550,.012,.1,n/a,-,,,
 600,.016,.1,200,60,80,350,
 Mean,,,150,45,60,325,
+Std. dev.,20,.002,,50,15,20,
+Measured by: J. Smith, 2024-05-01,,,,,,
 """
 
 
@@ -139,7 +147,7 @@ def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path)
     assert found.columns["wear"] == pytest.approx([0.1, np.nan, 0.2], nan_ok=True)
     assert found.columns["thrust_force"] == pytest.approx([50 * 4.4482216, np.nan, 100 * 4.4482216], nan_ok=True)
     assert found.columns["power"][[0, 2]] == pytest.approx(np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3)
-    for note in ("header in line 3", "units in line 4", "without 1 row of means", "resultant of feed_force and back_force"):
+    for note in ("header in line 3", "units in line 4", "without 3 rows of means", "resultant of feed_force and back_force"):
         assert any(note in reading for reading in found.readings)
     alone = read_measurements(reading(tmp_path, GOOD.replace("power", "Fp")))
     assert "thrust_force" not in alone.columns
