@@ -25,3 +25,10 @@ def test_all_that_the_set_up_asks_for_is_pinned() -> None:
     wanted = [*project["project"]["dependencies"], *(need for needs in groups.values() for need in needs)]
     names = {re.match(r"[\w-]+", need)[0].lower().replace("_", "-") for need in wanted}  # type: ignore[index]
     assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'
+
+
+def test_conda_gets_the_same_requirements() -> None:
+    needs = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    for file in ("environment.yml", ".conda/recipe.yaml"):
+        text = (ROOT / file).read_text("utf-8").replace(" ", "")
+        assert [need for need in needs if f"-{need}\n" not in text] == []
