@@ -13,7 +13,7 @@ from tests.walking import ROOT
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", (ROOT / "examples" / "notebooks").glob("*.ipynb"), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*(ROOT / "examples" / "notebooks").glob("*.ipynb")], ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path) -> None:
     cells = [each for each in json.loads(path.read_text("utf-8"))["cells"] if each["cell_type"] == "code"]
     assert not any(each["outputs"] for each in cells)
