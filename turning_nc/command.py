@@ -11,6 +11,7 @@ from turning_env.console import number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_nc.dialects import DIALECTS
 from turning_nc.words import NcError, naming, read_program_file
+from turning_shop import refuse_existing
 
 FEED_PER_NOSE = 0.5  # highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)
 WARNING = "simulation output: not for a machine without review"
@@ -24,7 +25,7 @@ def program(options: argparse.Namespace) -> int:
     worn as at their change. Edges are changed after as many parts as 97.5 % of them last. Limits count as in `advise`.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
-    more tool life. The adapted program is simulation output. Do not run it on a machine without review.
+    more edges. The adapted program is simulation output. Do not run it on a machine without review.
 
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
@@ -34,9 +35,9 @@ def program(options: argparse.Namespace) -> int:
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
         from turning_render import plot_style
-    from turning_shop.provenance import load
+    from turning_shop.provenance import OF_PROGRAMS, load
 
-    scenario, evidence = load(options.scenario)
+    scenario, evidence = load(options.scenario, OF_PROGRAMS)
     if (options.wear or 0.0) > scenario.tool.wear_criterion:
         raise NcError(f"--wear is {options.wear:g} mm, but at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
@@ -100,8 +101,7 @@ def _check_out(options: argparse.Namespace) -> None:
         wanted = options.program.with_suffix(f"{MARK}{options.program.suffix}").name
         reason = "so that nobody takes it for a tried program"
         raise NcError(f"--out {options.out}: its name must hold {MARK}, such as {wanted}, {reason}")
-    if options.out.exists() and not options.overwrite:
-        raise NcError(f"{options.out} exists; --overwrite replaces it")
+    refuse_existing(options.overwrite, options.out)
 
 
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -132,7 +132,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
         ("--max-spindle", 4000.0, 1.0, 1e5, "rev/min", "highest spindle speed of the machine [rev/min] (default: %(default)g)"),
         ("--rapid", 10_000.0, 1.0, 1e6, "mm/min", "rapid traverse [mm/min] (default: %(default)g)"),
         ("--tool-change", 2.0, 0.0, 1e3, "s", "time to change a tool [s] (default: %(default)g)"),
-        ("--life", 1.0, 0.01, 100.0, "", "tool life that the adapted program may use, over that before (default: %(default)g)"),
+        ("--life", 1.0, 0.01, 100.0, "", "edges that the adapted program may use, over those before (default: %(default)g)"),
         ("--max-feed", None, 0.001, 10.0, "mm/rev", "highest feed of the inserts [mm/rev] (default: the scenario's)"),
         ("--nose-radius", None, 0.05, 10.0, "mm", "nose radius of the inserts [mm]: it limits the feed to half of it"),
         ("--finishing", 0.5, 0.0, 100.0, "mm",

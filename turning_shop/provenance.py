@@ -1,6 +1,7 @@
 """Load a scenario for advice: limits that are not the user's are off, and what was not measured or stated is said."""
 
 import tomllib
+from collections.abc import Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,9 @@ from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
 from turning_shop.whatif import NO_LIMIT
 
-ASKED = (
-    *("machine.cutting_speed_max", "machine.feed_max", "workpiece.diameter", "workpiece.bar_length", "workpiece.depth_of_cut"),
-    *("tool.wear_criterion", "economics.edge_change_time"),
-)
+OF_PROGRAMS = "machine.cutting_speed_max", "machine.feed_max", "tool.wear_criterion"
+"""Values on which the play of programs depends."""
+ASKED = (*OF_PROGRAMS, "workpiece.diameter", "workpiece.bar_length", "workpiece.depth_of_cut", "economics.edge_change_time")
 """Values on which advice depends."""
 TAYLOR = 0.25
 """Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron (ISO groups P, M and K): speed factors
@@ -24,8 +24,8 @@ for lives of 20 to 60 min in the catalogue Dormer Pramet 2024, p. 76; Mitsubishi
 CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogues for the ISO groups P, M and K"
 
 
-def load(source: Source) -> tuple[Scenario, Evidence]:
-    """Return a scenario and the evidence for its laws, whose warnings say what is neither stated by the user nor measured.
+def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Evidence]:
+    """Return a scenario and the evidence for its laws; warnings say what of ``asked`` no file states, and what was not measured.
 
     A preset counts as stated. In a file based on a preset, a limit of force or power that the file does not state is off, and a
     law of wear that is the preset's gets the exponent of speed that catalogues state.
@@ -37,7 +37,7 @@ def load(source: Source) -> tuple[Scenario, Evidence]:
     stated, preset = stated_by(scenario.file)
     own = {name for name, _ in flat(stated)}
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
-    if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in ASKED if name not in own]:
+    if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in asked if name not in own]:
         warnings.append(f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}")
     for name in FACTORS:
         if name not in evidence.laws:
