@@ -106,7 +106,7 @@ def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries
 LINES = {
     "turning_env": 7110,
     "turning_render": 1250,
-    "turning_shop": 2792,
+    "turning_shop": 2779,
     "turning_nc": 4071,
     "turning_control": 1700,
     "baselines": 4270,

@@ -4,7 +4,6 @@ The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is 
 """
 
 import difflib
-import json
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -236,16 +235,4 @@ def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evid
             yield f"{name} = {value!r}{comment}"
         yield ""
     yield "# What is known of the fitted laws, for intervals of predictions. It changes nothing in the environment."
-    yield "[calibration]"
-    yield from _keys({"source": evidence.source, "warnings": evidence.warnings})
-    for name, law in evidence.laws.items():
-        values = law.model_dump()
-        values |= {f"measured.{factor}": ends for factor, ends in values.pop("measured").items()}
-        yield from ("", f"[calibration.laws.{name}]", *_keys(values))
-    yield ""
-
-
-def _keys(values: dict[str, Any]) -> Iterator[str]:
-    """Yield keys and values in a line each; JSON's lists, texts and numbers are TOML's too."""
-    for key, value in values.items():
-        yield f"{key} = {json.dumps(value, ensure_ascii=False, allow_nan=False)}"
+    yield tomli_w.dumps({"calibration": evidence.model_dump(mode="json")})
