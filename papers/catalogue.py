@@ -3,11 +3,11 @@
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from papers import DATA, rows
 from papers.reproduce import alaskari_oraby, constant_force, fuzzy_override, part_programming, servo_current
-from papers.reproduce.checks import Check
+from papers.reproduce.checks import VERDICTS, Check
 
 FIGURES: dict[str, dict[str, str]] = tomllib.loads((DATA / "figures.toml").read_text("utf-8"))
 """Figures by name, in the order of the index; each has the ``source`` that it reproduces, a ``caption`` and a ``remark``."""
@@ -32,27 +32,19 @@ class Item:
         return list({check.what: check for check in checks if self.pattern and re.match(self.pattern, check.what)}.values())
 
     def agreement(self, checks: Sequence[Check]) -> str:
-        """Return how many of its checks hold, why others do not, and its remark."""
-        link = f"[Drawn anew](../figures/README.md#{self.figure}). " if self.figure else ""
-        if not (found := self.checks(checks)):
-            return (link + self.remark).rstrip()
-        failed = [check for check in found if check.verdict != "ok"]
-        count = f"{len(found) - len(failed)} of {len(found)} agree. " if failed else f"Agrees ({len(found)}). "
-        reasons = "; ".join(dict.fromkeys(check.not_reproduced or check.what for check in failed))
-        return f"{link}{count}{f'Not: {reasons}. ' if reasons else ''}{self.remark}".rstrip()
+        """Return the number of its checks by verdict, the reasons, and its remark."""
+        texts, found = [], self.checks(checks)
+        for verdict in VERDICTS:
+            if same := [check for check in found if check.verdict == verdict]:
+                reasons = "; ".join(dict.fromkeys(check.reason for check in same if check.reason))
+                texts.append(f"{verdict.capitalize()} ({len(same)}){': ' * bool(reasons)}{reasons}.")
+        return " ".join((*texts, self.remark)).strip()
 
     def description(self, checks: Sequence[Check]) -> list[str]:
-        """Return the lines below its figure: caption and source, how many checks agree, which do not and why, a remark."""
-        figure, found = FIGURES[self.figure], self.checks(checks)
-        lines = [f"{figure['caption']} ({figure['source']}.)"]
-        if found:
-            agreeing = sum(check.verdict == "ok" for check in found)
-            lines.append(f"Agrees with the paper: {agreeing} of {len(found)} numbers and claims.")
-        for check in found:
-            if check.verdict != "ok":
-                values = "" if check.relation == "true" else f" paper {check.paper:.4g}, project {check.ours:.4g};"
-                lines.append(f"{check.verdict.capitalize()}: {check.what}:{values} {check.not_reproduced}".rstrip(" ;") + ".")
-        return [*lines, figure["remark"]] if "remark" in figure else lines
+        """Return the lines below its figure: caption and source, agreement, a remark."""
+        figure, agreement = FIGURES[self.figure], self.agreement(checks)
+        lines = f"{figure['caption']} ({figure['source']}.)", agreement, figure.get("remark", "")
+        return [line for line in lines if line]
 
 
 @dataclass(frozen=True)
@@ -60,11 +52,17 @@ class Paper:
     """The checks, items and tables of one paper."""
 
     title: str
-    checks: Callable[[], Iterator[Check]]
+    compare: Callable[[], Iterator[Check]]
     tables: Callable[[], Iterator[str]] = lambda: iter(())
     """Lines printed before the checks."""
     page: str = ""
     """Name of its page in ``docs/papers``, without suffix."""
+
+    def checks(self) -> list[Check]:
+        """Return all checks; those of ``by_construction.csv`` say from what they follow."""
+        known = {row["pattern"]: row["source"] for row in rows("by_construction.csv") if row["page"] == self.page}
+        sources = ((check, [known[pattern] for pattern in known if re.match(pattern, check.what)]) for check in self.compare())
+        return [replace(check, constructed=found[0] if found else check.constructed) for check, found in sources]
 
     @property
     def items(self) -> list[Item]:
@@ -77,7 +75,7 @@ PAPERS = (
     Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables, "grid_search"),
     Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables, "fuzzy_override"),
     Paper("Cus and Zuperl (2015), roughness control", constant_force.checks, constant_force.tables, "constant_force"),
-    Paper("Sharmazanashvili (2008), adaptive part programming", part_programming.checks, page="part_programming"),
+    Paper("Sharmazanashvili (2008), part programming", part_programming.checks, part_programming.tables, "part_programming"),
     Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables, "servo_current"),
 )
 """All papers. To add one, also add its items to ``papers/data/items.csv``."""

@@ -29,16 +29,11 @@ _PARAMETERS = parameter_records(SCENARIO)[0]
 class Responses(NamedTuple):
     """Responses at the end of a minute, at pairs of cutting speed and feed; arrays of one shape."""
 
-    speed: Array
-    """Speed [m/min]."""
-    feed: Array
-    """Feed [mm/rev]."""
-    wear: Array
-    """Wear [mm]."""
-    thrust_force: Array
-    """Thrust force [N]."""
-    power: Array
-    """Power [kW]."""
+    speed: Array  # [m/min]
+    feed: Array  # [mm/rev]
+    wear: Array  # [mm]
+    thrust_force: Array  # [N]
+    power: Array  # [kW]
 
     @property
     def removal_rate(self) -> Array:
@@ -94,21 +89,14 @@ def plane(wear: float, start: float) -> Responses:
 
 
 class Minute(NamedTuple):
-    """One minute of the edge's life: the grid's pair, and the environment's response to the controller's action."""
+    """One minute of the edge's life: the environment's response to the controller's action."""
 
-    pair: tuple[float, float]
-    commanded: tuple[float, float]
-    """Pair of cutting speed [m/min] and feed [mm/rev]."""
-    removed: float
-    """Removed [cm3]."""
-    wear: float
-    """Wear [mm]."""
-    thrust_force: float
-    """Thrust force [N]."""
-    power: float
-    """Power [kW]."""
-    finished: bool
-    """Whether the edge was worn out or broken."""
+    pair: tuple[float, float]  # pair of cutting speed [m/min] and feed [mm/rev]
+    removed: float  # [cm3]
+    wear: float  # [mm]
+    thrust_force: float  # [N]
+    power: float  # [kW]
+    finished: bool  # whether the edge was worn out or broken
 
 
 @cache
@@ -118,12 +106,12 @@ def whole_life() -> tuple[Minute, ...]:
     kept = record(GridSearch(SCENARIO, 1), SCENARIO, [0])
     wear = 0.0
     for step in range(len(kept["wear"])):
-        if (pair := chosen(wear, step)) is None:
+        if chosen(wear, step) is None:
             break
         now = {name: values[step, 0].item() for name, values in kept.items() if name != "observation"}
         wear = now["wear"]
         state = now["removed"], wear, now["thrust_force"], now["power"], now["finished"]
-        minutes.append(Minute(pair, (now["cutting_speed"], now["feed"]), *state))
+        minutes.append(Minute((now["cutting_speed"], now["feed"]), *state))
     return tuple(minutes)
 
 

@@ -1,8 +1,7 @@
 """The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
 Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`). There
-are no spreads and no noise, and the edge does not break. Force and power follow depth and feed at once. With a lag of one turn,
-the first form of the fuzzy law would swing over its whole range even on a smooth bar. The paper's did not.
+are no spreads and no noise, and the edge does not break. By default, force and power follow depth and feed at once.
 """
 
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ def stepped_bar(
     bar_length: float = 100.0,
     ripple_period: float | None = None,
     torque: float = 1.0,
+    **machine: float,
 ) -> Scenario:
     """Return the scenario of a bar in sections of equal length.
 
@@ -36,6 +36,7 @@ def stepped_bar(
         bar_length: length of all sections [mm].
         ripple_period: period of a ripple of depth [s]; None for a smooth bar.
         torque: torque of the main drive over the preset's [-].
+        machine: other values of the machine, such as its lags.
     """
     base = Scenario.load("override_torque")
     ripple = {"depth_ripple": 0.0}
@@ -45,7 +46,7 @@ def stepped_bar(
     return changed(
         "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
-        machine={"chip_lag": 0.0, "rated_power": torque * base.machine.rated_power},
+        machine={"chip_lag": 0.0, "rated_power": torque * base.machine.rated_power} | machine,
         workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
         sensors={"power_noise": 0.0, "force_noise": 0.0},
         limits={"power": torque * base.limits.power},

@@ -1,18 +1,13 @@
 """The tests at fixed speed and feed with which Alaskari and Oraby (2018) compare their grid search: T1 to T9.
 
-The figures that gave their parameters are lost. The text (section "Experimental verification of the proposed strategy") gives
-the cutting speeds, and the grid search's removal rates over those of the tests. For some tests it gives the edge's life, or the
-ratio of metal per edge. From these:
+The figures that gave their parameters are lost. The text gives cutting speeds, and the grid search's removal rates over those of
+the tests; for some also the edge's life, or the ratio of metal per edge. From these:
 
-* The removal rate of a test is V f d, so its ratio gives the product of feed and depth of cut, but neither apart. All tests have
-  here the nominal depth of 2.5 mm (assumption; theirs lay between 1.5 and 3 mm), and the feed that then follows, rounded.
-* Every stated ratio of metal per edge is the ratio of rates times 15 min over a whole number of minutes. So the edge of the grid
-  search was given 15 min, and T4, T8 and T9 lasted 11 (as the text says), 7 and 5 min. Yet no pair is feasible in the fifteenth
-  minute of the grid search: its edge lasts 14.
-* The paper gives only the cutting speed of T6 and T7, 145 m/min. They are left out.
-
-The paper gives the grid search nominal wear and the tests their measured wear. The preset `measured_wear` gives both the
-measured wear: nominal wear times the mean factor of the four tests with a known life.
+* The ratio of removal rates V f d gives f d. All tests have here 2.5 mm of depth (assumption; theirs lay between 1.5 and 3 mm),
+  and the feed that then follows, rounded. T6 and T7, of which only the speed is known, are left out.
+* Every ratio of metal per edge is the ratio of rates times 15 min over a whole number of minutes: 11 (as the text says), 7 and 5
+  for T4, T8 and T9. So the paper counts 15 min for the grid search, whose edge lasts 14.
+* The paper gives the tests their measured wear. The preset `measured_wear` multiplies nominal wear by the mean of their factors.
 """
 
 from collections.abc import Sequence

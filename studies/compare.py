@@ -235,7 +235,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     others = [with_changes(study.task, changes, title) for title, changes in study.scenarios.items()]
     for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ()), *others):
         if variant.policy:
-            spec = _controller(variant, scenario, home)
+            spec = _controller(variant, scenario, Scenario.load(IDS[study.task]))
             kept.append(spec.identity)
         seeds, make = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes), informed(spec, scenario)
         episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))

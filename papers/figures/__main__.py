@@ -18,7 +18,6 @@ from tqdm import tqdm
 
 from papers.catalogue import FIGURES, PAPERS, Paper
 from papers.figures import blanks, life, minutes, override, roughness, servo
-from papers.reproduce.checks import Check
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_render import plot_style as style
@@ -52,6 +51,9 @@ are values that a paper prints or states.
 The copies of the papers used lack their figures. Captions, tables and text say what each figure showed. The lines below each
 figure count how many of these numbers and claims agree. `python -m papers.reproduce` lists every comparison.
 """
+
+
+all_checks = cache(Paper.checks)
 
 
 @exits(ValueError, interrupted="interrupted: the figures drawn so far are complete")
@@ -88,12 +90,6 @@ def description(name: str) -> list[str]:
     """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
     paper, item = next((paper, item) for paper in PAPERS for item in paper.items if item.figure == name)
     return item.description(all_checks(paper) if item.pattern else [])
-
-
-@cache
-def all_checks(paper: Paper) -> list[Check]:
-    """Return all checks of a paper."""
-    return list(paper.checks())
 
 
 def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:

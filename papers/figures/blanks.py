@@ -13,19 +13,10 @@ from turning_env import Scenario
 from turning_render import plot_style as style
 
 
-def columns() -> dict[str, tuple[str, ...]]:
-    """Return the rules by the paper's statement on the correction with them."""
-    said = (*IMPROVED, *NOT_NECESSARY)
-    return {
-        "improved, says the paper": IMPROVED,
-        "not necessary": NOT_NECESSARY,
-        "not said": tuple(rule for rule in TWO_LIMITS if rule not in said),
-    }
-
-
 def draw_gains() -> Figure:
     """Draw psi in a table whose cells are darker where more is gained."""
-    kinds, groups = blanks(), columns()
+    unsaid = tuple(rule for rule in TWO_LIMITS if rule not in (*IMPROVED, *NOT_NECESSARY))
+    kinds, groups = blanks(), {"improved, says the paper": IMPROVED, "not necessary": NOT_NECESSARY, "not said": unsaid}
     rules = [rule for group in groups.values() for rule in group]
     gains = np.array([[gain(rule, blank)[1] for rule in rules] for blank in kinds])
     figure = Figure(figsize=(style.DOUBLE, 3.2), layout="constrained")

@@ -1,20 +1,12 @@
 """Figures 7 and 10 to 12 of the servo current paper: the feed motor's current and the force calculated from it."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from papers.figures import legend, lettered
-from papers.reproduce.servo_current import (
-    FEED_VELOCITIES,
-    SETTINGS,
-    currents_of_depths,
-    no_load_currents,
-    stepped,
-)
+from papers.reproduce.servo_current import FEED_VELOCITIES, SETTINGS, currents_of_depths, no_load_currents, stepped
 from turning_env import Scenario
 from turning_render import plot_style as style
 
@@ -23,15 +15,9 @@ _PLAIN: dict[str, Any] = {"color": style.SKY, "linewidth": 0.6}
 _FILTERED: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "linestyle": (0, (5, 1))}
 
 
-@cache
-def lines() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return forces [N] and currents [A] at five depths of cut, and idle currents [A] at the paper's feed velocities."""
-    return (*currents_of_depths(), no_load_currents())
-
-
 def draw_current() -> Figure:
     """Draw current over force, and idle current over feed velocity."""
-    forces, currents, idle = lines()
+    forces, currents = currents_of_depths()
     figure, (left, right) = lettered((style.DOUBLE, 2.5), 1, 2)
     left.plot(forces, currents, **style.OURS | {"linestyle": "none", "markersize": 4.0}, label="mean measured current")
     ends = np.array([0.0, forces[-1]])
@@ -40,7 +26,7 @@ def draw_current() -> Figure:
     left.set_xlabel("thrust force [N]")
     left.set_ylabel("current [A]")
     left.legend(loc="upper left")
-    right.plot(FEED_VELOCITIES, idle, **style.OURS | {"markersize": 4.0})
+    right.plot(FEED_VELOCITIES, no_load_currents(), **style.OURS | {"markersize": 4.0})
     right.set_xlabel("feed velocity [mm/min]")
     right.set_ylabel("current at no load [A]")
     for axes in (left, right):

@@ -3,7 +3,8 @@
     python -m papers.reproduce
     python -m papers.reproduce --markdown
 
-A number that the project cannot reproduce is listed with the reason. Its check fails only if it holds after all.
+A number that the project cannot reproduce is listed with the reason; its check fails only if it holds after all. Numbers that are
+inputs of what they are compared with count apart, as consistent by construction.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from tqdm import tqdm
 
 from papers.catalogue import PAPERS, Paper
-from papers.reproduce.checks import WIDTH, Check
+from papers.reproduce.checks import PASSED, WIDTH, Check, counted
 from turning_env.console import DONE, FAILED, described, exits
 
 Results = Sequence[tuple[Paper, Sequence[Check]]]
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def reproduce(papers: Sequence[Paper], form: Callable[["Results"], Iterator[str]]) -> int:
     """Print the results of all papers in a form, ``text`` or ``markdown``; return the exit status."""
-    results = [(paper, list(paper.checks())) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
+    results = [(paper, paper.checks()) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
     print(*form(results), sep="\n")
     return DONE if all(check.passed for _, checks in results for check in checks) else FAILED
 
@@ -43,32 +44,30 @@ def text(results: Results) -> Iterator[str]:
     for paper, checks in results:
         yield from ("", paper.title, "", f"{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}", *map(str, checks))
     yield ""
-    for paper, checks in results:
-        count = [check.verdict for check in checks].count
-        known, wrong = count("not reproduced"), sum(not check.passed for check in checks)
-        line = f"{paper.title}: {count('ok')} of {len(checks)} agree"
-        yield line + (f", {known} not reproduced" if known else "") + (f", {wrong} NO LONGER HOLD" if wrong else "")
+    yield from (f"{paper.title}: {counted(checks)}" for paper, checks in results)
+    yield f"All papers: {counted(check for _, checks in results for check in checks)}"
     yield f"Items (equations, tables, figures and claims) that do not hold: {sum(unheld(*result) for result in results)}"
 
 
 def markdown(results: Results) -> Iterator[str]:
     """Yield the lines of the summary of all papers and of the table of each paper's items."""
-    yield from ("| Paper | Items that do not hold | Numbers and claims that agree | Not reproduced |", "|---|---|---|---|")
+    yield f"| Paper | Items that do not hold | {' | '.join(map(str.capitalize, PASSED))} |"
+    yield "|---|---|---|---|---|"
     for paper, checks in results:
-        agreeing = sum(check.verdict == "ok" for check in checks)
-        items = f"{unheld(paper, checks)} of {len(paper.items)}"
-        yield f"| [{paper.title}]({paper.page}.md) | {items} | {agreeing} of {len(checks)} | {len(checks) - agreeing} |"
+        counts = (str(sum(check.verdict == verdict for check in checks)) for verdict in PASSED)
+        yield f"| [{paper.title}]({paper.page}.md) | {unheld(paper, checks)} of {len(paper.items)} | {' | '.join(counts)} |"
     for paper, checks in results:
         yield from ("", f"## {paper.page.replace('_', ' ').capitalize()}", "")
         yield from ("| Item | In the code | Agreement |", "|---|---|---|")
         for item in paper.items:
             files = ", ".join(f"`{path}`" for path in item.where.split(", ") if path)
-            yield f"| {item.name} | {files} | {item.agreement(checks)} |"
+            drawn = f"[Drawn anew](../figures/README.md#{item.figure}). " if item.figure else ""
+            yield f"| {item.name} | {files} | {(drawn + item.agreement(checks)).strip()} |"
 
 
 def unheld(paper: Paper, checks: Sequence[Check]) -> int:
     """Return how many items of a paper do not hold: at least one of their checks does not."""
-    return sum(any(check.verdict != "ok" for check in item.checks(checks)) for item in paper.items)
+    return sum(not all(check.holds for check in item.checks(checks)) for item in paper.items)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Checks of a paper's numbers and claims against the project's, and tables of text."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -8,13 +9,17 @@ import numpy as np
 
 WIDTH = 72
 """Columns of a check's description."""
+PASSED = AGREES, CONSTRUCTED, NOT_REPRODUCED = "agrees", "consistent by construction", "not reproduced"
+VERDICTS = (*PASSED, "MISMATCH", "REASON OUT OF DATE")
+"""Verdicts in words; the last two mean that something no longer holds."""
 
 
 @dataclass(frozen=True)
 class Check:
     """A paper's number, the project's, and the relation that should hold between them.
 
-    A check with a reason is known not to hold: it is listed with the reason and passes, unless it holds after all.
+    A check with a reason is known not to hold: it is listed with the reason and passes, unless it holds after all. A check that
+    cannot disagree, because the paper's number is an input of the project's, says from what it follows.
     """
 
     what: str
@@ -26,6 +31,8 @@ class Check:
     """The project's number equals, is at least or is at most the paper's; or a claim is true (1) or not (0)."""
     not_reproduced: str = ""
     """Reason why the project cannot reproduce this, in one line; empty where it must."""
+    constructed: str = ""
+    """What makes it hold by construction, in one line; empty if it could disagree."""
 
     @property
     def holds(self) -> bool:
@@ -37,16 +44,21 @@ class Check:
         return abs(self.ours - self.paper) <= self.tolerance
 
     @property
-    def verdict(self) -> Literal["ok", "MISMATCH", "not reproduced", "REASON OUT OF DATE"]:
-        """The verdict in words."""
+    def verdict(self) -> str:
+        """The verdict, one of ``VERDICTS``."""
         if self.not_reproduced:
-            return "REASON OUT OF DATE" if self.holds else "not reproduced"
-        return "ok" if self.holds else "MISMATCH"
+            return "REASON OUT OF DATE" if self.holds else NOT_REPRODUCED
+        return (CONSTRUCTED if self.constructed else AGREES) if self.holds else "MISMATCH"
 
     @property
     def passed(self) -> bool:
         """Whether it holds, or is known not to."""
-        return self.verdict in ("ok", "not reproduced")
+        return self.verdict in PASSED
+
+    @property
+    def reason(self) -> str:
+        """The reason of its verdict; empty if it agrees."""
+        return self.not_reproduced or self.constructed
 
     def __str__(self) -> str:
         if self.relation == "true":
@@ -56,7 +68,13 @@ class Check:
             if self.relation != "=":
                 paper = f"{self.relation} {paper}"
         line = f"{self.what:<{WIDTH}} {paper:>14} {ours:>14}  {self.verdict}"
-        return f"{line}: {self.not_reproduced}" if self.not_reproduced else line
+        return f"{line}: {self.reason}" if self.reason else line
+
+
+def counted(checks: Iterable[Check]) -> str:
+    """Return the number of checks by verdict, as text; those that no longer hold only if there are any."""
+    found = Counter(check.verdict for check in checks)
+    return ", ".join(f"{verdict} {found[verdict]}" for verdict in VERDICTS if found[verdict] or verdict in PASSED)
 
 
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:

@@ -174,21 +174,17 @@ def controlled(name: str) -> tuple[float, float]:
     return min((cost(margin, passes), margin) for margin in MARGINS for passes in (1, 2, 3))
 
 
-def comparison() -> Iterator[str]:
-    """Yield a table of planning, real-time control and part programming in each case: cost of a blank [min] and margin [-]."""
+@exits()
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the cost of a blank [min] and the margin [-] by kind of control in each case; return the exit status."""
+    argparse.ArgumentParser(prog="python -m papers.reproduce.part_programming_cases", **described(__doc__)).parse_args(arguments)
     rows = []
     for name in tqdm(CASES, unit="case", disable=None, leave=False):
         fixed, control, programmed = planned(name, corrected=False), controlled(name), planned(name, corrected=True)
         cells = [f"{cost:.2f} ({margin:.1f})" for cost, margin in (fixed, control, programmed)]
         rows.append([name, *cells, f"{100.0 * (control[0] / programmed[0] - 1.0):.0f} %"])
-    yield from table(("cost of a blank [min] (margin)", "planned", "real-time control", "part programming", "psi"), rows)
-
-
-@exits()
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the comparison; return the exit status."""
-    argparse.ArgumentParser(prog="python -m papers.reproduce.part_programming_cases", **described(__doc__)).parse_args(arguments)
-    print(*comparison(), sep="\n")
+    heads = ("cost of a blank [min] (margin)", "planned", "real-time control", "part programming", "psi")
+    print(*table(heads, rows), sep="\n")
     return 0
 
 

@@ -36,6 +36,8 @@ DELAYS = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
 """Delays of the estimates [samples]."""
 FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)
 """Feed velocities at which the paper measures the idle current [mm/min]."""
+HALL_CURRENT, HALL_OUTPUT, HALL_RESISTANCE, HALL_SUPPLY = 6.0, 0.025, 500.0, 15.0
+"""Highest current of the Hall sensor [A], its output there [A], the resistance that samples it [Ohm], and its supply [V]."""
 
 UNDISTURBED = SPREADS | {"depth_ripple": 0.0}
 
@@ -211,6 +213,9 @@ def motor_checks() -> Iterator[Check]:
     line = np.polyval(np.polyfit(forces, currents, 1), forces)
     yield at_most("the current is linear in the force: largest deviation", 0.01, float(np.abs(currents / line - 1.0).max()))
     yield at_most("idle current's change over the current of 1000 N: little", 0.1, float(np.ptp(idle)) / current)
+    yield at_most("Hall sensor: 25 mA over 500 Ohm [V], within its supply", HALL_SUPPLY, HALL_OUTPUT * HALL_RESISTANCE)
+    reason = "the drive's constants are assumptions; 3 mm at the programmed feed are too much for the sensor"
+    yield at_most("Hall sensor: highest current on the stepped bar [A]", HALL_CURRENT, float(stepped().current.max()), reason)
     yield at_least("the current lags the force [samples of 12 ms]", 1, sensor_lag())
 
 

@@ -10,6 +10,7 @@ from baselines.constant_force import (
     THRESHOLD,
     ConstantForce,
     ConstantForceNetwork,
+    feed_of_roughness,
     force_of_roughness,
     recommended_feed,
 )
@@ -73,8 +74,9 @@ def test_no_rule_holds_a_roughness_that_no_force_changes() -> None:
 
 
 def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:
-    policy = ConstantForceNetwork(PartProgram(HELD, {}), 1)
-    (recommended,) = recommended_feed(HELD)(np.array([1.6])) / HELD.control.initial_feed
+    policy, wanted = ConstantForceNetwork(PartProgram(HELD, {}), 1), np.array([1.6])
+    (recommended,) = recommended_feed(HELD)(wanted) / HELD.control.initial_feed
+    assert recommended * HELD.control.initial_feed == pytest.approx(feed_of_roughness(HELD, wanted)[0], rel=0.005)
     assert override(policy, observations(HELD, 0.0)) == pytest.approx(recommended, rel=1e-5)
     seen = observations(HELD, 500.0)
     assert override(policy, seen, NEEDED - 1) == pytest.approx(recommended, rel=1e-5)
