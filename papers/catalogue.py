@@ -32,13 +32,13 @@ class Item:
         return list({check.what: check for check in checks if self.pattern and re.match(self.pattern, check.what)}.values())
 
     def agreement(self, checks: Sequence[Check]) -> str:
-        """Return the number of its checks by verdict, the reasons, and its remark."""
+        """Return the number of its checks by verdict, with the reasons."""
         texts, found = [], self.checks(checks)
         for verdict in VERDICTS:
             if same := [check for check in found if check.verdict == verdict]:
                 reasons = "; ".join(dict.fromkeys(check.reason for check in same if check.reason))
                 texts.append(f"{verdict.capitalize()} ({len(same)}){': ' * bool(reasons)}{reasons}.")
-        return " ".join((*texts, self.remark)).strip()
+        return " ".join(texts)
 
     def description(self, checks: Sequence[Check]) -> list[str]:
         """Return the lines below its figure: caption and source, agreement, a remark."""

@@ -7,7 +7,7 @@ from typing import Literal
 
 INCH = 25.4
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
-_TERM = rf"(?:R\d+|{NUMBER}|\((?:[^()]|\([^()]*\))*\))"
+_TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"  # a function, or a term in parentheses
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
 CornerKind = Literal["legs", "chord", "radius"]

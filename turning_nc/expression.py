@@ -12,7 +12,7 @@ DECIMALS = 12  # decimals of written numbers: at a load of 200 %, the error of a
 _TOKEN = re.compile(
     r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
     (?P<other><=|>=|<>|==|[-+*/<>()[\]]|(?:AND|OR|EQ|NE|GT|GE|LT|LE|MOD)(?![A-Z]) |
-    (?:ABS|SIN|COS|TAN|SQRT|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
+    (?:ABS|SIN|COS|TAN|SQRT|EXP|LN|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
     re.ASCII | re.VERBOSE,
 )
 _PYTHON = {"[": "(", "]": ")", "AND": "and", "OR": "or", "EQ": "==", "NE": "!=", "<>": "!=", "GT": ">", "GE": ">=", "LT": "<"}
@@ -20,7 +20,7 @@ _PYTHON |= {"LE": "<=", "MOD": "%"}
 _FUNCTIONS = {
     **{"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc, "TRUNC": math.trunc, "FUP": math.ceil, "ROUND": round},
     **{"SIN": lambda degrees: math.sin(math.radians(degrees)), "COS": lambda degrees: math.cos(math.radians(degrees))},
-    "TAN": lambda degrees: math.tan(math.radians(degrees)),
+    **{"TAN": lambda degrees: math.tan(math.radians(degrees)), "EXP": math.exp, "LN": math.log},
 }
 _NODES = (
     *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.BoolOp, ast.Constant, ast.Subscript, ast.Name, ast.Call),
@@ -42,7 +42,7 @@ class Expression:
         Raises:
             KeyError: a variable has no value.
             ZeroDivisionError: it divides by 0.
-            ValueError: it takes the root of a number below 0.
+            ValueError: it takes the root or the logarithm of a number below 0.
         """
         return float(eval(self._code, {"__builtins__": {}, **_FUNCTIONS}, {"variables": variables}))
 

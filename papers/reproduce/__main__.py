@@ -61,8 +61,8 @@ def markdown(results: Results) -> Iterator[str]:
         yield from ("| Item | In the code | Agreement |", "|---|---|---|")
         for item in paper.items:
             files = ", ".join(f"`{path}`" for path in item.where.split(", ") if path)
-            drawn = f"[Drawn anew](../figures/README.md#{item.figure}). " if item.figure else ""
-            yield f"| {item.name} | {files} | {(drawn + item.agreement(checks)).strip()} |"
+            drawn = f"[Drawn anew](../figures/README.md#{item.figure})." if item.figure else ""
+            yield f"| {item.name} | {files} | {' '.join(filter(None, (drawn, item.agreement(checks), item.remark)))} |"
 
 
 def unheld(paper: Paper, checks: Sequence[Check]) -> int:

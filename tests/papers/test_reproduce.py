@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from baselines.two_limits import TWO_LIMITS
+from papers import rows
 from papers.catalogue import FIGURES, PAPERS, Item, Paper
 from papers.reproduce import part_programming
 from papers.reproduce.__main__ import markdown, reproduce, text
@@ -28,6 +29,8 @@ def test_every_figure_of_a_paper_agrees_and_the_pages_tell_it(paper: Paper) -> N
     for check in checks:
         assert check.passed, check
         assert any(re.match(pattern, check.what) for pattern in patterns), f"{check.what} belongs to no item"
+    for row in (row for row in rows("by_construction.csv") if row["page"] == paper.page):
+        assert any(check.constructed == row["source"] for check in checks), f"{row['pattern']} is no check"
     for item in (item for item in paper.items if item.figure):
         caption, *lines = item.description(checks)
         said = "".join(f"* {line}\n" for line in lines)
@@ -48,10 +51,9 @@ def test_items_name_files_and_figures_that_exist_and_miss_no_figure() -> None:
 def test_an_item_counts_its_checks_once_and_gives_reasons() -> None:
     checks = [claim("a: 1", True), claim("a: 1", True), claim("a: 2", False, "reason"), claim("b", True)]
     checks += [Check(f"a: {number}", 1.0, 1.0, constructed="input") for number in (3, 4)]
-    agreement = "Agrees (1). Consistent by construction (2): input. Not reproduced (1): reason. Remark."
-    assert Item("item", pattern="a", remark="Remark.").agreement(checks) == agreement
+    agreement = "Agrees (1). Consistent by construction (2): input. Not reproduced (1): reason."
+    assert Item("item", pattern="a").agreement(checks) == agreement
     assert Item("item", pattern="b").agreement(checks) == "Agrees (1)."
-    assert Item("item", remark="Not in the text.").agreement(checks) == "Not in the text."
     caption, *lines = Item("item", pattern="b", figure="grid_search_02").description(checks)
     assert caption.endswith("(Alaskari and Oraby (2018), Figure 2.)")
     assert lines == ["Agrees (1).", FIGURES["grid_search_02"]["remark"]]

@@ -6,10 +6,13 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("shapely")
 
+from baselines.models.process import Process
+from baselines.two_limits import set_point
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
 from tests.walking import ROOT
@@ -346,3 +349,23 @@ def test_files_that_are_no_text_end(tmp_path: Path) -> None:
     nan.write_text("0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nnan\n20\n1\n11\n2\n21\n3\n0\nENDSEC\n0\nEOF\n")
     with pytest.raises(NcError, match="LINE"):
         read_stock(str(nan))
+
+
+@pytest.mark.parametrize(("diameter", "passes"), [(97.6, 2), (100.8, 3), (103.0, 3), (106.0, 4)])
+def test_the_cycles_of_the_slides_divide_the_measured_blank_and_cut_by_the_rule(diameter: float, passes: int) -> None:
+    text = (ROOT / "papers/data/stho_stcl.mpf").read_text("utf-8").replace("R42=103", f"R42={diameter}")
+    made, scenario = run(divide(text)), Scenario.load("batch_casting")
+    removal = remove(made, read_stock(f"bar:{diameter}x150+1.5"), {"T2": "groove:4"})
+    situation = Situation(scenario, Machine(), made, removal)
+    played = play(situation, Process.of(scenario).mean_wear)
+    assert implausible(situation, played) == {}
+    left = 90.0 * (0.5 * diameter) ** 2 + 20.0 * 45.0**2 + 34.0 * 40.0**2 + 6.0 * 30.0**2 - 17.0 * (40.0**2 - 36.0**2)
+    assert volume(removal.part) == pytest.approx(math.pi * left, rel=2e-4)  # edges of 85 degrees leave ridges
+    cuts = [move for move in made.moves if move.kind == "feed" and move.path.end == (-60.0, move.path.start[1])]
+    assert [move.path.end[1] for move in cuts] == pytest.approx(np.linspace(0.5 * diameter, 45.0, passes + 1)[1:])
+    depth = (0.5 * diameter - 45.0) / passes
+    speed, feed = set_point("PN", Process.of(scenario).rescaled(1.25, 1.25), depth)
+    assert all((move.speed.value, move.feed.value) == pytest.approx((speed, feed), rel=1e-3) for move in cuts)
+    motions = "".join({"rapid": "F", "feed": "f"}[move.kind] for move in made.moves)  # fast and feedrate
+    assert motions.count("FfFF") == 1 + passes + 2
+    assert motions.count("FffF") == 2 + 3
