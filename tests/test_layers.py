@@ -112,7 +112,7 @@ LINES = {
     "baselines": 4270,
     "train": 4180,
     "leaderboard": 3349,
-    "papers": 2570,
+    "papers": 2550,
     "studies": 2000,
     "tests": 14362,
 }
