@@ -16,6 +16,7 @@ from baselines.two_limits import set_point
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
 from tests.walking import ROOT
+from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
