@@ -44,9 +44,10 @@ def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path
         for k, (name, (values, total)) in enumerate(runs.items()):
             colour, _ = style.LINES[k]
             speed.plot(values["clock"], values["cutting_speed"] / start_speed, color=colour, label=f"{name}: {total:.0f} s")
-            life.plot(values["clock"], values["used_life"], color=colour)
-            broken = np.flatnonzero(values["edges_broken"] > 0)
-            life.plot(values["clock"][broken], values["used_life"][np.maximum(broken - 1, 0)], "x", color=colour, markersize=9)
+            stopped = np.diff(values["clock"], prepend=0.0) > 0.5  # the edge was changed
+            life.plot(values["clock"], np.where(stopped, np.nan, values["used_life"]), color=colour)
+            before = np.maximum(np.flatnonzero(values["edges_broken"] > 0) - 1, 0)
+            life.plot(values["clock"][before], values["used_life"][before], "x", color=colour, markersize=9)
         speed.set_ylabel("cutting speed\nover start value [-]")
         life.set_ylabel("used life [-]\nx: edge broken")
         life.set_xlabel("machine time [min]")
