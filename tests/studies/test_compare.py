@@ -75,6 +75,23 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
     assert second[headings.index("By > 5 % [%]")] == "100.00, infeasible"
 
 
+def test_rankings_are_compared_with_that_of_the_first_scenario() -> None:
+    study = Study.read("assumptions").model_copy(update={"episodes": 4})
+    costs = {"predictive": (1.0, 2.0), "optimiser": (2.0, 1.0), "fixed_tuned": (3.0, 3.0)}
+    variants = {
+        name: [
+            Played(
+                {title: _played(np.full(4, -cost)).episodes["rough_turning"] for title, cost in zip("ab", each, strict=True)},
+                None,
+            )
+        ]
+        for name, each in costs.items()
+    }
+    _, _, home, other = (cells(line) for line in table(study, variants).splitlines())
+    assert home[:3] == ["`a`", "1.00", "`predictive`"]
+    assert other == ["`b`", "0.33", "`optimiser`", "", "`optimiser` before `predictive`"]
+
+
 def _played(returns: Floats) -> Played:
     episodes = dict.fromkeys(EPISODE_FIELDS, np.ones(len(returns))) | {"return": returns}
     return Played({"rough_turning": episodes}, None)
