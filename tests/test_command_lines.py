@@ -74,12 +74,44 @@ studies: nothing | nothing.toml | ablation --variants nothing | ablation --train
 studies.throughput: --repeats 0 | --against nothing
 studies.wheel: --constraints nothing | --constraints file
 """
-MISTAKES: dict[str, list[str]] = {
-    f"train.{name}": ["--scenario nothing", "--env nothing", "--seed -1", "--steps 0", "--steps 1 --runs file"]
-    for name in ALGORITHMS
-}
-for _command, _mistakes in (line.split(": ") for line in LISTED.strip().splitlines()):
-    MISTAKES.setdefault(_command, []).extend(_mistakes.split(" | "))
+SAID = """
+train.ppo: --seed -1 => the training seed is -1, but must be 0 to 999
+train.ppo: --steps 0 => steps is 0, but must be at least 1
+train.ppo: --scenario nowhere => python -m turning_env presets
+train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did you mean learning_rate
+train.ppo: --set learning_rate => learning_rate is '', but must be a float of 0 or more, such as 0.002
+train.ppo: --set discount=nan => discount is nan, but
+train.ppo: --set "hidden_layers=[1, 'x']" => hidden_layers is 'x', but
+train.ppo: --set activation=gelu => ppo cannot be made with these hyperparameters: KeyError('gelu')
+train.ppo: --set num_envs=0 => ppo cannot be made with these hyperparameters
+train.export --nc schedule: --rule grid_search --scenario shift --out made.mpf => control.edge_changes is 'commanded'
+train.export --nc schedule: --rule parts_pv --scenario batch_casting --out made.mpf => control.action is "part"
+train.export --nc schedule: --rule grid_search --tuning-seed -1 --out made.mpf => --tuning-seed is -1
+train.export --nc schedule: --rule grid_search --bars 0 --out made.mpf => 0 bars asked for, but there must be 1 to 1000
+train.export --nc schedule: --rule fixed_handbook --tolerance 2 --out made.mpf => must be 0 to 1
+train.export --nc table: --scenario batch_casting --out made.mpf => control.action is "part"
+train.export --nc table: --interval 0 --out made.mpf => must be 0.0017 to 17
+train.export --nc law: --rule tmac --out made.mpf => those that can are one_line_law
+baselines.tune: --scenario harder_lot --out made.json => scenario 'harder_lot' has a model mismatch
+baselines.tune: --rules fixed_handbook --out made.json => fixed_handbook has nothing to tune
+baselines.tune: --rules parts_pv --out made.json => parts_pv cannot play
+baselines.tune: --scenario forging => ships with the project: give
+baselines.tune: --shipped --scenario file => --shipped rewrites the parameters of a preset, one of
+baselines.tune: --out forging.toml => --out forging.toml must end in .json
+leaderboard.watch: --policy causal --out made.gif => causal cannot be watched: only what acts on observations can
+leaderboard.watch: --policy grid_search --seed -1 --out made.gif => seed -1
+leaderboard.watch: --policy grid_search --split train --out made.gif => --split is of RoughTurning-Family-v0
+leaderboard.watch: --policy grid_search --out cut.avi => cut.avi must end in one of .mp4, .gif, .png
+leaderboard.watch: --policy grid_search --beside fixed_handbook --human => --human shows one policy
+leaderboard run: --private-key short --results made => the private key has 5 characters, but must have at least 16
+"""
+"""Mistakes with a part of what is said of them."""
+CASES = [
+    *((f"train.{name}", mistake, "") for name in ALGORITHMS for mistake in ("--env nothing", "--steps 1 --runs file")),
+    *((line.split(": ")[0], each, "") for line in LISTED.strip().splitlines() for each in line.split(": ")[1].split(" | ")),
+    *((line.split(": ")[0], *line.split(": ", 1)[1].split(" => ")) for line in SAID.strip().splitlines()),
+]
+COMMANDS = list(dict.fromkeys(command for command, _, _ in CASES))
 
 
 class Parsed(Exception):
@@ -129,10 +161,10 @@ def test_every_command_is_among_these() -> None:
         for path in (ROOT / package).rglob("*.py")
         if re.search(r"^if __name__ ==", path.read_text("utf-8"), re.MULTILINE)
     }
-    assert found == {command.split()[0] for command in MISTAKES}
+    assert found == {command.split()[0] for command in COMMANDS}
 
 
-@pytest.mark.parametrize("command", MISTAKES)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_shows_examples_that_parse(
     command: str, capsys: pytest.CaptureFixture[str], parse: Callable[[list[str]], None]
 ) -> None:
@@ -156,15 +188,16 @@ def test_every_command_in_the_documentation_parses(parse: Callable[[list[str]], 
         parse(words)
 
 
-@pytest.mark.parametrize(("command", "mistake"), [(name, each) for name, mistakes in MISTAKES.items() for each in mistakes])
+@pytest.mark.parametrize(("command", "mistake", "said"), CASES)
 def test_mistake_is_an_error_of_one_line_and_writes_nothing(
-    command: str, mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, mistake: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     assert status_of(command, shlex.split(mistake)) == 2
     printed = capsys.readouterr()
     assert re.search(r"error: \S", printed.err.splitlines()[-1])
+    assert said in printed.err
     assert printed.out == ""
     assert not [path for path in Path().rglob("*") if path.is_file() and path.name != "file"]
 

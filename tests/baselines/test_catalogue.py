@@ -4,15 +4,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from baselines import tune, tuned
 from baselines.catalogue import CHANGE_AT, RULES, TimelyChanges, names, playable, spec
 from baselines.fixed import FixedParameters
 from baselines.rule import Range, Rule
-from tests.turning_env.playing import changed
-from turning_env import RoughTurningEnv, Scenario, read
+from turning_env import Scenario
 
 TUNABLE = Rule(
     "made up",
@@ -60,25 +58,6 @@ def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(t
     assert spec(tunable, shift).parameters == {"cutting_speed": 100.0, "feed": 0.3, CHANGE_AT: 0.9}
     assert isinstance(spec(tunable, shift).make(2), TimelyChanges)
     assert playable("tmac_with_speed", shift) is RULES["tmac_with_speed"]  # it changes edges itself
-
-
-@pytest.mark.slow
-def test_the_edge_is_changed_when_the_nominal_wear_says_so() -> None:
-    change_at = 0.7
-    shift = changed(Scenario.load("shift"), control={"time_limit": 90.0})
-    env = RoughTurningEnv(changed(shift, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6}))
-    policy = TimelyChanges(FixedParameters(env.scenario, 180.0, 0.3), env.scenario, change_at)
-    observation, _ = env.reset(seed=0)
-    policy.reset(np.ones(1, np.bool_))
-    worn, stops, ended = [], [], False
-    while not ended:
-        worn.append(read(observation[np.newaxis], env.scenario).nominal_wear[0])
-        observation, _, _, ended, info = env.step(policy.act(observation[np.newaxis])[0])
-        stops.append(info["stopped_time"])
-    stopped = np.flatnonzero(stops)
-    assert len(stopped) > 1
-    assert np.array(stops)[stopped][:-1] == pytest.approx(60 * shift.economics.edge_change_time)
-    assert np.array(worn)[stopped] == pytest.approx(change_at * shift.tool.wear_criterion, rel=0.01)
 
 
 def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:

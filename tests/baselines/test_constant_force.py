@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from baselines.catalogue import RULES
 from baselines.constant_force import (
     ENGAGED_TIME,
     THRESHOLD,
@@ -16,7 +15,7 @@ from baselines.constant_force import (
 )
 from baselines.models.part_program import PartProgram
 from tests.turning_env.playing import changed
-from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env import Scenario
 from turning_env.observation import bounds
 from turning_env.physics.quantities import OBS
 
@@ -55,24 +54,6 @@ def test_the_feed_is_the_one_before_times_reference_over_force(on_command: bool,
     assert override(law(on_command=on_command), seen, NEEDED) == pytest.approx(expected, rel=1e-5)
 
 
-def test_elsewhere_a_share_of_the_force_limit_is_held() -> None:
-    scenario = changed(
-        Scenario.load("override"),
-        workpiece={"depth_profile": [], "depth_ripple": 0.0, "depth_bar_spread": 0.0, "depth_along_spread": 0.0},
-        sensors={"force_noise": 0.0},
-    )
-    policy, env = law(scenario, 4, force_share=0.4), RoughTurningVectorEnv(4, scenario)
-    seen, _ = env.reset(seed=0)
-    for _ in range(400):
-        seen, _, _, _, infos = env.step(policy.act(seen))
-    assert infos["thrust_force"] == pytest.approx(np.full(4, 0.4 * scenario.limits.thrust_force), rel=0.02)
-
-
-def test_no_rule_holds_a_roughness_that_no_force_changes() -> None:
-    scenario = changed(SURFACE, surface={"roughness_rate": 0.0})
-    assert not any(RULES[name].plays(scenario) for name in ("constant_force", "constant_force_network", "model_feed"))
-
-
 def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it() -> None:
     policy, wanted = ConstantForceNetwork(PartProgram(HELD, {}), 1), np.array([1.6])
     (recommended,) = recommended_feed(HELD)(wanted) / HELD.control.initial_feed
@@ -82,9 +63,3 @@ def test_the_tool_enters_with_the_recommended_feed_and_the_override_acts_on_it()
     assert override(policy, seen, NEEDED - 1) == pytest.approx(recommended, rel=1e-5)
     assert override(policy, seen) == override(law(), seen, NEEDED)
     assert override(policy, observations(HELD, THRESHOLD + 1.0)) == pytest.approx(1.5 * recommended, rel=1e-5)
-
-
-def test_the_feed_stays_within_the_chip_thickness() -> None:
-    policy = ConstantForceNetwork(PartProgram(HELD, {}), 1, 0.05, 0.09, 30.0)
-    for force, feed in ((0.0, 0.18), (1e4, 0.1), (THRESHOLD + 1.0, 0.18)):  # h = f sin(30 deg)
-        assert override(policy, observations(HELD, force), NEEDED) * HELD.control.initial_feed == pytest.approx(feed, rel=1e-5)

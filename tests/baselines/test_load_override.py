@@ -8,14 +8,11 @@ from baselines.load_override import (
     LEARNING_TIME,
     SETTLING_TIME,
     STOP,
-    UNDERCUT,
     WEAR_TIME,
     AirGapControl,
     LearnedPower,
-    constant_load,
 )
 from baselines.models.part_program import PartProgram
-from papers.stepped_bar import play_bar, stepped_bar
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed
 from turning_env import Scenario
@@ -32,14 +29,6 @@ REFERENCE = 0.3
 def asked(policy: Policy, scenario: Scenario = OVERRIDE, **seen: float) -> float:
     """The override that is asked for [-]."""
     return float(override_of(policy.act(observe(scenario, **seen)), scenario)[0])
-
-
-def test_the_load_is_held_at_the_target_at_2_and_at_3_mm() -> None:
-    scenario, target = stepped_bar(), 0.8
-    run = play_bar(lambda num_envs: constant_load(PartProgram(scenario, {}), num_envs, target, 5.0), scenario)
-    for depth in (2.0, 3.0):
-        np.testing.assert_allclose(run.at_depth(depth, 2.0).load, 0.6 * target, rtol=0.01)
-    assert run.at_depth(1.0, 1.0).override.min() > 1.99
 
 
 def learned(scenario: Scenario = FAST, **parameters: float) -> LearnedPower:
@@ -67,15 +56,6 @@ def test_the_feed_is_held_back_at_the_extreme_limit_and_stops_beyond_it() -> Non
     assert asked(learned(extreme=1.5), FAST, load=extreme * 0.999, override=1.5) > 1.5
     assert asked(learned(extreme=1.5), FAST, load=extreme * STOP * 1.001, override=1.5) == pytest.approx(0.01, rel=1e-3)
     assert asked(learned(extreme=9.0), FAST, load=extreme * STOP * 1.001, override=1.5) > 0.5
-
-
-def test_where_metal_is_missing_the_feed_is_the_programmed_one() -> None:
-    undercut = UNDERCUT * REFERENCE
-    assert asked(learned(), FAST, load=0.999 * undercut, override=1.0) == pytest.approx(1.0)
-    assert asked(learned(), FAST, load=1.001 * undercut, override=1.0) > 1.0
-    # The same power at twice the feed is less at the programmed one.
-    assert asked(learned(), FAST, load=1.001 * undercut, override=2.0) == pytest.approx(1.0)
-    assert asked(learned(), FAST, load=0.0, override=2.0, cutting=False) == pytest.approx(1.0)
 
 
 def changes(policy: LearnedPower, load: float, minutes: float, override: float = 1.0) -> bool:

@@ -1,13 +1,11 @@
 """The optimiser holds limits and saves the edge."""
 
 import numpy as np
-import pytest
 
-from baselines.optimiser import RULES, Optimiser
+from baselines.optimiser import Optimiser
 from tests.baselines.models.test_load_filter import QUIET
 from tests.turning_env.playing import changed
 from turning_env import RoughTurningVectorEnv, Scenario
-from turning_env.scoring.play import play
 
 TIGHT = changed(QUIET, limits={"power": 4.5})
 EXACT = changed(TIGHT, sensors={"force_noise": 0.0, "power_noise": 0.0})
@@ -29,14 +27,3 @@ def test_on_a_known_bar_it_works_at_a_limit() -> None:
     loads = np.array([[i["thrust_force"][0] / 1500.0, i["power"][0] / 4.5] for i in infos[15:] if i["cutting"].all()])
     assert loads.max() < 1.02
     assert 0.9 < np.median(loads.max(axis=1)) <= 1.0
-
-
-@pytest.mark.slow
-def test_edges_are_changed_before_they_are_found_worn() -> None:
-    scenario = changed(Scenario.load("shift"), control={"time_limit": 25.0})
-    episodes = play(
-        lambda num_envs: RULES["optimiser"].build(scenario, num_envs, {"severity": 1.5, "caution": 1.0}), scenario, [0]
-    )
-    changes = np.floor(episodes["edges_used"])
-    assert (changes >= 1).all()
-    assert episodes["stopped_time"] == pytest.approx(120.0 * changes, abs=121.0)

@@ -41,15 +41,6 @@ def test_depths_of_passes():
     np.testing.assert_allclose(pass_depths(allowance, path, passes, 4), expected)
 
 
-def test_the_force_rule_holds_the_force_at_what_is_cut_corrected_or_not():
-    """Without run-out and with one hardness, the last pass has just the force that the margin leaves."""
-    known = changed(BATCH, workpiece=SPREADS | {"depth_bar_spread": 0.6}, tool={"wear_factor_spread": 0.0}, limits={"power": 1e3})
-    for corrected in (True, False):
-        policy = RuledParts(known, "PT", corrected, margin=0.8, first_margin=0.8)
-        forces = np.array([info["mean_thrust_force"] for info in infos(policy, known)[1:]])
-        assert forces == pytest.approx(0.8 * known.limits.thrust_force, rel=0.02), corrected
-
-
 def test_no_pass_is_planned_too_deep_for_a_further_limit():
     scenario = changed(Scenario.load("batch_p20"), workpiece=SPREADS | {"depth_of_cut": 4.0})
     for margin in (1.0, 0.6):  # 400 N allow 4 mm at the lowest feed, 240 N do not

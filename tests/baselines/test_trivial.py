@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from baselines.catalogue import RULES, names, spec
-from baselines.trivial import DEGENERATE
-from turning_env import Family, RoughTurningVectorEnv, Scenario
-from turning_env.scoring.family import play_family, play_jobs
+from baselines.catalogue import spec
+from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
 
@@ -37,15 +35,3 @@ def test_edges_are_changed_in_every_step_and_the_fastest_break_them() -> None:
         played = episodes(name, Scenario.load("shift"))
         np.testing.assert_allclose(played["edges_used"], played["steps"], atol=0.01)
     assert (episodes("fastest", Scenario.load("shift"))["edges_broken"] > 0.0).all()
-
-
-@pytest.mark.slow
-def test_degenerate_policies_play_jobs_of_a_family_together_as_apart() -> None:
-    family = Family.load("shop")
-    scenarios = [family.job(number).scenario for number in range(2)]
-    assert set(DEGENERATE) <= set(names(scenarios[0]))
-    for name in ("wait_then_play", "never_cut"):
-        assert RULES[name].together
-        together = play_family(family, "train", range(2), spec(name, scenarios).make, "hidden")
-        apart = play_jobs(family, "train", range(2), lambda job, name=name: spec(name, job.scenario).make)
-        np.testing.assert_allclose(together["return"], apart["return"], rtol=1e-6)

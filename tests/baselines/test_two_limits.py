@@ -8,17 +8,13 @@ from baselines.two_limits import (
     ECONOMIC_OPTIMUM,
     RULES,
     TWO_LIMITS,
-    along,
-    depth_exponents,
     limits,
     set_point,
 )
-from papers.reproduce.part_programming import handbook_process
 from turning_env import PowerLaw, Scenario
 
 STEEL = Process.of(Scenario())
 CASE = Process.of(Scenario.load("batch_p20"))
-SET_POINTS = Scenario.load("paper")
 DEPTHS = np.array([0.0, 1e-3, 0.3, 1.0, 2.5, 4.0, 8.0, 50.0])
 
 
@@ -75,24 +71,6 @@ def test_limits_that_run_parallel_fix_no_point(rule: str, name: str, exponents: 
         assert rule == "PT" or not RULES[f"{kind}_{rule.lower()}"].plays(scenario)
     speed, feed = set_point(ECONOMIC_OPTIMUM, Process.of(scenario), DEPTHS)
     assert np.all(np.isfinite(speed) & np.isfinite(feed))
-
-
-@pytest.mark.parametrize("rule", TWO_LIMITS)
-def test_depth_enters_speed_feed_and_cost_as_stated(rule: str) -> None:
-    process = handbook_process(rule)
-    (slower, faster), (less, more) = set_point(rule, process, [2.49, 2.51])
-    ratio = np.log(2.51 / 2.49)
-    expected = depth_exponents(*limits(rule, process))
-    assert (np.log(faster / slower) / ratio, np.log(more / less) / ratio) == pytest.approx(expected, abs=1e-9)
-    depths = np.array([2.0, 2.4, 2.5])
-    speed, feed = set_point(rule, process, depths)
-    cost = along(process, *limits(rule, process))
-    np.testing.assert_allclose(cost(depths), np.exp(process.log_cost(np.log(speed), np.log(feed), depths, 1.0)), rtol=1e-9)
-    at = cost.cheapest_depth
-    if 0.0 < at < np.inf:
-        assert cost(at) < min(cost(0.98 * at), cost(1.02 * at))
-    else:
-        assert (cost(1.0) < cost(2.0)) == (at == 0.0)
 
 
 @pytest.mark.parametrize(("price", "wear"), [(0.0, 0.15), (5.0, 0.05), (5.0, 0.29), (1000.0, 0.15)])

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -79,21 +78,3 @@ def test_a_data_set_has_the_same_checksum_again(folder: Path, tmp_path: Path, ca
 def test_noise_depends_on_the_episodes_seed_alone() -> None:
     together, alone = record(policy("load_rule"), [7, 8], 0.2)[1], record(policy("load_rule"), [8], 0.2)[0]
     np.testing.assert_array_equal(together.actions, alone.actions)
-
-
-def test_seeds_of_tuning_are_not_recorded() -> None:
-    with pytest.raises(SystemExit, match="2"):
-        main(["make", "--episodes", "1000001"])
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # what the library does is not this project's
-def test_learners_are_scored_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("d3rlpy")
-    made("load_rule", tmp_path)
-    command = [str(tmp_path / "rough_turning-load_rule-v0"), "--steps", "3", "--training-seeds", "1", "--seeds", "2"]
-    main_rl = import_module("examples.offline_rl").main
-    assert main_rl([*command, "--out", str(tmp_path / "runs")]) == 0
-    first = capsys.readouterr().out.splitlines()
-    assert main_rl([*command, "--out", str(tmp_path / "runs")]) == 0
-    assert capsys.readouterr().out.splitlines() == first[-5:]  # a header and a row of each algorithm, from files

@@ -9,7 +9,6 @@ from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
 from train.analytic_actor import DistanceTracker
-from train.run import HYPERPARAMETERS
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")
@@ -37,31 +36,10 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     assert found.steps == file.metadata.trained_steps
 
 
-@pytest.mark.parametrize("algorithm", sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
-def test_every_algorithm_has_a_class(algorithm: str) -> None:
-    privileged = algorithm.endswith("_gradient")
-    expected = "privileged agent" if privileged else "model-free agent"
-    assert class_of(spec("any", seed=0, command=f"python -m train.{algorithm} --seed 0")) == expected
-    assert class_of(spec("any", seed=0, command=f"python -m train.{algorithm}")) == expected
-
-
 @pytest.mark.parametrize("command", [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"])
 def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
     assert class_of(spec("mine", seed=0, command=command)) == "other agent"
     assert told(command) == Information(None, None, None)
-
-
-def test_rules_and_oracles_are_classes_of_their_own() -> None:
-    assert [class_of(spec("one", kind=kind)) for kind in ("rule", "oracle")] == ["rule", "oracle"]
-    assert information(spec("one"), SCENARIO) is None
-
-
-def test_a_job_that_ends_before_its_edge_needs_no_price_of_life() -> None:
-    command = "python -m train.analytic_gradient --seed 0"
-    assert {"life price", "spreads"} <= set(told(command).given or ())
-    short = told(command, Scenario.load("override")).given or ()
-    assert {"model gradients", "true states"} <= set(short)
-    assert {"life price", "spreads"}.isdisjoint(short)
 
 
 def test_terms_of_training_are_stated_and_count() -> None:

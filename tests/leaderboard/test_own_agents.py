@@ -3,13 +3,9 @@
 import importlib
 import sys
 from pathlib import Path
-from typing import Any
 
-import gymnasium
 import pytest
-import torch
 
-import turning_env
 from leaderboard import policies as leaderboard_policies
 from leaderboard import result
 from leaderboard.__main__ import main
@@ -17,20 +13,10 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder
 from tests.leaderboard.conftest import ENV_ID, on, only, play_all
 from tests.train import onnx_agents
-from train.export import export_torch
 from turning_env import Scenario
 from turning_env.scoring.seeds import held_out_seeds
 
 SHORT = onnx_agents.SCENARIO
-OWN_SCENARIO = """
-base = "rough_turning"
-
-[control]
-time_limit = 2.0
-
-[nominal_model.material.power]
-coefficient = 0.27
-"""
 pytestmark = pytest.mark.slow  # plays agents in processes of their own
 
 
@@ -120,18 +106,3 @@ def test_code_of_ones_own_is_ranked_and_played_again_each_time(
         returns.append(only(path).episodes["return"])
     assert returns[0] != returns[1]
     assert main([*words, "--policy", "some_policy:nothing"]) == 2
-
-
-def test_a_torch_module_goes_from_nothing_to_a_rank(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    torch.manual_seed(0)
-    env_id = "RoughTurning-Batch-v0"  # short episodes
-    env: Any = gymnasium.make(env_id)
-    entries, actions = env.observation_space.shape[0], env.action_space.shape[0]
-    network = torch.nn.Sequential(torch.nn.Linear(entries, 32), torch.nn.Tanh(), torch.nn.Linear(32, actions), torch.nn.Tanh())
-    assert turning_env.score(network, env_id, seeds=8).seeds == 8
-    score = turning_env.score(network, env_id)
-    path = tmp_path / "twenty_lines.onnx"
-    export_torch(network, path, env_id=env_id)
-    where = ["--env", env_id, "--results", str(tmp_path / "results")]
-    assert main(["run", *where, "--agents", str(path), "--policies"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith(f"your agent: rank {score.rank} of {score.ranked}, return ")

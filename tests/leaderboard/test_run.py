@@ -1,9 +1,7 @@
 """Playing: what is played, what is resumed, what is refused, and the command line over all of it."""
 
-import hashlib
 import json
 import math
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,6 @@ from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.leaderboard.conftest import Steady, on, only, play_all, spec
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 
@@ -38,15 +35,6 @@ class Watched:
 
 def recorded_in(folder: Path) -> Trajectories:
     return read_part(Trajectories, folder / "trajectories.json.xz")
-
-
-def test_results_are_what_the_policies_do(task: Task, folder: Path) -> None:
-    policies = [spec("slow"), spec("quick", (0.0, 1.0))]
-    play_all(task, policies, folder)
-    for each in policies:
-        result = only(folder / f"{each.name}.json.xz")
-        for field, values in play(each.make, task.scenario, task.seeds).items():
-            np.testing.assert_array_equal(result.episodes[field], values)
 
 
 def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> None:
@@ -110,29 +98,6 @@ def test_rules_come_from_the_catalogue() -> None:
     with pytest.raises(ResultError, match=r"fixed_tuned cannot play: .*baselines\.tune"):
         policies.named(["fixed_tuned"], on(untuned))
     assert policies.named(["fixed_tuned"], on(untuned), tuned_on=scenario)[0].tuned_for == ScenarioId.of(scenario)
-
-
-def test_oracles_are_ranked_but_not_recorded(task: Task, folder: Path) -> None:
-    def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-        return {name: np.full(len(seeds), 1000.0 if name == "return" else 0.0) for name in EPISODE_FIELDS}
-
-    play_all(task, [spec("oracle", kind="oracle", compute=bound), spec("one")], folder)
-    assert only(folder / "oracle.json.xz").episodes["return"] == [1000.0] * 4
-    assert [each.policy.name for each in recorded_in(folder).episodes] == ["one"] * 3
-
-
-@pytest.mark.slow
-def test_agents_come_from_files(tmp_path: Path, task: Task) -> None:
-    path = onnx_agents.write(tmp_path, 2, memory=True)
-    (agent,) = policies.agents([path], on(task.scenario))
-    assert (agent.label, agent.sha256) == ("ppo-seed2", hashlib.sha256(path.read_bytes()).hexdigest())
-    with pytest.raises(ResultError, match="ppo-seed2, which another"):
-        policies.agents([path, path], on(task.scenario))
-    with pytest.raises(ResultError, match="cannot play 'shift'"):
-        policies.agents([path], on(Scenario.load("shift")))
-    path.write_bytes(b"damaged")
-    with pytest.raises(ResultError, match=r"no agent can be loaded from .*ppo-seed2\.onnx: .* is no ONNX file"):
-        policies.agents([path], on(task.scenario))
 
 
 @pytest.mark.slow

@@ -45,16 +45,6 @@ def test_physical_columns_by_hand(make_result: MakeResult) -> None:
     assert shares == pytest.approx((0.1, 0.02, 0.004, 1 / 3, 2.201 / 4))
 
 
-def test_the_full_cost_is_all_cost_over_the_metal(make_result: MakeResult, task: Task) -> None:
-    # 4 minutes of cutting, half an edge and its change, and overload that costs a minute.
-    (standing,) = rank([make_result("rule", removed=1000, edges_used=[0.5, 0, 0, 0], reward_overload=[-60, 0, 0, 0])])
-    low, full, high = ends(standing.full_cost)
-    assert (value(standing.cost), full) == pytest.approx(((4 + 0.5 * (2 + 3)) / 4, (4 + 0.5 * (2 + 3)) / 4 + 1 / 4))
-    assert low < full < high
-    (standing,) = rank([make_result("rule", on=task.model_copy(update={"scenario": Scenario.load("surface")}))])
-    assert standing.full_cost is None  # the roughness counts, not the metal
-
-
 def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> None:
     def results(on: Task) -> list[Result]:
         return [
@@ -134,13 +124,6 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
     for name, cheapest in {"taught": "learned", "learned": "plain", "greedy": "learned"}.items():
         gap = value(known[name].cost) - value(known[cheapest].cost)
         assert ends(known[name].over_least_cost) == pytest.approx((gap,) * 3)  # all seeds are alike
-
-
-def test_a_share_within_the_allowance_by_chance_does_not_admit(make_result: MakeResult) -> None:
-    (standing,) = rank([make_result("lucky", severe_overload_time=[10, 0, 0, 0])])
-    assert standing.severe_share == pytest.approx(10 / 240)
-    assert standing.severe_limit > 0.05
-    assert not standing.feasible
 
 
 def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_ships(

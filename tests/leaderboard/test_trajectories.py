@@ -8,11 +8,6 @@ from tests.leaderboard.conftest import on
 from turning_env import Scenario
 
 
-def test_short_trajectories_are_kept_whole() -> None:
-    trajectory = {name: np.zeros(MAX_STEPS) for name in ("minutes", *SERIES)}
-    np.testing.assert_array_equal(kept(trajectory, Scenario()), np.arange(MAX_STEPS))
-
-
 def test_thinning_loses_no_overload_and_prefers_metal() -> None:
     scenario, count = Scenario(), 5000
     trajectory = {name: np.ones(count) for name in ("minutes", *SERIES)}

@@ -53,16 +53,8 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
 def test_policies_are_watched_on_a_job_of_a_family(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
     agent = onnx_agents.write_of_family(tmp_path / "agents", Family.load(BRIEF), 0)
-    job = [
-        "--env",
-        FAMILY_ID,
-        "--scenario",
-        str(tmp_path / "brief.toml"),
-        "--split",
-        "unseen_jobs",
-        "--out",
-        str(tmp_path / "job.png"),
-    ]
+    where = ["--env", FAMILY_ID, "--scenario", str(tmp_path / "brief.toml"), "--split", "unseen_jobs"]
+    job = [*where, "--out", str(tmp_path / "job.png")]
     pictures = []
     for seed in ("1", "2"):
         for rule in ("rescaled_grid_search", "self_tuning"):  # built from one job, and from all
@@ -79,21 +71,3 @@ def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, ca
     monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
     assert main([*short, "--policy", "fixed_handbook", "--human"]) == 2
     assert "error: no window can be opened" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--policy", "causal"], "causal cannot be watched: only what acts on observations can"),
-        (["--policy", "grid_search", "--seed", "-1"], "seed -1"),
-        (["--policy", "grid_search", "--split", "train"], "--split is of RoughTurning-Family-v0"),
-        (["--policy", "grid_search", "--out", "cut.avi"], "cut.avi must end in one of .mp4, .gif, .png"),
-    ],
-)
-def test_bad_input_gets_a_message(arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = [] if "--out" in arguments else ["--out", str(tmp_path / "cut.gif")]
-    assert main([*arguments, *out]) == 2
-    assert f"error: {message}" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-    assert main(["--policy", "grid_search", "--beside", "fixed_handbook", "--human"]) == 2
-    assert "error: --human shows one policy" in capsys.readouterr().err

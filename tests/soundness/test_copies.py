@@ -9,7 +9,7 @@ import gymnasium
 import pytest
 
 from tests.turning_env.playing import SHORT_LIVED, fixed_actions
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv
 
 WAYS: dict[str, Callable[[Any], Any]] = {"copy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
 
@@ -44,10 +44,12 @@ def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(preset: str, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("way", "render_mode", "autoreset"), [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")])
-def test_a_copy_of_a_batch_gives_the_same_outputs(autoreset: str, render_mode: str | None, way: str) -> None:
-    envs = RoughTurningVectorEnv(3, SHORT_LIVED, autoreset, render_mode, threads=2)
+@pytest.mark.parametrize("family", [False, True])
+def test_a_copy_of_a_batch_gives_the_same_outputs(family: bool, autoreset: str, render_mode: str | None, way: str) -> None:
+    options = {"autoreset_mode": autoreset, "render_mode": render_mode, "threads": 2}
+    envs = FamilyVectorEnv(3, **options) if family else RoughTurningVectorEnv(3, SHORT_LIVED, **options)
     envs.reset(seed=0)
-    actions = fixed_actions(60, 3)
+    actions = fixed_actions(60, 3, "shift" if family else SHORT_LIVED)
     outputs(envs, actions[:17])
     other = WAYS[way](envs)
     assert outputs(other, actions[17:]) == outputs(envs, actions[17:])

@@ -4,33 +4,12 @@ import numpy as np
 import pytest
 
 from baselines.oracles import clairvoyant
-from baselines.oracles.cells import start_episode_of, survey
 from studies import belief_bound, headroom
 from turning_env import Scenario
-from turning_env.physics.records import block_records
 from turning_env.scoring.seeds import tuning_seeds
 
 SCENARIO = Scenario.load("rough_turning")
 BARS, CELLS = 40, 94
-
-
-@pytest.mark.slow
-def test_beliefs_are_as_uncertain_as_they_say() -> None:
-    states, parameters, scratch = block_records(SCENARIO)
-    states["seed"][0, 0] = tuning_seeds(1)[0]
-    start_episode_of(states, parameters, scratch)
-    fields, between = np.empty((3, BARS * CELLS)), np.empty((3, BARS * 2 * CELLS))
-    survey(states, parameters, scratch, fields, CELLS)
-    survey(states, parameters, scratch, between, 2 * CELLS)  # a quarter and three quarters along the stretches
-    _, beliefs = belief_bound.beliefs(SCENARIO, fields[:2].reshape(2, BARS, CELLS), np.random.default_rng(0))
-    depth, hardness = between[:2].reshape(2, BARS, 2 * CELLS)[:, :, 1:-1].reshape(2, BARS, CELLS - 1, 2)
-    depth -= np.log(SCENARIO.workpiece.depth_of_cut)
-    for law, mean, spread in ((SCENARIO.material.thrust_force, 2, 4), (SCENARIO.material.power, 3, 5)):
-        truth = law.depth_of_cut * depth + law.hardness * hardness
-        error = (truth - beliefs[mean, :, 1:-1]) / beliefs[spread, :, 1:-1]
-        assert abs(error.mean()) < 0.1
-        assert 0.9 < error.std() < 1.1
-        assert beliefs[spread, :, 5:].mean() < 0.5 * beliefs[spread, :, 0].mean()
 
 
 @pytest.mark.slow

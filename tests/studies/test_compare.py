@@ -39,13 +39,6 @@ def test_every_study_asks_for_what_there_is(name: str) -> None:
     assert Study.read(name).question
 
 
-def test_a_variant_has_the_fields_of_the_one_that_it_is_like() -> None:
-    study = Study.read("equal_terms")
-    whole, less = study.variant("ppo"), study.variant("ppo-position")
-    assert less.settings == whole.settings | {"position": False}
-    assert (less.algorithm, study.count("ppo"), study.count("ppo-position")) == ("ppo", 10, 3)
-
-
 @pytest.mark.slow
 def test_what_was_trained_and_played_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine.toml").write_text(TRAINED)

@@ -123,70 +123,56 @@ def of_nodes(
     return bytes(model.SerializeToString())
 
 
-def of_load(*nodes: onnx.NodeProto, **weights: NDArray[np.generic]) -> bytes:
-    """A file that acts by the first two observations, after nodes that turn them into ``change``, shape (num_envs, 2)."""
-    first = make_node("Slice", ["observation", "start", "stop", "axis"], ["first"])
-    bounds = {"start": [0], "stop": [2], "axis": [1]}
-    given = {name: np.array(where, np.int64) for name, where in bounds.items()} | {"small": np.array([0.1], np.float32)}
-    return of_nodes([first, *nodes, make_node("Mul", ["change", "small"], ["action"])], given | weights)
+def of_load(body: str, **weights: NDArray[np.generic]) -> bytes:
+    """A file that acts by ``first``, the first two observations, after nodes that turn it into ``change``."""
+    first = "first = Slice(observation, start, stop, axis)"
+    parsed = onnx.parser.parse_graph(
+        f"g (float[n, 11] observation) => (float[n, 2] action) {{ {first} {body} action = Mul(change, small) }}"
+    )
+    given = {"start": np.array([0]), "stop": np.array([2]), "axis": np.array([1]), "small": np.array([0.1], np.float32)}
+    return of_nodes(list(parsed.node), given | weights)
 
 
 def plain() -> bytes:
     """A tenth of the first two observations."""
-    return of_load(make_node("Identity", ["first"], ["change"]))
+    return of_load("change = Identity(first)")
 
 
 def unbounded() -> bytes:
     """Write the agent ``plain`` with actions beyond 1 if observations are beyond 1."""
-    return of_load(make_node("Mul", ["first", "big"], ["change"]), big=np.array([9.9], np.float32))
+    return of_load("change = Mul(first, big)", big=np.array([9.9], np.float32))
 
 
 def sociable() -> bytes:
     """Acts in an environment by the others."""
-    mean = make_node("ReduceMean", ["first", "axes"], ["mean"], keepdims=1)
-    return of_load(mean, make_node("Sub", ["first", "mean"], ["change"]), axes=np.array([0], np.int64))
+    return of_load("mean = ReduceMean(first, axes) change = Sub(first, mean)", axes=np.array([0]))
 
 
 def counting() -> bytes:
     """Acts in an environment by its index."""
-    nodes = [
-        make_node("Mul", ["first", "zero"], ["nothing"]),
-        make_node("Add", ["nothing", "one"], ["ones"]),
-        make_node("CumSum", ["ones", "across"], ["place"]),
-        make_node("Softsign", ["place"], ["change"]),
-    ]
-    return of_load(*nodes, across=np.array(0, np.int64), zero=np.zeros(1, np.float32), one=np.ones(1, np.float32))
+    body = "nothing = Mul(first, zero) ones = Add(nothing, one) place = CumSum(ones, across) change = Softsign(place)"
+    return of_load(body, across=np.array(0), zero=np.zeros(1, np.float32), one=np.ones(1, np.float32))
 
 
 def few() -> bytes:
     """Acts once for all environments."""
-    return of_load(make_node("ReduceMax", ["first", "axes"], ["change"], keepdims=1), axes=np.array([0], np.int64))
+    return of_load("change = ReduceMax(first, axes)", axes=np.array([0]))
 
 
 def toiling(products: int = 60, size: int = 900) -> bytes:
     """Multiplies matrices for seconds before it acts."""
-    nodes = [
-        make_node("ReduceSum", ["first", "axes"], ["sum"], keepdims=1),
-        make_node("Mul", ["sum", "zero"], ["nothing"]),
-        make_node("Unsqueeze", ["nothing", "last"], ["lone"]),
-        make_node("Add", ["lone", "matrix"], ["product0"]),
-        *(make_node("MatMul", [f"product{k}", f"product{k}"], [f"product{k + 1}"]) for k in range(products)),
-        make_node("ReduceMax", [f"product{products}", "inner"], ["most"], keepdims=0),
-        make_node("Unsqueeze", ["most", "axes"], ["column"]),
-        make_node("Add", ["first", "column"], ["change"]),
-    ]
-    axes = {"axes": np.array([1], np.int64), "last": np.array([2], np.int64), "inner": np.array([1, 2], np.int64)}
-    return of_load(*nodes, zero=np.zeros(1, np.float32), matrix=np.zeros((size, size), np.float32), **axes)
+    body = "sum = ReduceSum(first, axes) nothing = Mul(sum, zero) lone = Unsqueeze(nothing, last) product0 = Add(lone, matrix) "
+    body += " ".join(f"product{k + 1} = MatMul(product{k}, product{k})" for k in range(products))
+    body += (
+        f" most = ReduceMax <keepdims = 0> (product{products}, inner) column = Unsqueeze(most, axes) change = Add(first, column)"
+    )
+    axes = {"axes": np.array([1]), "last": np.array([2]), "inner": np.array([1, 2])}
+    return of_load(body, zero=np.zeros(1, np.float32), matrix=np.zeros((size, size), np.float32), **axes)
 
 
 def swelling() -> bytes:
     """Asks for four megabytes per environment, several times at once."""
+    body = "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) none = Sub(swollen0, swollen1) "
+    body += "column = ReduceMax(none, axes) change = Add(first, column)"
     wide = np.zeros((1, 1_000_000), np.float32)
-    nodes = [make_node("ReduceSum", ["first", "axes"], ["sum"], keepdims=1)]
-    nodes += [make_node("Add", ["sum", f"wide{k}"], [f"swollen{k}"]) for k in range(2)]
-    nodes += [
-        make_node("Sub", ["swollen0", "swollen1"], ["none"]),
-        make_node("ReduceMax", ["none", "axes"], ["column"], keepdims=1),
-        make_node("Add", ["first", "column"], ["change"]),
-    ]
-    return of_load(*nodes, axes=np.array([1], np.int64), wide0=wide, wide1=wide + 1.0)
+    return of_load(body, axes=np.array([1]), wide0=wide, wide1=wide + 1.0)

@@ -88,19 +88,3 @@ def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytes
         assert curves.main([*map(str, arguments)]) == 2
         assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("never*"))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("steps,mean_return\n1,2\n", "lacks the column wall_time"),
-        ("steps,wall_time,mean_return\n1,2,x\n", "not numbers"),
-        ("steps,wall_time,mean_return\n1,2\n", "not numbers"),
-    ],
-)
-def test_a_damaged_curve_is_an_error(text: str, message: str, tmp_path: Path) -> None:
-    run = small_run(ALGORITHMS["ppo"], tmp_path)
-    run.folder.mkdir(parents=True)
-    run.learning_curve.write_text(text)
-    with pytest.raises(ValueError, match=message):
-        run.read_learning_curve()

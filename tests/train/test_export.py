@@ -14,8 +14,6 @@ from onnx import helper
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
-from baselines.belief import VectorBeliefObservation
-from leaderboard.__main__ import main as leaderboard
 from tests.train import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
 from train import export
@@ -25,7 +23,6 @@ from train.agents.agent_file import AgentFile
 from train.agents.to_onnx import sb3_actor
 from train.run import Run
 from train.training import Algorithm, load_agent, new_model
-from turning_env import FAMILY_ID
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
@@ -121,45 +118,12 @@ def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Pat
         np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
 
 
-@pytest.mark.slow
-def test_a_model_that_was_trained_on_a_belief_is_ranked_with_it(tmp_path: Path) -> None:
-    env = RoughTurningVecEnv("shop", 2, wrapper=VectorBeliefObservation)
-    PPO("MlpPolicy", env, device="cpu", policy_kwargs={"net_arch": []}).save(tmp_path / "mine.zip")
-    assert export.main([str(tmp_path / "mine.zip"), "--env", FAMILY_ID, "--out", str(tmp_path)]) == 0
-    words = ["run", "--env", FAMILY_ID, "--seeds", "2", "--results", str(tmp_path / "results"), "--policies"]
-    assert leaderboard([*words, "--agents", str(tmp_path / "mine-seed0.onnx")]) == 0
-
-
 def test_models_of_other_observations_and_other_files_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model, other = tmp_path / "mine-seed2.zip", tmp_path / "other"
     PPO("MlpPolicy", RoughTurningVecEnv(SCENARIO, 2), device="cpu", policy_kwargs={"net_arch": []}).save(model)
     assert "was trained on observations of shape (11,)" in refusal(capsys, other, model, "--scenario", "batch_casting")
     (tmp_path / "text.zip").write_text("text")
     assert "text.zip is no model of Stable-Baselines3" in refusal(capsys, other, tmp_path / "text.zip")
-
-
-def onnx_file(path: Path, **options: Any) -> tuple[torch.nn.Module, Path]:
-    """Write a file as a user of PyTorch would, by any of its exporters."""
-    module = layers()
-    torch.onnx.export(module, (torch.zeros(1, 11),), path, verbose=False, **options)
-    return module, path
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"dynamo": True, "external_data": True},
-        {"dynamo": False, "opset_version": 17, "input_names": ["action"], "dynamic_axes": {"action": {0: "n"}}},
-    ],
-)
-def test_a_plain_onnx_file_becomes_an_agents(options: dict[str, Any], tmp_path: Path, scenario: str) -> None:
-    module, path = onnx_file(tmp_path / "mine.onnx", **options)
-    file = exported(tmp_path / "out", path, "--scenario", scenario, "--seed", 3, "--name", "pen_pal")
-    assert (file.label, file.metadata.scenario) == ("pen_pal-seed3", SCENARIO)
-    for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
-        np.testing.assert_allclose(found, module(torch.from_numpy(observations)).detach().clamp(-1, 1), atol=1e-5)
 
 
 def network(path: Path, *nodes: onnx.NodeProto, opset: int = 20, memory: bool = False, entries: int = 11) -> Path:

@@ -18,7 +18,6 @@ from turning_env.vector_env import info_at_end_of_step
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
 PATH, DEPTH, HARDNESS, USED_LIFE, FORCE = range(len(FIELDS))
-APPROACH = BASE.workpiece.approach
 
 
 def state(path: float, depth: float = 3.0, hardness: float = 1.0, used_life: float = 0.5, force: float = 0.0) -> list[float]:
@@ -104,38 +103,6 @@ def test_the_gain_is_its_formula(
     assert numbers == pytest.approx((cost + breakage, *others), rel=2e-3, abs=2e-3)
 
 
-def test_a_step_costs_the_mean_of_its_points_and_the_worst_risk() -> None:
-    gain = gain_of(BASE)
-    log_speed, log_feed = torch.full((1, 1), math.log(190.0)), torch.full((1, 1), math.log(0.6))
-    now = torch.full((1, 1), 100.0), torch.full((1, 1), 0.1)
-    entering = truth_of(state(APPROACH - 0.4, 0.0, 0.0, 0.8), state(APPROACH + 0.6, 4.0, 1.3, 0.8))
-    found, going_on = (each.item() for each in gain(log_speed, log_feed, *now, entering))
-    cost, breakage, _, _, earned = expected_gain(BASE, 190.0, 0.6, 4.0, 1.3, 0.8)
-    in_air = -BASE.control.interval * PRICES[BASE.digest()].time
-    assert breakage < -0.1
-    assert found == pytest.approx(0.4 * in_air + 0.6 * cost + breakage, rel=1e-3)
-    assert going_on == pytest.approx(0.6 * earned, rel=1e-3)
-
-
-def test_an_edge_that_has_borne_a_force_does_not_break_at_it() -> None:
-    gain = gain_of(BASE)
-    commands = (torch.full((1, 1), math.log(190.0)), torch.full((1, 1), math.log(0.6)))
-    now, (depth, hardness, used) = [each.exp() for each in commands], (4.0, 1.3, 0.8)
-    wear = BASE.tool.wear_criterion * used**BASE.material.wear.time
-    force = BASE.material.thrust_force(190.0, 0.6, depth, wear=wear, hardness=hardness)
-
-    def found(borne: float) -> float:
-        truth = truth_of(state(100.0, depth, hardness, used, borne), state(100.0, depth, hardness, used))
-        return gain(*commands, *now, truth)[0].item()
-
-    breaks = [norm.cdf(math.log(each * force / BASE.tool.edge_strength) / BASE.tool.edge_strength_spread) for each in (0.9, 1.0)]
-    lost = found(force) - found(0.0)
-    assert lost > 1.0
-    assert found(2.0 * force) == found(force)
-    expected = (breaks[1] - breaks[0]) / (1.0 - breaks[0]) / breaks[1]
-    assert (found(force) - found(0.9 * force)) / lost == pytest.approx(expected, rel=1e-3)
-
-
 def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None:
     """Random set points, held for a while each, on lagging drives."""
 
@@ -202,25 +169,3 @@ def test_outside_the_chip_breakers_window_the_cost_grows_to_that_of_tangled_chip
     ):
         without, with_window = gains(feed)
         assert without - with_window == pytest.approx(share * 0.5 * 2.0 * prices.time, abs=2e-3), feed
-
-
-def test_edges_that_are_changed_on_command_have_not_failed() -> None:
-    env = HindsightVecEnv(SHIFT, 2)
-    env.seed(3)
-    env.reset()
-    borne = np.zeros(2)
-    for step in range(1200):
-        change = [0.2 if step == 50 else 0.0, 0.0]
-        env.step(np.stack([[0.02, 0.02], [0.02, 0.02], change], axis=1).astype(np.float32))
-        np.testing.assert_array_equal(env.before[FORCE], borne)
-        assert (env.after[FORCE] >= np.where(env.changed, 0.0, borne)).all()
-        borne = env.after[FORCE]
-        if step == 50:
-            assert 0.0 < env.after[FORCE, 0] < env.before[FORCE, 0]
-            assert env.changed.tolist() == [True, False]
-            assert not env.failed.any()
-            assert env.after[USED_LIFE, 0] < env.before[USED_LIFE, 0]
-        if env.failed.any():
-            assert (env.changed >= env.failed).all()
-            return
-    raise AssertionError("no edge was worn out")

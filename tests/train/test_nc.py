@@ -47,15 +47,6 @@ def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: i
     assert len(program.bars) <= bars
 
 
-def test_more_tolerance_means_fewer_blocks_that_end_at_the_same_place() -> None:
-    make = catalogue.spec("rescaled_grid_search", SCENARIO).make
-    programs = [play_schedule(make, SCENARIO, 11, 2, tolerance)[0] for tolerance in (0.0, 0.03, 1.0)]
-    assert programs[0].blocks > programs[1].blocks > programs[2].blocks >= 2
-    for program in programs:
-        assert [bar[-1].z for bar in program.bars] == [-300.0, -300.0]
-    assert {block.z for bar in programs[1].bars for block in bar} <= {block.z for bar in programs[0].bars for block in bar}
-
-
 @pytest.mark.parametrize(
     ("diameter", "start", "limit", "blocks", "complaint"),
     [
@@ -147,31 +138,3 @@ def test_programs_are_written_with_a_summary(
     assert f"python -m train.export --nc {arguments[0]}" in text
     assert run("check", str(path), "--scenario", scenario) == 0
     assert "read back and played: " in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (("schedule", "--rule", "grid_search", "--scenario", "shift"), "control.edge_changes is 'commanded'"),
-        (("schedule", "--rule", "parts_pv", "--scenario", "batch_casting"), 'control.action is "part"'),
-        (("schedule", "--rule", "grid_search", "--tuning-seed", "-1"), "--tuning-seed is -1"),
-        (("schedule", "--rule", "grid_search", "--bars", "0"), "0 bars asked for, but there must be 1 to 1000"),
-        (("table", "--scenario", "batch_casting"), 'control.action is "part"'),
-        (("table", "--interval", "0"), "must be 0.0017 to 17"),
-        (("schedule", "--agent", AGENT, "--scenario", "override"), "cannot play 'override'"),
-        (("law", "--rule", "tmac"), "tmac cannot be written as synchronized actions; those that can are one_line_law"),
-        (("schedule", "--rule", "fixed_handbook", "--tolerance", "2"), "must be 0 to 1"),
-    ],
-)
-def test_a_users_mistakes_are_named_and_nothing_is_written(
-    arguments: tuple[str, ...], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(*arguments, "--out", str(tmp_path / "program.mpf")) == 2
-    captured = capsys.readouterr()
-    assert captured.err.startswith("error: ")
-    assert complaint in captured.err
-    assert captured.out == ""
-    assert not list(tmp_path.iterdir())
-
-
-"""The first digits of a fitted coefficient; its last ones depend on the processor's BLAS."""

@@ -110,7 +110,7 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 4_001), "has 4.* nodes, but may have 4000"),
     "a value too large": (bomb, "value 'huge' has more than 1000000 entries per environment"),
     "a value from nowhere": (insert(helper.make_node("Relu", ["nowhere"], ["y"])), "is not valid ONNX"),
-    "actions that are no numbers": (unclipped, "which are not two actions"),
+    "actions that are no numbers": (unclipped, "which are not 2 actions"),
 }
 
 

@@ -9,10 +9,9 @@ import torch
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
 from train import analytic_gradient, ppo
-from train.model_gain import edge_price
 from train.terms import ShapedVecEnv
 from train.training import Algorithm, train
-from turning_env import RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningVectorEnv
 
 # Of its edges some wear out, some break, and some last till the end.
 MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
@@ -40,13 +39,6 @@ def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
             assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
             learned[index] = 0.0
     assert kinds == {"unfinished", "broken", "worn"}
-
-
-def test_life_of_a_fresh_edge_costs_more_at_the_marginal_price_and_nothing_until_its_end() -> None:
-    used = np.array([0.0, 0.1, 0.9, 1.0])
-    fresh, _, worn = np.diff(ShapedVecEnv("marginal", Scenario(), 1).potential(used))
-    assert fresh < 0.0 < worn  # the difference from the flat price
-    assert np.diff(ShapedVecEnv("end", Scenario(), 1).potential(used)) == pytest.approx(edge_price(Scenario()) * np.diff(used))
 
 
 def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 import io
 import shlex
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -167,30 +166,6 @@ def test_an_agent_is_small_and_its_file_loaded_with_a_warning(tmp_path: Path, ca
     assert train(run, ALGORITHMS["sac"]).stat().st_size < 1_000_000  # it holds no environments
     training.load_agent(run.folder)
     assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--seed", "-1"], "the training seed is -1, but must be 0 to 999"),
-        (["--steps", "0"], "steps is 0, but must be at least 1"),
-        (["--env", "Pendulum-v1"], "RoughTurning-v0"),
-        (["--scenario", "nowhere"], "python -m turning_env presets"),
-        (["--set", "learing_rate=1"], "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate"),
-        (["--set", "learning_rate"], "learning_rate is '', but must be a float of 0 or more, such as 0.002"),
-        (["--set", "discount=nan"], "discount is nan, but"),
-        (["--set", "hidden_layers=[1, 'x']"], "hidden_layers is 'x', but"),
-        (["--set", "activation=gelu"], "ppo cannot be made with these hyperparameters: KeyError('gelu')"),
-        (["--set", "num_envs=0"], "ppo cannot be made with these hyperparameters"),
-    ],
-)
-def test_wrong_arguments_are_refused(
-    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with suppress(SystemExit):  # of argparse
-        assert ppo.main([*arguments, "--runs", str(tmp_path)]) == 2
-    assert message in capsys.readouterr().err
-    assert not list(tmp_path.rglob("*.zip"))
 
 
 def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

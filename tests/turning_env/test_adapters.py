@@ -7,7 +7,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from tests.turning_env.playing import changed
 from tests.turning_env.test_family_env import BRIEF
-from turning_env import Family, FamilyEnv, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import Family, FamilyEnv, RoughTurningEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 # Episodes of at most 12 steps, ending in breakage as well as out of time.
@@ -59,22 +59,3 @@ def test_it_says_what_stable_baselines_own_vec_env_says(scenario: Scenario | Fam
             else:
                 assert info == {}
     assert {kind for kind, count in ends.items() if count} == kinds
-
-
-def test_torchrl_s_wrapper_plays_episodes_of_seeds() -> None:
-    torchrl = pytest.importorskip("torchrl.envs")
-    envs = torchrl.GymWrapper(RoughTurningVectorEnv(3, SHORT, "Disabled"))
-    envs.set_seed(5)  # which resets; a rollout then starts the next episode
-    rollout = envs.rollout(20, break_when_any_done=False)
-    assert rollout["next", "done"].sum() > 0
-    for index in range(3):
-        env = RoughTurningEnv(SHORT)
-        env.reset(seed=5 + index)
-        observation, _ = env.reset()
-        for step in rollout[index]:
-            np.testing.assert_array_equal(step["observation"].numpy(), observation)
-            observation, reward, terminated, truncated, _ = env.step(step["action"].numpy())
-            assert step["next", "reward"].item() == np.float32(reward)
-            assert (step["next", "terminated"].item(), step["next", "truncated"].item()) == (terminated, truncated)
-            if terminated or truncated:
-                observation, _ = env.reset()

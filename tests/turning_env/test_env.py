@@ -8,7 +8,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_for_agents
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions
-from turning_env import IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import IDS, RoughTurningEnv, Scenario
 
 ACTIONS = fixed_actions(100, 1)[:, 0]
 MAKEABLE = [*((env_id, None) for env_id in IDS), ("RoughTurning-v0", "override_current"), ("RoughTurning-v0", "forging_skin")]
@@ -20,15 +20,6 @@ MAKEABLE = [*((env_id, None) for env_id in IDS), ("RoughTurning-v0", "override_c
 def test_checkers_are_content(check, env_id, preset):
     """Warnings count as errors throughout this suite."""
     check(gymnasium.make(env_id, **({"scenario": preset} if preset else {})).unwrapped)
-
-
-@pytest.mark.parametrize(("env_id", "preset"), IDS.items())
-def test_ids_can_be_made_by_module_and_name(env_id, preset):
-    env = gymnasium.make(f"turning_env:{env_id}")
-    envs = gymnasium.make_vec(f"turning_env:{env_id}", num_envs=4, vectorization_mode="vector_entry_point")
-    assert type(envs.unwrapped) is RoughTurningVectorEnv
-    assert env.unwrapped.scenario == envs.unwrapped.scenario == Scenario.load(preset)
-    assert f"`{env_id}`" in type(env.unwrapped).__doc__
 
 
 @pytest.mark.parametrize("make", [gymnasium.make, lambda spec, **kwargs: gymnasium.make_vec(spec, num_envs=2, **kwargs)])

@@ -52,13 +52,6 @@ def test_roughness_follows_the_force_and_its_deviation_is_charged():
     assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
 
 
-def test_a_surface_that_is_not_made_deviates_by_all_of_its_reference():
-    idle = steps(SURFACE, [[-1.0]] * 1500)
-    cutting = steps(SURFACE, [[1 / 3]] * 1500)
-    assert sum(info["reward_roughness"] for info in idle) == pytest.approx(-150.0)
-    assert sum(info["reward_roughness"] for info in cutting) > -100.0
-
-
 def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
     infos = steps(SURFACE, [[0.0]] * 1500)
     references = np.array([info["roughness_reference"] for info in infos])
@@ -135,20 +128,6 @@ def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
     assert read(record["observation"], uniform).probed_depth == pytest.approx(record["probed_depth"], rel=1e-6)
     blind = changed(BATCH, sensors={"probe": False})
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
-
-
-SENSED = changed(UNDISTURBED, control={"interval": 1}, sensors={"force": "servo_current"}, feed_drive={"ripple": 0.0})
-
-
-def test_the_current_is_linear_in_the_force_and_not_zero_without():
-    drive = SENSED.feed_drive
-    info = steps(SENSED, [[0.0, 0.0]])[0]
-    torque = drive.screw_lead / 1000 / (2 * math.pi * drive.efficiency)
-    friction = drive.guide_friction + drive.preload * (1 - drive.screw_efficiency**2)
-    motor = 1.5 * drive.pole_pairs * drive.flux_linkage
-    expected = torque * (info["thrust_force"] + friction) / motor + drive.no_load_current_rate * info["feed_velocity"]
-    assert info["measured_servo_current"] == pytest.approx(expected, rel=1e-12)
-    assert info["measured_thrust_force"] == 0.0
 
 
 @pytest.mark.parametrize("name", ["radial_force", "torque", "roughness"])

@@ -1,6 +1,5 @@
 """Frames and the window: Gymnasium's conventions, rendering changes nothing, and what is drawn is true."""
 
-import itertools
 from pathlib import Path
 
 import gymnasium
@@ -9,7 +8,7 @@ import pytest
 from gymnasium.error import ClosedEnvironmentError, Error, ResetNeeded
 
 from tests.turning_env.playing import SHORT_LIVED, assert_same_bytes, fixed_actions, play
-from turning_env import FAMILY_ID, IDS, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_render.fields import Fields
 from turning_render.theme import HEIGHT, WIDTH
 
@@ -22,32 +21,6 @@ def rendered(scenario, seed, actions):
     env = RoughTurningEnv(scenario, render_mode="rgb_array")
     play(env, seed, actions)
     return env
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("env_id", [*IDS, FAMILY_ID])
-def test_every_id_is_drawn_and_moves(env_id):
-    env = gymnasium.make(env_id, render_mode="rgb_array")
-    env.reset(seed=3)
-    frames = [env.render()]
-    for action in fixed_actions(12, 1, IDS.get(env_id, "shift"))[:, 0]:
-        env.step(action)
-        frames.append(env.render())
-    assert all(frame.dtype == np.uint8 and frame.shape == SHAPE for frame in frames)
-    assert all((one != other).any() for one, other in itertools.pairwise(frames))
-    assert len(np.unique(frames[-1].reshape(-1, 3), axis=0)) > 100
-
-
-@pytest.mark.slow
-def test_the_frame_of_a_family_is_that_of_its_job():
-    env = gymnasium.make(FAMILY_ID, render_mode="rgb_array").unwrapped
-    for seed in (3, 4):
-        env.reset(seed=seed)
-        frame = env.render()
-        alone = RoughTurningEnv(env.job().scenario, render_mode="rgb_array")
-        alone.reset(seed=seed)
-        top = 40  # below the title, which names the id
-        assert np.array_equal(frame[top:], alone.render()[top:])
 
 
 @pytest.mark.parametrize("scenario", [SHORT_LIVED, "override", "batch_casting"])

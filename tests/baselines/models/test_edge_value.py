@@ -19,11 +19,6 @@ def test_a_fresh_edge_is_worth_more_than_a_worn_one() -> None:
     assert (np.diff(prices) < 0).all()
 
 
-def test_what_the_edge_is_charged_does_not_change_what_its_life_is_worth() -> None:
-    dear = changed(Scenario(), economics={"edge_cost": 30.0})
-    assert worth(dear, PRICE).life == pytest.approx(worth(Scenario(), PRICE).life)
-
-
 def test_prices_are_where_the_best_set_points_gain_nothing() -> None:
     random = np.random.default_rng(0)
     gain, rate, weight = random.normal(size=(5, 3, 200)), random.uniform(0.1, 2.0, (3, 200)), np.array([0.2, 0.5, 0.3])

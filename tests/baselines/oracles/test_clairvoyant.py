@@ -37,13 +37,6 @@ def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> Non
     assert len(done) == 2
 
 
-def test_worn_edges_and_hard_skins_lower_it() -> None:
-    worn, skin = (bounds(Scenario.load(name), SEEDS[:1], COARSE)[0] for name in ("worn_lot", "forging_skin"))
-    plain = bounds(BASE, SEEDS[:1], COARSE)[0]
-    assert worn < plain
-    assert skin < plain
-
-
 def test_it_says_what_it_covers() -> None:
     covered = {env_id for env_id, preset in IDS.items() if covers(Scenario.load(preset))}
     assert covered == {"RoughTurning-v0", "RoughTurning-Override-v0"}

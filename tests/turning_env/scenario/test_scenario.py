@@ -1,7 +1,5 @@
 """Scenario files: what is read, refused, written and identified."""
 
-import tomllib
-
 import pytest
 
 from tests.turning_env.playing import slightly_different, variants
@@ -18,18 +16,6 @@ def toml(tmp_path):
         return Scenario.load(path)
 
     return load
-
-
-def test_file_states_only_what_differs_from_its_base(toml):
-    base = Scenario.load("override_current")
-    scenario = toml("base = 'override_current'\n[material.power]\nfeed = 0.7\n[workpiece]\ndepth_profile = [1.5]\n")
-    power = base.material.power.model_copy(update={"feed": 0.7})
-    workpiece = base.workpiece.model_copy(update={"depth_profile": (1.5,)})
-    material = base.material.model_copy(update={"power": power})
-    assert scenario == base.model_copy(update={"name": "mine", "material": material, "workpiece": workpiece})
-    assert tomllib.loads(scenario.to_toml()).keys() == Scenario.model_fields.keys()
-    assert toml('name = "seven"\n[limits]\npower = 9\n') == Scenario.model_validate({"name": "seven", "limits": {"power": 9.0}})
-    assert Scenario.load(scenario) is scenario
 
 
 @pytest.mark.parametrize("preset", presets())

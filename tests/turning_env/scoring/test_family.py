@@ -2,30 +2,13 @@
 
 import pickle
 
-import numpy as np
 import pytest
 
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family
-from turning_env.scoring.family import play_family, play_jobs, truthful
-from turning_env.scoring.policy import Policy
+from turning_env.scoring.family import truthful
 
 FAMILY = Family.load(BRIEF)
-
-
-class Still(Policy):
-    """Changes nothing."""
-
-    def act(self, observations):
-        return np.full((len(observations), 3), [0.0, 0.0, -1.0], np.float32)
-
-
-def test_a_policy_for_each_job_and_one_for_all_play_the_same_episodes():
-    apart = play_jobs(FAMILY, "unseen_jobs", range(4), lambda job: lambda num_envs: Still())
-    together = play_family(FAMILY, "unseen_jobs", range(4), lambda num_envs: Still())
-    for name, values in apart.items():
-        assert values.shape == (4,)
-        assert np.array_equal(values, together[name]), name
 
 
 @pytest.mark.parametrize("right", ["", "material.wear."])

@@ -55,8 +55,3 @@ SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
 def test_the_limit_is_above_the_share() -> None:
     assert severe_share(SEVERE, ENGAGED) == pytest.approx(44 / 900)
     assert severe_share(SEVERE, ENGAGED) < severe_limit(SEVERE, ENGAGED) < max(SEVERE / ENGAGED)
-
-
-def test_who_never_cuts_overloads_nothing() -> None:
-    nothing = np.zeros(4)
-    assert severe_share(nothing, nothing) == severe_limit(nothing, nothing) == 0.0
