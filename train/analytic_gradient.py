@@ -239,7 +239,7 @@ def plays(scenario: Scenario) -> bool:
 
 
 ALGORITHM = Algorithm(
-    *("analytic_gradient", "analytic gradients", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
+    *("analytic_gradient", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
     vec_env=HindsightVecEnv,
     own_terms=True,
     plays=plays,

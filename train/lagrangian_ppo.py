@@ -97,7 +97,7 @@ SEARCH = ppo.SEARCH | {
 }
 
 ALGORITHM = Algorithm(
-    *("lagrangian_ppo", "Lagrangian PPO", ppo.LeanPPO, new_model, ppo.network, SEARCH),
+    *("lagrangian_ppo", ppo.LeanPPO, new_model, ppo.network, SEARCH),
     vec_env=AllowanceVecEnv,
     callbacks=lambda run: [Adaptation(run)],
     columns=columns,

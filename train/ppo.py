@@ -163,8 +163,7 @@ SEARCH = {
     "initial_log_deviation": FloatDistribution(-2.0, 0.0),
 }
 
-ALGORITHM = Algorithm("ppo", "PPO", LeanPPO, new_model, network, SEARCH)
-
+ALGORITHM = Algorithm("ppo", LeanPPO, new_model, network, SEARCH)
 
 main = partial(command_line, ALGORITHM)
 

@@ -51,10 +51,7 @@ SEARCH = {
     "memory_cells": CategoricalDistribution([16, 32, 64]),
 }
 
-ALGORITHM = Algorithm(
-    "recurrent_ppo", "recurrent PPO", RecurrentPPO, new_model, RecurrentActor, SEARCH, extra_state=("_last_lstm_states",)
-)
-
+ALGORITHM = Algorithm("recurrent_ppo", RecurrentPPO, new_model, RecurrentActor, SEARCH, extra_state=("_last_lstm_states",))
 
 main = partial(command_line, ALGORITHM)
 

@@ -175,11 +175,6 @@ class Run:
         own = trained_on(self.env_id, None).digest() == self.task.digest
         return self.algorithm if own else f"{self.algorithm}_{self.task.name}"
 
-    @property
-    def label(self) -> str:
-        """Name in progress bars."""
-        return f"{self.algorithm}, seed {self.seed}"
-
     def read_learning_curve(self) -> list[dict[str, float]]:
         """Return the rows of the learning curve in order of time.
 

@@ -56,8 +56,6 @@ class Algorithm:
 
     name: str
     """Name of its Python file, of its hyperparameter file, and in ``run.json``."""
-    title: str
-    """Name in help texts."""
     model: type[BaseAlgorithm]
     new_model: Callable[[Run, VecEnv], BaseAlgorithm]
     """Function that returns an untrained model for a run on given environments."""
@@ -98,13 +96,14 @@ class Recorder(BaseCallback):
         self.bar: Any = None
 
     def _on_training_start(self) -> None:
-        total, known = self.run.parameters["steps"], self.run.read_learning_curve() if self.run.learning_curve.exists() else []
+        run, done = self.run, self.num_timesteps
+        known = run.read_learning_curve() if run.learning_curve.exists() else []
         # Rows beyond the checkpoint are trained again.
-        self.rows = [row for row in known if row["steps"] <= self.num_timesteps]
+        self.rows = [row for row in known if row["steps"] <= done]
         self.start = time.monotonic() - (self.rows[-1]["wall_time"] if self.rows else 0.0)
-        replace_file(self.run.learning_curve, self._write)
-        self.last_checkpoint = self.num_timesteps
-        self.bar = tqdm(total=total, initial=self.num_timesteps, unit="step", unit_scale=True, desc=self.run.label, disable=None)
+        replace_file(run.learning_curve, self._write)
+        self.last_checkpoint, label = done, f"{run.algorithm}, seed {run.seed}"
+        self.bar = tqdm(total=run.parameters["steps"], initial=done, unit="step", unit_scale=True, desc=label, disable=None)
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps - self.last_checkpoint >= self.checkpoint_every:
@@ -277,20 +276,24 @@ def play_agent(folder: Path, episodes: int) -> Episodes:
     return play_family(run.family, VALIDATION, jobs, informed(agent, scenarios))
 
 
+def add_task(parser: argparse.ArgumentParser) -> None:
+    """Add the options that training and tuning share."""
+    ids = [*IDS, FAMILY_ID]
+    parser.add_argument("--env", default=ids[0], choices=ids, help="environment id (default: %(default)s)")
+    parser.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
+
+
 @exits(ValueError, interrupted="interrupted: run the same command again to resume from the last checkpoint")
 def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> int:
     """Run an algorithm's command line: train one agent for one training seed; print its path and return the exit status."""
     program = f"python -m train.{algorithm.name}"
     parser = argparse.ArgumentParser(prog=program, **described(inspect.getdoc(inspect.getmodule(algorithm.new_model))))
-    parser.add_argument(
-        "--env", default="RoughTurning-v0", choices=[*IDS, FAMILY_ID], help="environment id (default: %(default)s)"
-    )
-    parser.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
+    add_task(parser)
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
     parser.add_argument("--steps", type=int, help="environment steps of the training; short for --set steps=N")
     set_help = f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; repeat the option to set several"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
     scenario = trained_on(parsed.env, parsed.scenario)

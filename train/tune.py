@@ -33,8 +33,8 @@ from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
 from train.run import Run, hyperparameters, overrides, trained_on
-from train.training import SEEDS, Algorithm, play_agent, train
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from train.training import SEEDS, Algorithm, add_task, play_agent, train
+from turning_env import Family, Scenario
 from turning_env.console import described, exits
 from turning_env.files import digest_of, file_lock
 from turning_env.scoring.statistics import severe_limit
@@ -190,10 +190,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
-    parser.add_argument(
-        "--env", default="RoughTurning-v0", choices=[*IDS, FAMILY_ID], help="environment id (default: %(default)s)"
-    )
-    parser.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
+    add_task(parser)
     parser.add_argument("--trials", type=int, default=20, help="total number of trials (default: 20)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
     parser.add_argument("--steps", type=int, help="environment steps per training (default: from the hyperparameter file)")
@@ -201,7 +198,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
     parser.add_argument("--workers", type=int, default=1, help="number of trials in parallel (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
     parsed = parser.parse_args(arguments)
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     for name, largest in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):

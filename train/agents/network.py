@@ -168,5 +168,4 @@ def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
     """
     if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
         wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
-        many = f"{shape[0]} actions" if shape[0] != 2 else "two actions"
-        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {many} of {shape[1]} numbers in -1 to 1")
+        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")
