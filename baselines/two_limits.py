@@ -20,7 +20,6 @@ knows all.
 It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
 """
 
-from dataclasses import dataclass
 from functools import partial, reduce
 from itertools import combinations
 
@@ -32,7 +31,7 @@ from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
 from baselines.rule import Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
-from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.functions import exp, log
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
@@ -101,56 +100,6 @@ def set_point(
         log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
     log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
     return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(exp(log_feed), *process.feed_range)
-
-
-def depth_exponents(one: Limit, other: Limit) -> tuple[float, float]:
-    """Return the exponents of depth of cut in the cutting speed and feed [-] of two limits."""
-    first, second = one.law, other.law
-    determinant = first.cutting_speed * second.feed - first.feed * second.cutting_speed
-    speed = first.feed * second.depth_of_cut - first.depth_of_cut * second.feed
-    feed = first.depth_of_cut * second.cutting_speed - first.cutting_speed * second.depth_of_cut
-    return speed / determinant, feed / determinant
-
-
-@dataclass(frozen=True)
-class Along:
-    """The cost of metal [min/cm3] along a rule over the depth of cut t [mm]: q = a t^eta + gamma / C_T b t^lambda."""
-
-    a: float
-    eta: float
-    b: float
-    lambda_: float
-    price: float  # gamma / C_T
-
-    def __call__(self, depth_of_cut: ArrayLike) -> Array:
-        """Return q at depths of cut [mm]."""
-        depth = np.asarray(depth_of_cut)
-        return np.asarray(self.a * real_power(depth, self.eta) + self.price * self.b * real_power(depth, self.lambda_))
-
-    @property
-    def cheapest_depth(self) -> float:
-        """Return the depth [mm] with dq/dt = 0: 0 if the cost rises with depth all along, infinite if it falls."""
-        rising, falling = max(self.eta, self.lambda_), min(self.eta, self.lambda_)
-        if rising <= ALIKE:
-            return np.inf
-        if falling >= -ALIKE:
-            return 0.0
-        return float(real_power(-self.a * self.eta / (self.price * self.b * self.lambda_), 1.0 / (self.lambda_ - self.eta)))
-
-
-def along(process: Process, first: Limit, second: Limit) -> Along:
-    """Return the cost of metal along two limits, at nominal hardness and mean wear."""
-    cut = (1.0, 1.0, process.mean_wear)
-    log_speed, log_feed = (float(value) for value in first.line(*cut).crossing(second.line(*cut)))
-    speed, feed = depth_exponents(first, second)
-    mu, nu, rho = process.life_exponents
-    return Along(
-        a=float(exp(-log_speed - log_feed)),
-        eta=-1.0 - speed - feed,
-        b=float(exp((mu - 1.0) * log_speed + (nu - 1.0) * log_feed)),
-        lambda_=(mu - 1.0) * speed + (nu - 1.0) * feed + rho - 1.0,
-        price=process.edge_price / float(exp(process.log_life(np.zeros(()), np.zeros(()), 1.0, 1.0))),
-    )
 
 
 def _held(process: Process, cut: Cut) -> Lines:

@@ -330,10 +330,8 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     guard = Shield(find_policy(policy, scenario)(1), delayed, 1)
     observations, info = env.reset(seed=[seed])
     guard.reset(np.ones(1, np.bool_))
-    ended, sums = (
-        False,
-        dict.fromkeys(("time", "stopped_time", "engaged_time", "energy", "severe_overload_time", "edges_broken"), 0.0),
-    )
+    names = ("time", "stopped_time", "engaged_time", "energy", "severe_overload_time", "edges_broken")
+    ended, sums = False, dict.fromkeys(names, 0.0)
     while not ended:
         guard.place = info["path"] % (workpiece.approach + workpiece.bar_length) - workpiece.approach  # which a control knows
         observations, _, terminated, truncated, info = env.step(guard.act(observations))

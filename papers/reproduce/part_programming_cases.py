@@ -17,14 +17,16 @@ Every kind has the margin to the limits, of ``MARGINS``, with which it costs lea
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
-from baselines.models.process import Limit, Process
+from baselines.models.process import ALIKE, Limit, Process
 from baselines.part_planning import RuledParts
-from baselines.two_limits import ECONOMIC_OPTIMUM, AdaptiveRule, Along, along
+from baselines.two_limits import ECONOMIC_OPTIMUM, AdaptiveRule
 from papers import changed
 from papers.reproduce.checks import Check, at_most, claim, table
 from turning_env import PowerLaw, Scenario
@@ -71,6 +73,30 @@ def speed_limits(process: Process, first: Limit) -> dict[str, Limit]:
     return {"V": speed, "N": process.power, "T": process.life_limit(first)}
 
 
+@dataclass(frozen=True)
+class Along:
+    """The cost of metal [min/cm3] along two limits over the depth of cut t [mm]: q = a t^eta + gamma / C_T b t^lambda."""
+
+    a: float
+    b: float
+    eta: float
+    lambda_: float
+    price: float  # gamma / C_T
+
+    def __call__(self, depth: Any) -> Any:
+        """Return q at depths of cut [mm]."""
+        return self.a * depth**self.eta + self.price * self.b * depth**self.lambda_
+
+    @property
+    def cheapest_depth(self) -> float:
+        """Return the depth [mm] with dq/dt = 0: 0 if the cost rises with depth all along, infinite if it falls."""
+        if max(self.eta, self.lambda_) <= ALIKE:
+            return np.inf
+        if min(self.eta, self.lambda_) >= -ALIKE:
+            return 0.0
+        return float((-self.a * self.eta / (self.price * self.b * self.lambda_)) ** (1.0 / (self.lambda_ - self.eta)))
+
+
 def printed(process: Process, first: Limit, second: Limit) -> Along:
     """Return a, b, eta and lambda by the slides' formula, with the fractions that the copy garbles restored (alpha_H = 0)."""
     h, phi = first.law, second.law
@@ -96,12 +122,12 @@ def formula_checks() -> Iterator[Check]:
         for other, second in speed_limits(process, first).items():
             lines = (limit.line(DEPTHS, 1.0, process.mean_wear) for limit in (first, second))
             cost = np.exp(process.log_cost(*next(lines).crossing(next(lines)), DEPTHS, 1.0))
-            formulas = printed(process, first, second), along(process, first, second)
-            off = [float(np.max(np.abs(formula(DEPTHS) / cost - 1.0))) for formula in formulas]
-            yield at_most(f"[{one} {other}]: q by a, b, eta and lambda, relative difference", EXACT, max(off))
-            depth, around = formulas[0].cheapest_depth, np.array([0.99, 1.0, 1.01])
+            formula = printed(process, first, second)
+            off = float(np.max(np.abs(formula(DEPTHS) / cost - 1.0)))
+            yield at_most(f"[{one} {other}]: q by a, b, eta and lambda, relative difference", EXACT, off)
+            depth, around = formula.cheapest_depth, np.array([0.99, 1.0, 1.01])
             if 0.0 < depth < np.inf:
-                yield claim(f"[{one} {other}]: dq/dt = 0 where q is least", int(np.argmin(formulas[0](depth * around))) == 1)
+                yield claim(f"[{one} {other}]: dq/dt = 0 where q is least", int(np.argmin(formula(depth * around))) == 1)
     feed, depth, log = 0.12, 2.5, np.log
     mu, nu, rho = process.life_exponents
     c_t = float(np.exp(process.log_life(log(1.0), log(1.0), 1.0, 1.0)))
