@@ -7,7 +7,8 @@ that contours and limits, which are power laws, are straight lines and the regio
 
 import math
 from collections.abc import Sequence
-from itertools import islice, pairwise
+from functools import reduce
+from itertools import pairwise
 from typing import NamedTuple
 
 from PIL import Image, ImageDraw
@@ -63,8 +64,8 @@ def wear_bound(scenario: Scenario, cut: Cut, wear_factor: float, used_life: floa
     return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, 1.0))
 
 
-def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
-    """Return the corners of a convex polygon clipped at a limit, and those of them that lie on its line."""
+def clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
+    """Return the corners of a convex polygon clipped at a limit, and those on its line (Sutherland and Hodgman 1974)."""
     kept: list[ui.Point] = []
     crossings: list[ui.Point] = []
     for before, after in zip([*corners[-1:], *corners[:-1]], corners, strict=True):
@@ -76,20 +77,6 @@ def _clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point]
         if theirs <= 0.0:
             kept.append(after)
     return kept, crossings
-
-
-def region(corners: Sequence[ui.Point], limits: Sequence[HalfPlane]) -> list[ui.Point]:
-    """Return the corners of a convex polygon clipped at limits, none if nothing remains (Sutherland and Hodgman 1974)."""
-    left = list(corners)
-    for limit in limits:
-        left, _ = _clip(left, limit)
-    return left
-
-
-def border(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[ui.Point, ui.Point] | None:
-    """Return the points at which the line of a limit enters and leaves a convex polygon, or None if it misses it."""
-    _, crossings = _clip(corners, limit)
-    return (crossings[0], crossings[1]) if len(crossings) == 2 else None
 
 
 class OperatingMap:
@@ -111,8 +98,8 @@ class OperatingMap:
         ends = [*self._pixels(self._corners), self._pixels(self._corners)[0]]
         ImageDraw.Draw(self._sheet).line(ends, fill=ui.RULE, width=2)
         self._depth = scenario.workpiece.depth_of_cut
-        lines = {f"{rate}": border(self._corners, HalfPlane(1.0, 1.0, math.log(rate / self._depth))) for rate in _RATES}
-        self._contours = [(line, text) for text, line in lines.items() if line is not None]
+        lines = ((clip(self._corners, HalfPlane(1.0, 1.0, math.log(rate / self._depth)))[1], f"{rate}") for rate in _RATES)
+        self._contours = [(line, text) for line, text in lines if len(line) == 2]
 
     def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
         """Draw scales, titles and the key."""
@@ -154,6 +141,10 @@ class OperatingMap:
             bounds.append((power._replace(cutting_speed=power.cutting_speed - 1.0), ui.POWER))
         return bounds
 
+    def _region(self, limits: list[tuple[HalfPlane, ui.Colour]]) -> list[ui.Point]:
+        """Return the corners of what limits leave of the machine's ranges, none if nothing remains."""
+        return reduce(lambda left, limit: clip(left, limit[0])[0], limits, self._corners)
+
     def _pixels(self, points: list[ui.Point]) -> list[tuple[float, float]]:
         return [(self._across(speed), self._up(feed)) for speed, feed in points]
 
@@ -164,13 +155,13 @@ class OperatingMap:
         draw = ImageDraw.Draw(image)
         cut = Cut(max(history.passes[-1][2], MIN_DEPTH) if history.passes else history.depth, history.hardness, history.wear)
         limits = self._limits(cut, now["wear_factor"], now["used_life"], now)
-        allowed = region(self._corners, [limit for limit, _ in limits])
+        allowed = self._region(limits)
         if len(allowed) > 2:
             draw.polygon(self._pixels(allowed), fill=ui.mixed(ui.ALLOWED, 0.22))
         for line, _ in self._contours:
-            draw.line(self._pixels(list(line)), fill=_CONTOUR, width=2)
+            draw.line(self._pixels(line), fill=_CONTOUR, width=2)
         nominal = Cut(self._depth, 1.0, history.nominal_wear)
-        believed = region(self._corners, [limit for limit, _ in self._limits(nominal, 1.0, history.nominal_used_life, now)])
+        believed = self._region(self._limits(nominal, 1.0, history.nominal_used_life, now))
         if len(believed) > 2:
             outline = self._pixels(believed)
             draw.line([*outline, outline[0]], fill=ui.mixed(ui.QUIET, 0.75), width=2)
@@ -178,8 +169,8 @@ class OperatingMap:
             force = math.log(now["roughness_reference"] / surface.roughness_at_no_force) / surface.roughness_rate
             limits.append((bound(self._scenario.material.thrust_force, force, cut), ui.SURFACE))
         for limit, colour in limits:
-            if ends := border(self._corners, limit):
-                draw.line(self._pixels(list(ends)), fill=colour, width=5)
+            if len(ends := clip(self._corners, limit)[1]) == 2:
+                draw.line(self._pixels(ends), fill=colour, width=5)
         self._draw_trail(draw, history)
         image = image.reduce(ui.SCALE)
         for line, text in self._contours:  # at its upper end, inside the map
@@ -192,7 +183,7 @@ class OperatingMap:
         ui.put(frame, image, (self._box[0], self._box[1]))
 
     def _draw_trail(self, draw: ImageDraw.ImageDraw, history: History) -> None:
-        trail = islice(history.samples, max(len(history.samples) - _TRAIL, 0), None)
+        trail = list(history.samples)[-_TRAIL:]
         points = self._pixels([(math.log(sample.cutting_speed), math.log(sample.feed)) for sample in trail])
         if self._scenario.control.action == "part":
             for x, y in points[:-1]:

@@ -83,9 +83,9 @@ class Viewer:
         if self._env.render_mode != "human":
             return frame
         if self._window is None:
-            self._window = Window(self._env.metadata["render_fps"])
-        with needed(DependencyNotInstalled):
-            self._window.show(frame, self._title(self._histories[0]))
+            with needed(DependencyNotInstalled):
+                self._window = Window(self._env.metadata["render_fps"])
+        self._window.show(frame, self._title(self._histories[0]))
         return None
 
     def close(self) -> None:
@@ -101,6 +101,9 @@ class Window:
     """A window with a limited frame rate, opened with pygame for its first frame."""
 
     def __init__(self, frames_per_second: int) -> None:
+        import pygame
+
+        self._pygame: Any = pygame
         self._pace = frames_per_second
         self._screen: Any = None
 
@@ -111,10 +114,9 @@ class Window:
             gymnasium.error.Error: There is no display to open a window on.
             gymnasium.error.ClosedEnvironmentError: The window was closed by hand.
         """
-        import pygame
-
         if self._screen is None:
             self._open(frame, title)
+        pygame = self._pygame
         pygame.surfarray.blit_array(self._screen, frame.swapaxes(0, 1))
         pygame.display.flip()
         self._clock.tick(self._pace)
@@ -124,8 +126,7 @@ class Window:
             raise ClosedEnvironmentError(closed)
 
     def _open(self, frame: "Pixels", title: str) -> None:
-        import pygame
-
+        pygame = self._pygame
         try:
             pygame.display.init()
             # Without a display, SDL would draw to an invisible driver, unless the user has chosen it.
@@ -141,7 +142,5 @@ class Window:
 
     def close(self) -> None:
         """Close it."""
-        import pygame
-
         self._screen = None
-        pygame.display.quit()
+        self._pygame.display.quit()
