@@ -82,8 +82,6 @@ train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did
 train.ppo: --set learning_rate => learning_rate is '', but must be a float of 0 or more, such as 0.002
 train.ppo: --set discount=nan => discount is nan, but
 train.ppo: --set "hidden_layers=[1, 'x']" => hidden_layers is 'x', but
-train.ppo: --set activation=gelu => ppo cannot be made with these hyperparameters: KeyError('gelu')
-train.ppo: --set num_envs=0 => ppo cannot be made with these hyperparameters
 train.export --nc schedule: --rule grid_search --scenario shift --out made.mpf => control.edge_changes is 'commanded'
 train.export --nc schedule: --rule parts_pv --scenario batch_casting --out made.mpf => control.action is "part"
 train.export --nc schedule: --rule grid_search --tuning-seed -1 --out made.mpf => --tuning-seed is -1
@@ -93,11 +91,11 @@ train.export --nc table: --scenario batch_casting --out made.mpf => control.acti
 train.export --nc table: --interval 0 --out made.mpf => must be 0.0017 to 17
 train.export --nc law: --rule tmac --out made.mpf => those that can are one_line_law
 baselines.tune: --scenario harder_lot --out made.json => scenario 'harder_lot' has a model mismatch
-baselines.tune: --rules fixed_handbook --out made.json => fixed_handbook has nothing to tune
-baselines.tune: --rules parts_pv --out made.json => parts_pv cannot play
+baselines.tune: --scenario rough_turning --rules fixed_handbook --out made.json => fixed_handbook has nothing to tune
+baselines.tune: --scenario rough_turning --rules parts_pv --out made.json => parts_pv cannot play
 baselines.tune: --scenario forging => ships with the project: give
 baselines.tune: --shipped --scenario file => --shipped rewrites the parameters of a preset, one of
-baselines.tune: --out forging.toml => --out forging.toml must end in .json
+baselines.tune: --scenario rough_turning --out forging.toml => --out forging.toml must end in .json
 leaderboard.watch: --policy causal --out made.gif => causal cannot be watched: only what acts on observations can
 leaderboard.watch: --policy grid_search --seed -1 --out made.gif => seed -1
 leaderboard.watch: --policy grid_search --split train --out made.gif => --split is of RoughTurning-Family-v0

@@ -88,12 +88,10 @@ class Along:
         return self.a * depth**self.eta + self.price * self.b * depth**self.lambda_
 
     @property
-    def cheapest_depth(self) -> float:
-        """Return the depth [mm] with dq/dt = 0: 0 if the cost rises with depth all along, infinite if it falls."""
-        if max(self.eta, self.lambda_) <= ALIKE:
-            return np.inf
-        if min(self.eta, self.lambda_) >= -ALIKE:
-            return 0.0
+    def cheapest_depth(self) -> float | None:
+        """Return the depth [mm] with dq/dt = 0; None if the cost rises or falls with depth all along."""
+        if self.eta * self.lambda_ > -ALIKE:
+            return None
         return float((-self.a * self.eta / (self.price * self.b * self.lambda_)) ** (1.0 / (self.lambda_ - self.eta)))
 
 
@@ -125,8 +123,8 @@ def formula_checks() -> Iterator[Check]:
             formula = printed(process, first, second)
             off = float(np.max(np.abs(formula(DEPTHS) / cost - 1.0)))
             yield at_most(f"[{one} {other}]: q by a, b, eta and lambda, relative difference", EXACT, off)
-            depth, around = formula.cheapest_depth, np.array([0.99, 1.0, 1.01])
-            if 0.0 < depth < np.inf:
+            around = np.array([0.99, 1.0, 1.01])
+            if depth := formula.cheapest_depth:
                 yield claim(f"[{one} {other}]: dq/dt = 0 where q is least", int(np.argmin(formula(depth * around))) == 1)
     feed, depth, log = 0.12, 2.5, np.log
     mu, nu, rho = process.life_exponents

@@ -168,6 +168,14 @@ def test_an_agent_is_small_and_its_file_loaded_with_a_warning(tmp_path: Path, ca
     assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("setting", "said"), [("activation=gelu", "KeyError('gelu')"), ("num_envs=0", "num_envs is 0")])
+def test_hyperparameters_that_no_model_can_have_are_named(
+    setting: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ppo.main(["--set", setting, "--runs", str(tmp_path)]) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     settings = ["learning_rate=3e-4", "activation=tanh", "hidden_layers=[8]", "initial_log_deviation=-1", "discount=0"]
     given = [word for setting in settings for word in ("--set", setting)]
