@@ -317,8 +317,9 @@ class Family(Section):
         return self.model_dump(mode="json", exclude_none=True)
 
     def digest(self) -> str:
-        """Return the SHA-256 of all values."""
-        return digest_of(self.model_dump(mode="json"))
+        """Return the SHA-256 of all values; a field that was added later counts if it is used."""
+        values = self.model_dump(mode="json")
+        return digest_of({name: value for name, value in values.items() if value or name not in ("hidden", "shown")})
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""
