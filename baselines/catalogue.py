@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines import tuned
-from baselines.rule import Range, Rule
+from baselines.rule import Parameters, Range, Rule
 from turning_env import Scenario, read
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
@@ -83,11 +83,13 @@ def playable(name: str, scenario: Scenario) -> Rule:
     return replace(rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
 
 
-def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None) -> PolicySpec:
+def spec(
+    name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None, own: Parameters | None = None
+) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
 
     ``scenario``: one to play, or one for each environment if the rule plays them ``together``. ``tuned_on``: scenario on which
-    its parameters were tuned; None: the one that it plays, or the first.
+    its parameters were tuned; None: the one that it plays, or the first. ``own``: further parameters, which replace others.
 
     Raises:
         KeyError: there is no controller of this name; the message lists all names.
@@ -100,7 +102,7 @@ def spec(name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario 
     if isinstance(nominal, list) and not rule.together:
         raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
     found, command = tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
-    parameters = rule.fixed | found
+    parameters = rule.fixed | found | (own or {})
     return PolicySpec(
         name=name,
         version=rule.version,

@@ -142,7 +142,7 @@ class Optimiser(Policy):
         points[:, feed_search.LIFE_PRICE] = column(price) * exp(wear / column(law.time))
         points[:, feed_search.CUTTING] = cutting
         points[:, feed_search.UNMEASURED] = unmeasured
-        speeds = scenario.machine.cutting_speed_min, self._fastest()
+        speeds = scenario.machine.cutting_speed_min, self._fastest(used_life)
         environments = np.empty((len(price), feed_search.ENVIRONMENT))
         environments[:, : feed_search.LIFE_RATE] = np.stack(
             [
@@ -161,8 +161,8 @@ class Optimiser(Policy):
         feed_search.search(self._parameters, self._left, environments, points, found)
         return exp(found[:, 0]), exp(found[:, 1])
 
-    def _fastest(self) -> Any:
-        """Return the highest cutting speed to command [m/min]."""
+    def _fastest(self, used_life: Array) -> Any:
+        """Return the highest cutting speed to command [m/min] at used lives by the nominal model [-]."""
         return self._scenario.cutting_speed_max
 
     def _life_rate(self) -> list[Array]:

@@ -9,6 +9,7 @@ It needs of the nominal model what ``predictive`` needs.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,8 @@ MIN_SPENT_LIFE = 0.5
 class SelfTuning(Predictive):
     """A policy as ``Predictive``, on a filter that expects errors of the nominal model.
 
-    See ``Optimiser`` for the other arguments. Attributes, shape (num_envs,), can be set before every action:
+    See ``Optimiser`` for the other arguments. Attributes, shape (num_envs,), can be set before every action. A schedule of a
+    nominal model with forms takes their place.
 
     Attributes:
         top_speed: highest cutting speed over the machine's highest one [-].
@@ -49,9 +51,10 @@ class SelfTuning(Predictive):
         super().__init__(scenario, num_envs, severity, caution, wear_caution, law_errors.read())
         self.top_speed, self.change_at = np.full(num_envs, top_speed), np.full(num_envs, change_at)
 
-    def _fastest(self) -> Array:
-        scenario = self._scenario
-        return np.asarray(np.minimum(scenario.cutting_speed_max, scenario.machine.cutting_speed_max * self.top_speed))
+    def _fastest(self, used_life: Array) -> Any:
+        if self._scheduled:
+            return super()._fastest(used_life)
+        return np.minimum(self._scenario.cutting_speed_max, self._scenario.machine.cutting_speed_max * self.top_speed)
 
     def _early(self, velocity: Array) -> Array:
         return self._filter.memory["slack"] + EARLY * velocity
@@ -73,7 +76,7 @@ class SelfTuning(Predictive):
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
         spent = super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))
-        return spent | ((used_life >= self.change_at) & (reading.nominal_wear > 0.0))
+        return spent if self._scheduled else spent | ((used_life >= self.change_at) & (reading.nominal_wear > 0.0))
 
 
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"

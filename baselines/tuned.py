@@ -1,6 +1,7 @@
 """Tuned parameters of the rules, kept as data: one JSON file per scenario.
 
-The presets' files ship in ``baselines/tuned``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside
+The presets' files ship in ``baselines/tuned``, and those of families that a rule plays with parameters of its own in
+``baselines/tuned/families``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside
 it. A file belongs to the scenario whose digest it states; names do not matter.
 """
 
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from baselines.rule import Parameters, Rule
-from turning_env import Scenario, presets
+from turning_env import Family, Scenario, presets
 
 FOLDER = Path(__file__).parent / "tuned"
 """The folder of the tuned values that ship."""
@@ -64,6 +65,13 @@ def contents(scenario: Scenario) -> dict[str, Any]:
             return values
     found = "were tuned for other values" if own else "have not been tuned"
     raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{command(scenario)}`")
+
+
+def on_family(family: Family, name: str) -> Parameters:
+    """Return the parameters that a rule has on the jobs of this family alone."""
+    values = read(FOLDER / "families" / f"{family.name}.json")
+    own = values["rules"].get(name, {}) if values.get("family_digest") == family.digest() else {}
+    return dict(own.get("parameters", {}))
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:

@@ -302,7 +302,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--fresh", action="store_true", help="play again, even if results exist")
     add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
     which = "what controllers of a family are built from: nominal models, or these with the true wear law or all true laws"
-    add("--knows", choices=("nominal", "true_wear", "true_laws"), default="nominal", help=which)
+    add("--knows", choices=("nominal", "true_wear", "true_forms", "true_laws"), default="nominal", help=which)
     add("--forgets", action="store_true", help="policies of a family forget everything at each change of the edge")
 
     add = command(_show, "print the ranking", results, printed)

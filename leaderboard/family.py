@@ -1,15 +1,18 @@
 """Tasks on families: each seed plays another job. Controllers are built from its nominal model; an agent plays all jobs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines import tuned
 from baselines.catalogue import RULES, spec
-from baselines.oracles.perfect_state import PerfectState
+from baselines.models.schedule import FORMS
+from baselines.oracles.perfect_state import PerfectState, version_on
+from baselines.rule import Parameters
 from leaderboard.result import FamilySplit, ResultError, Task
 from train.agents.agent_file import informed
 from turning_env import FAMILY_ID, Scenario
@@ -31,8 +34,8 @@ POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)
 """The policies that play if none are named."""
 CHANGE_WEAR = 0.95
 """Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
-_RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_laws": ""}
-"""Prefix of the fields whose true values are known, by ``PolicySpec.knows``."""
+_RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "true_laws": ""}
+"""Prefixes of the fields whose true values are known, by ``PolicySpec.knows``."""
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
@@ -79,22 +82,23 @@ def family_of(task: Task) -> Family:
 
 
 def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -> PolicySpec:
-    """Return a controller, with the parameters tuned on the family's base, or the oracle, as it plays a family's task.
+    """Return a controller, with the parameters tuned on the family or its base, or the oracle, as it plays a family's task.
 
     Raises:
         KeyError, ValueError: there is none, it cannot play the family, it has no such variant, or it is not tuned.
     """
     family = family_of(task)
+    first, own = family.job(0).scenario, tuned.on_family(family, name)
     if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):
         raise ValueError(f"{name} has no variants")
     if name == NOMINAL_OPTIMUM:
         found = PolicySpec(name=NOMINAL_OPTIMUM)
     elif name == CAUSAL:
-        found = PolicySpec(name=CAUSAL, version=4, kind="oracle")
+        found = PolicySpec(name=CAUSAL, version=version_on(first), kind="oracle")
     else:
-        found = spec(name, family.job(0).scenario, Scenario.load(family.base))
+        found = spec(name, first, Scenario.load(family.base), own)
     right = "" if name == CAUSAL else _RIGHT[knows]
-    plays = FamilyPlay(family if right is None else truthful(family, right), _split(task), name, forgets)
+    plays = FamilyPlay(family if right is None else truthful(family, right), _split(task), name, forgets, own)
     kind = found.kind if knows == "nominal" else "oracle"
     return found.model_copy(update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays})
 
@@ -120,6 +124,8 @@ class FamilyPlay:
     policy: str | PolicySpec
     """A controller's name, or an agent that plays all jobs."""
     forgets: bool
+    own: Parameters = field(default_factory=dict)
+    """Parameters that a controller has on this family alone."""
 
     @property
     def context(self) -> Context:
@@ -138,7 +144,7 @@ class FamilyPlay:
             make = lambda num_envs: PerfectState(scenarios, num_envs)  # noqa: E731
         else:
             base = Scenario.load(self.family.base)
-            make = spec(self.policy, scenarios if RULES[self.policy].together else scenarios[0], base).make
+            make = spec(self.policy, scenarios if RULES[self.policy].together else scenarios[0], base, self.own).make
         return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
 
     def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:

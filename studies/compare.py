@@ -27,7 +27,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
+from baselines.oracles.perfect_state import version_on
 from leaderboard.__main__ import positive
+from leaderboard.family import CAUSAL, FamilyPlay
 from leaderboard.table import markdown
 from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
@@ -73,8 +75,12 @@ class Variant(BaseModel):
     """Values of the scenario that differ in training and in play, by section."""
     trainings: int = Field(0, ge=0)
     """Number of training seeds; 0: that of the study."""
-    true_fields: str | None = None
-    """Prefix of the fields whose true values the controller receives on jobs; None: of none."""
+    true_fields: str | tuple[str, ...] | None = None
+    """Prefix, or prefixes, of the fields whose true values the controller receives on jobs; None: of none."""
+    family: str | None = None
+    """Family of the jobs; None: the id's own."""
+    hidden: tuple[str, ...] | None = None
+    """Prefixes of the family's hidden fields that the jobs have; None: all."""
 
 
 class Study(BaseModel):
@@ -174,8 +180,13 @@ class Played(NamedTuple):
 
 def home_of(study: Study, variant: Variant) -> Scenario | Family:
     """Return the family of a study, or its scenario with a variant's changes."""
-    home = trained_on(study.task, None)
-    return home if isinstance(home, Family) else with_changes(study.task, variant.scenario)
+    home = trained_on(study.task, variant.family)
+    if not isinstance(home, Family):
+        return with_changes(study.task, variant.scenario)
+    if variant.hidden is None:
+        return home
+    hidden = {name: formula for name, formula in home.hidden.items() if name.startswith(variant.hidden)}
+    return Family.model_validate(home.model_dump(exclude_none=True) | {"name": f"{home.name}-part", "hidden": hidden})
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
@@ -225,8 +236,11 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
         jobs, split = range(study.episodes), JOBS[study.seeds]
         kept.append(home.digest())
         if variant.policy:
-            kept.append(catalogue.RULES[variant.policy].version)
-            found = partial(_play_jobs, variant, home, split, jobs)
+            rule, first = catalogue.RULES.get(variant.policy), home.job(0).scenario
+            kept.append(rule.version if rule else version_on(first))
+            told = "" if variant.policy == CAUSAL else variant.true_fields
+            plays = FamilyPlay(home if told is None else truthful(home, told), split, variant.policy, False, variant.settings)
+            found = partial(plays, first, jobs, lambda ended: None)
         else:
             make = informed(spec, [home.job(number, split).scenario for number in jobs])
             found = partial(play_family, home, split, jobs, make)
@@ -257,14 +271,6 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
         content = json.dumps({field: values.tolist() for field, values in work().items()})
         replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
     return {field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()}
-
-
-def _play_jobs(variant: Variant, family: Family, split: str, jobs: range) -> Episodes:
-    """Play jobs of a family with a controller, perhaps with some true laws."""
-    if variant.true_fields is not None:
-        family = truthful(family, variant.true_fields)
-    make = catalogue.spec(variant.policy, [family.job(number, split).scenario for number in jobs]).make
-    return play_family(family, split, jobs, make, "hidden")
 
 
 class Row:

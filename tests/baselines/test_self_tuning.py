@@ -5,6 +5,8 @@ import pytest
 
 from baselines import law_errors
 from baselines.catalogue import spec
+from baselines.models.schedule import FORMS, schedule
+from baselines.predictive import SPEED_MARGIN
 from baselines.self_tuning import SelfTuning
 from turning_env import FamilyVectorEnv, Scenario
 from turning_env.scenario.family import Family
@@ -43,6 +45,20 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
         for name, values in alone.items():
             np.testing.assert_array_equal(values, together[name])
     assert [bool(job.scenario.nominal_model) for job in (family.job(0), jobs[0])] == [True, False]
+
+
+@pytest.mark.slow
+def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> None:
+    told = truthful(Family.load("unmodelled"), FORMS)
+    env, plans = FamilyVectorEnv(2, told, context="hidden"), [schedule(told.job(seed).scenario.nominal()) for seed in range(2)]
+    policy = SelfTuning([told.job(seed).scenario.nominal() for seed in range(2)], 2, *SETTINGS)
+    observations, _ = env.reset(seed=0)
+    policy.reset(np.ones(2, np.bool_))
+    for _ in range(60):
+        observations, *_, infos = env.step(policy.act(observations))
+    fastest = SPEED_MARGIN * np.array([plan.cutting_speed.max() for plan in plans])
+    assert (infos["commanded_cutting_speed"] <= fastest * (1.0 + 1e-6)).all()
+    assert (fastest < [plan.machine.cutting_speed_max for plan in (told.job(0).scenario, told.job(1).scenario)]).all()
 
 
 def test_a_rule_for_one_scenario_refuses_several() -> None:

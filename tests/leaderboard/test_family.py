@@ -104,6 +104,14 @@ def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
         family_task(FAMILY, "nothing", 1)
 
 
+def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
+    shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
+    usual, own = (one_named("self_tuning", task).parameters for task in (shop, unmodelled))
+    assert own.keys() - usual.keys() == {"top_speed", "change_at"}
+    assert one_named("self_tuning", unmodelled, None, "true_forms").title == "self_tuning with true forms"
+    assert one_named(CAUSAL, shop).version < one_named(CAUSAL, unmodelled).version
+
+
 @pytest.mark.slow
 def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))

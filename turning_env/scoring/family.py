@@ -50,8 +50,8 @@ def play_family(
 class Truthful(Family):
     """A family whose nominal models are right in some fields; its jobs are otherwise the same."""
 
-    right: str = ""
-    """How the dotted names of these fields begin."""
+    right: str | tuple[str, ...] = ""
+    """How the dotted names of these fields begin, or one of several beginnings."""
 
     def __reduce__(self) -> Any:
         """Pickle the family without its jobs."""
@@ -67,6 +67,6 @@ class Truthful(Family):
         return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=context)
 
 
-def truthful(family: Family, right: str = "") -> Truthful:
-    """Return the family with nominal models that are right in the fields whose dotted names begin so."""
+def truthful(family: Family, right: str | tuple[str, ...] = "") -> Truthful:
+    """Return the family with nominal models that are right in the fields whose dotted names begin so, or one of these ways."""
     return Truthful.model_validate(family.model_dump() | {"right": right})

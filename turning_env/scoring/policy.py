@@ -72,8 +72,9 @@ class PolicySpec(BaseModel):
     description: str = ""
     parameters: dict[str, JsonValue] = Field(default_factory=dict)
     """A rule's settings, or the hyperparameters of an agent's training."""
-    knows: Literal["nominal", "true_wear", "true_laws"] = "nominal"
-    """Model from which a family's policy is built: each job's nominal one, also with the true wear law or all true laws."""
+    knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
+    """Model from which a family's policy is built: each job's nominal one, also with the true wear law, with forms that no power
+    law has (failures of edges, phases of wear, chatter), or with all that is true."""
     forgets: bool = False
     """Whether it forgets everything at each change of the edge."""
     training_seed: int | None = None
@@ -107,8 +108,13 @@ class PolicySpec(BaseModel):
     @property
     def title(self) -> str:
         """Return the name with, in words, its knowledge and its memory."""
-        knows = {"nominal": "", "true_wear": " with the true wear law", "true_laws": " with true laws"}[self.knows]
-        return self.name + knows + (" without memory between edges" if self.forgets else "")
+        knows = {
+            "nominal": "",
+            "true_wear": " with the true wear law",
+            "true_forms": " with true forms",
+            "true_laws": " with true laws",
+        }
+        return self.name + knows[self.knows] + (" without memory between edges" if self.forgets else "")
 
     @property
     def label(self) -> str:

@@ -1,4 +1,4 @@
-"""Collapse and chipping of edges."""
+"""Collapse, chipping and notches of edges."""
 
 import math
 
@@ -37,3 +37,12 @@ def test_edges_chip_at_a_constant_hazard_rate() -> None:
         chipped |= env.step(np.zeros((num_envs, 2), np.float32))[4]["broken"]
         env.reset(options={"reset_mask": chipped}) if chipped.any() else None
     assert chipped.mean() == pytest.approx(1.0 - math.exp(-0.5 * minutes), abs=0.035)
+
+
+def test_a_notch_breaks_an_edge_of_usual_strength_at_one_over_its_growth() -> None:
+    scenario = changed(UNDISTURBED, edge_failure={"notch_growth": 1.6}, control={"interval": 1})
+    record = play(RoughTurningEnv(scenario), 0, np.full((600, 2), 0.5, np.float32))
+    end = int(np.flatnonzero(record["terminated"])[0])
+    used = (record["wear"] / scenario.tool.wear_criterion) ** (1 / scenario.material.wear.time)
+    assert record["broken"][end]
+    assert used[end - 1] < 1 / 1.6 <= used[end]

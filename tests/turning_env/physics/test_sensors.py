@@ -34,3 +34,12 @@ def test_measurements_lag_behind_the_process():
         # The process itself drifts slowly with wear, hence the wide tolerance.
         assert info["measured_power"] / info["power"] == pytest.approx(1 - math.exp(-seconds / 2.0), rel=0.1)
         assert info["measured_thrust_force"] / info["thrust_force"] < info["measured_power"] / info["power"]
+
+
+def test_readings_drift_and_the_depth_grows_until_the_machine_is_warm():
+    drift = {"power_drift": 0.05, "force_drift": -0.1, "thermal_growth": 0.2, "warm_up_time": 2.0}
+    for seconds, info in enumerate(infos(changed(BRISK, mismatch=drift), 300), start=1):
+        warm = 1 - math.exp(-seconds / 120.0)
+        assert info["measured_power"] / info["power"] == pytest.approx(1 + 0.05 * warm, rel=1e-6)
+        assert info["measured_thrust_force"] / info["thrust_force"] == pytest.approx(1 - 0.1 * warm, rel=1e-6)
+        assert info["depth_of_cut"] == pytest.approx(2.5 + 0.2 * warm, abs=2e-3)  # within a step's warm-up

@@ -1,10 +1,11 @@
 """Used life and wear, as functions and in the environment."""
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.turning_env.playing import UNDISTURBED, changed
+from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv
 
 RULES = ("equivalent_time", "clock_time")
@@ -30,3 +31,30 @@ def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_s
         assert terminated == (info["wear"] >= WEAR_CRITERION)
         if terminated:
             break
+
+
+def rates_of_wear(actions, **failure):
+    """Return speed [m/min], wear before [mm] and rate of wear over that of the power law [-] in steps of one sub-step."""
+    scenario = changed(UNDISTURBED, edge_failure=failure, control={"interval": 3, "sub_steps": 1})
+    record = play(RoughTurningEnv(scenario), 0, np.array(actions, np.float32))
+    speed, wear = record["cutting_speed"][1:], record["wear"]
+    used = (wear / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
+    by_law = (WEAR_LAW(speed, record["feed"][1:], 2.5, time=3 / 60) / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
+    return speed, wear[:-1], np.diff(used) / by_law
+
+
+def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
+    phases = {"running_in": 0.6, "running_in_wear": 0.1, "tertiary_wear": 0.2, "tertiary_rate": 12.0}
+    _, wear, rate = rates_of_wear([(1.0, 1.0)] * 64, **phases)
+    assert wear[-1] > 0.25
+    assert rate == pytest.approx((1 + 0.6 * np.exp(-wear / 0.1)) * np.exp(12 * np.maximum(wear - 0.2, 0)), rel=1e-6)
+
+
+def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():
+    """One slow step at each speed; the power law's exponent over the range is taken out."""
+    built_up = {"built_up_edge": 40.0, "built_up_speed": 90.0, "built_up_width": 0.25}
+    steps = [rates_of_wear([(action, -1.0)], **built_up) for action in np.linspace(-1, 1, 81)]
+    speed, _, rate = np.concatenate(steps, axis=1)
+    assert rate == pytest.approx(1 + 40 * np.exp(-((np.log(speed / 90) / 0.25) ** 2)), rel=1e-6)
+    wear = rate * (speed / 90) ** (WEAR_LAW.cutting_speed / WEAR_LAW.time)
+    assert wear[speed > 90].min() < min(wear[np.abs(speed - 90).argmin()], wear[-1])

@@ -36,6 +36,12 @@ def test_spreads_are_those_of_the_scenario(along):
         assert np.mean(depth) == pytest.approx(WORKPIECE.depth_of_cut, abs=0.1 * spreads[f"depth_{kind}_spread"])
 
 
+def test_bars_are_harder_where_the_cut_is_deeper():
+    cuts = np.linspace(0.0, 5 * WORKPIECE.bar_length, 200)
+    (even, depth), (graded, _) = (fields(changed(Scenario(), mismatch={"hardness_gradient": each}), cuts) for each in (0.0, 0.3))
+    assert graded / even == pytest.approx(np.exp(0.15 * (depth / WORKPIECE.depth_of_cut - 1)), rel=1e-9)
+
+
 def test_fields_are_continuous_in_a_bar_and_jump_between_bars():
     step = 0.2
     jumps = np.abs(np.diff(fields(Scenario(), np.arange(0.5 * step, 5 * WORKPIECE.bar_length, step))))

@@ -7,8 +7,10 @@ import pytest
 
 from turning_env import Family, Scenario, ScenarioError
 from turning_env.scenario.family import CHUNK, families, makes_sense
+from turning_env.scenario.scenario import flat
+from turning_env.scenario.sections import EdgeFailure, Mismatch
 
-SHOP = Family.load("shop")
+SHOP, UNMODELLED = Family.load("shop"), Family.load("unmodelled")
 JOBS = {
     "train": "67b14524b7e305a5",
     "validation": "ab00820dc183e917",
@@ -83,12 +85,34 @@ def test_jobs_are_as_released_on_every_processor(split):
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
-    assert families() == ("shop",)
+    assert families() == ("shop", "unmodelled")
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
     path = tmp_path / "mine.toml"
     path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
     assert Family.load(path).job(0).scenario.limits.power == 6.5
     assert Family.load(path).name == "mine"
+
+
+def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
+    scenario, draw = UNMODELLED.job(3).scenario, UNMODELLED.draw("train", 0)
+    nominal, true = scenario.nominal(), dict(flat(scenario.model_dump(exclude={"name", "nominal_model"})))
+    assert (nominal.edge_failure, nominal.mismatch, nominal.machine.chatter) == (EdgeFailure(), Mismatch(), 0.0)
+    for name, formula in UNMODELLED.hidden.items():
+        drawn = np.broadcast_to(draw.fields[1][name], CHUNK)
+        assert true[name] == drawn[3]
+        assert (len(np.unique(drawn)) > 1) == isinstance(formula, str)
+
+
+def test_a_family_extends_another_and_shows_what_a_catalogue_says(tmp_path):
+    assert UNMODELLED.base == SHOP.base
+    assert UNMODELLED.fields == SHOP.fields
+    assert UNMODELLED.tables["machine"].held_out == SHOP.tables["machine"].held_out
+    assert UNMODELLED.context_names == (*SHOP.context_names, *UNMODELLED.shown)
+    told = UNMODELLED.draw("train", 0).features["heat"]
+    assert set(told.round(6)) <= {row[3] for row in UNMODELLED.tables["material"].rows.values()}
+    (tmp_path / "mine.toml").write_text('extends = "shopp"')
+    with pytest.raises(ScenarioError, match="did you mean shop"):
+        Family.load(tmp_path / "mine.toml")
 
 
 @pytest.mark.parametrize(

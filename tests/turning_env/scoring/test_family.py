@@ -20,3 +20,11 @@ def test_nominal_models_are_right_in_the_named_fields_and_the_process_is_the_sam
     power = usual.nominal().material.power if right else usual.material.power
     assert told.nominal().material.power == power
     assert (family.job(0, "unseen_jobs").context != FAMILY.job(0, "unseen_jobs").context).any()
+
+
+def test_nominal_models_with_true_forms_have_nothing_else_that_is_true():
+    family = Family.load("unmodelled")
+    told, usual = truthful(family, ("edge_failure.", "machine.chatter")).job(0).scenario, family.job(0).scenario
+    assert told.nominal().edge_failure == usual.edge_failure != usual.nominal().edge_failure
+    assert told.nominal().machine.chatter == usual.machine.chatter > 0.0
+    assert told.nominal().material == usual.nominal().material != usual.material

@@ -1,0 +1,35 @@
+"""The best use of an edge by forms that are known."""
+
+import numpy as np
+
+from baselines.models.edge_value import worth
+from baselines.models.schedule import LIVES, has_forms, schedule
+from tests.turning_env.playing import changed
+from turning_env import Scenario
+
+SHIFT = Scenario.load("shift")
+HOT = changed(SHIFT, edge_failure={"collapse_temperature": 900.0})
+
+
+def test_without_forms_a_second_earns_what_the_price_of_edge_life_says() -> None:
+    """There, speed and feed are the best for each bar, which earns a little more than one for all."""
+    assert not has_forms(SHIFT)
+    best = worth(SHIFT, 1.2 * SHIFT.economics.overload_price).time
+    assert 0.9 * best < schedule(SHIFT).time < best
+
+
+def test_edges_are_kept_from_collapse() -> None:
+    assert has_forms(HOT)
+    plan, law = schedule(HOT), HOT.edge_failure.temperature
+    used = (np.arange(LIVES) + 1.0) / LIVES
+    wear = HOT.tool.wear_criterion * used**HOT.material.wear.time
+    hot = law(plan.cutting_speed, plan.feed, HOT.workpiece.depth_of_cut, wear=wear) / 900.0
+    assert hot[used <= plan.change_at].max() < 1.0
+    last = int(LIVES * plan.change_at) - 1
+    assert plan.cutting_speed[last] < schedule(SHIFT).cutting_speed[last]
+    assert plan.time < schedule(SHIFT).time
+
+
+def test_edges_that_notch_are_changed_before_they_break() -> None:
+    notched = changed(SHIFT, edge_failure={"notch_growth": 2.0})
+    assert 0.2 < schedule(notched).change_at < 0.5 < schedule(SHIFT).change_at
