@@ -194,7 +194,8 @@ def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
     variant = study.variant(name)
     settings = study.settings | variant.settings
     words = [f"--set {shlex.quote(f'{key}={json.dumps(value)}')}" for key, value in settings.items()]
-    command = f"python -m train.{variant.algorithm} --env {study.task} --seed {seed} {' '.join(words)}"
+    words = [*(["--scenario", variant.family] if variant.family else []), f"--seed {seed}", *words]
+    command = " ".join([f"python -m train.{variant.algorithm} --env {study.task}", *words])
     return Run.plan(variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings)
 
 
