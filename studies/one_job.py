@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from baselines import tuned
 from baselines.catalogue import spec
 from train.agents.agent_file import informed
 from train.agents.onnx_policy import load
@@ -69,7 +70,8 @@ def main(arguments: list[str] | None = None) -> int:
     env = FamilyEnv(parsed.family, parsed.split)
     env.reset(seed=parsed.job)
     scenario = env.job().scenario
-    rule = spec(parsed.rule, scenario, Scenario.load(env.family.base)).make(1)
+    own = tuned.on_family(env.family, parsed.rule)
+    rule = spec(parsed.rule, scenario, Scenario.load(env.family.base), own).make(1)
     agent = informed(load(parsed.agent), [scenario])(1)
     hidden = FamilyEnv(parsed.family, parsed.split, "hidden")
     runs = {parsed.rule: record(hidden, rule, parsed.job), "guided": record(env, agent, parsed.job)}
