@@ -67,6 +67,8 @@ leaderboard run: --knows true_laws | --env RoughTurning-Family-v0 --split nothin
 leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out made.txt | --agent nothing.onnx --out made.gif
 studies.clients: nothing | --write
 studies.exploits: --env nothing | --seeds 0 | --search -1
+studies.one_job: --agent nothing.onnx --out made.png
+train.guided_ppo: --env nothing
 studies.headroom: --seeds 0 | --seeds 257
 studies.audit: --constraints nothing
 studies.soak: --kills 0 | --only nothing | --steps 1

@@ -52,7 +52,7 @@ def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(co
     for page in ("change_the_lathe", "add_a_controller"):
         text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
         plays = ("python -m baselines.tune", "python -m leaderboard run")  # tests/test_pages.py runs these
-        walk(text, copy, {"python -m pytest": ("-k 'chatter or RoughTurning-v0 or worn_batch'", {})}, plays)
+        walk(text, copy, {"python -m pytest": ("-k 'vibration or RoughTurning-v0 or worn_batch'", {})}, plays)
     checked = python(copy, "-c", CHECK)
     assert checked.returncode == 0, checked.stderr
     verified = python(copy, "-m", "leaderboard", "verify", "--check")
@@ -60,5 +60,5 @@ def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(co
     assert "every result is valid" in verified.stdout
     assert "steady_load" in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
     changed = python(copy, "-m", "turning_env", "show", "rough_turning").stdout
-    assert "chatter_gain" in changed
+    assert "vibration_gain" in changed
     assert "torque = false" in changed

@@ -14,6 +14,7 @@ from leaderboard.result import MANIFEST_FILE, Manifest, read_part
 from leaderboard.verify import Selection
 from train.agents import agent_file
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
+from turning_env.scenario.family import families
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
@@ -55,11 +56,14 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
 
 def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
     boards = read_leaderboards(RESULTS, env_id=FAMILY_ID)
-    assert [board.task.scenario.name for board in boards] == ["shop-unseen_jobs", "shop-unseen_machines", "shop-unseen_materials"]
+    splits = "unseen_jobs", "unseen_machines", "unseen_materials"
+    played = [board.task.scenario.name for board in boards]
+    assert played == [f"{family}-{split}" for family in families() for split in splits]
     for board in boards:
         assert len(board.task.seeds) == 256
         names = {each.name for each in board.standings}
-        assert {NOMINAL_OPTIMUM, "predictive", "self_tuning", "self_tuning with true laws", CAUSAL} <= names
+        told = "true laws" if board.task.scenario.name.startswith("shop") else "true forms"
+        assert {NOMINAL_OPTIMUM, "predictive", "self_tuning", f"self_tuning with {told}", CAUSAL} <= names
 
 
 def test_every_agent_is_of_its_folder_and_has_a_card() -> None:
