@@ -1,6 +1,7 @@
 """Train a guide of ``self_tuning`` with PPO for one training seed: it sets the highest speed and when edges are changed.
 
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
+    python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 1 --steps 500000
 
 The rule knows laws; the guide learns from a thousand lathes what no law of the rule says (``baselines/guided.py``). A step of
 this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in
@@ -16,10 +17,11 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
 
 from baselines.guided import HOLD, GuidedRule, decision_space, feature_space
 from train import ppo
-from train.ppo import SEARCH, network, new_model
+from train.run import Run
 from train.training import command_line
 from turning_env import Family, FamilyVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
@@ -80,7 +82,12 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._returns[ended], self._lengths[ended] = 0.0, 0
 
 
-ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", new_model=new_model, network=network, vec_env=GuidedVecEnv, search=SEARCH)
+def new_model(run: Run, vec_env: VecEnv) -> ppo.LeanPPO:
+    """Return an untrained model, as PPO's."""
+    return ppo.new_model(run, vec_env)
+
+
+ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", new_model=new_model, vec_env=GuidedVecEnv)
 
 main = partial(command_line, ALGORITHM)
 
