@@ -16,7 +16,7 @@ LEANS_ON = {
     "turning_nc": {"turning_env", "turning_render", "turning_shop"},
     "turning_control": {"turning_env", "turning_render"},
     "baselines": {"turning_env"},
-    "train": 4278{"turning_env", "baselines", "turning_nc", "turning_render"},
+    "train": {"turning_env", "baselines", "turning_nc", "turning_render"},
     "papers": {"turning_env", "baselines", "train", "turning_render", "turning_shop"},
     "leaderboard": {"turning_env", "baselines", "train", "turning_render"},
     "studies": {"turning_env", "baselines", "train", "leaderboard", "turning_render", "turning_nc"},
