@@ -41,7 +41,7 @@ HISTORY = (
     "life_survived",  # the longest used life of an edge that did not break
     "wear_surprise",  # log ratio of the used life of the last edge, by its measured wear, to the one expected
 )
-"""What a guide is told of the edges before [-]."""
+"""Names of the numbers that describe the edges before to a guide [-]."""
 
 
 def feature_space(context: int) -> Box:

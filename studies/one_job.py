@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from baselines import tuned
 from baselines.catalogue import spec
+from baselines.guided import START_SHARE
 from train.agents.agent_file import informed
 from train.agents.onnx_policy import load
 from turning_env import FamilyEnv, Scenario
@@ -70,12 +71,11 @@ def main(arguments: list[str] | None = None) -> int:
     env = FamilyEnv(parsed.family, parsed.split)
     env.reset(seed=parsed.job)
     scenario = env.job().scenario
-    own = tuned.on_family(env.family, parsed.rule)
-    rule = spec(parsed.rule, scenario, Scenario.load(env.family.base), own).make(1)
+    rule = spec(parsed.rule, scenario, Scenario.load(env.family.base), tuned.on_family(env.family, parsed.rule)).make(1)
     agent = informed(load(parsed.agent), [scenario])(1)
     hidden = FamilyEnv(parsed.family, parsed.split, "hidden")
     runs = {parsed.rule: record(hidden, rule, parsed.job), "guided": record(env, agent, parsed.job)}
-    draw(runs, scenario.machine.cutting_speed_max / 1.6, parsed.out)
+    draw(runs, START_SHARE * scenario.machine.cutting_speed_max, parsed.out)
     for name, (values, total) in runs.items():
         print(f"{name}: {total:.0f} s, {values['edges_broken'].sum():.0f} edges broken")
     return 0

@@ -32,7 +32,7 @@ class Check:
     not_reproduced: str = ""
     """Reason why the project cannot reproduce this, in one line; empty where it must."""
     constructed: str = ""
-    """What makes it hold by construction, in one line; empty if it could disagree."""
+    """The reason that it holds by construction, in one line; empty if it could disagree."""
 
     @property
     def holds(self) -> bool:
