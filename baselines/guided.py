@@ -24,8 +24,8 @@ HOLD = 30
 """Steps for which a decision holds."""
 START_SHARE = 0.625
 """Start speed of a material over the machine's highest speed [-], in the families that ship."""
-SPEED, LIFE = (0.9, 0.5), (0.8, 0.3)
-"""A decision of 0 allows 0.9 times the start speed and changes edges at a used life of 0.8; one of 1 allows exp(0.5) times as
+SPEED, LIFE = (0.8, 0.6), (0.75, 0.3)
+"""A decision of 0 allows 0.8 times the start speed and changes edges at a used life of 0.75; one of 1 allows exp(0.6) times as
 much speed, and 0.3 more life."""
 WORN = 0.97
 """Measured wear over the criterion below which an edge that ended unasked broke [-]."""
@@ -67,7 +67,7 @@ class GuidedRule(SelfTuning):
         self._filter = self._belief.filter
         self._entries = len(layout(scenarios[0]))
         self._history = np.zeros((len(scenarios), len(HISTORY)))
-        self._last = np.zeros((4, len(scenarios)))  # cutting time [min], used life, heat, and whether the edge was to be changed
+        self._last = np.zeros((4, len(scenarios)))  # cutting time [min], log wear, heat, and whether the edge was to be changed
         self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
         self.reset(np.ones(len(scenarios), np.bool_))
 
@@ -102,17 +102,20 @@ class GuidedRule(SelfTuning):
 
     def _remember(self, reading: Reading) -> None:
         """Bring the history up to date."""
-        scenario, history, (time, used, heat, asked) = self._scenario, self._history.T, self._last
+        scenario, history, (time, log_wear, heat, asked) = self._scenario, self._history.T, self._last
+        law, exponent = scenario.edge_failure.temperature, scenario.material.wear.time
         fresh, measured = reading.cutting_time < time, reading.removed_wear / scenario.tool.wear_criterion
-        broke, exponent = fresh & (asked == 0.0) & (measured < WORN), scenario.material.wear.time
+        surprise = np.where(measured > 0.0, log(np.maximum(measured, 1e-3)) - log_wear, 0.0)
+        used = exp((log_wear + surprise) / exponent)
+        broke = fresh & (asked == 0.0) & (measured < WORN)
         history[0] = np.minimum(history[0] + broke / 3.0, 1.0)
-        history[1], history[2] = np.where(broke, (heat, used), history[1:3])
+        history[1] = np.where(broke, heat + law.wear / law.cutting_speed * surprise, history[1])
+        history[2] = np.where(broke, used, history[2])
         history[4] = np.where(fresh & ~broke, np.maximum(history[4], used), history[4])
-        surprise = log(np.maximum(measured, 1e-3)) / exponent - log(np.maximum(used, 1e-3))
-        history[5] = np.where(fresh & (measured > 0.0), np.clip(surprise, -2.0, 2.0), history[5])
+        history[5] = np.where(fresh & (measured > 0.0), np.clip(surprise / exponent, -2.0, 2.0), history[5])
 
         log_wear = log(np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3)) + self._filter.log_wear_factor
-        law, start = scenario.edge_failure.temperature, START_SHARE * scenario.machine.cutting_speed_max
+        start = START_SHARE * scenario.machine.cutting_speed_max
         now = log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
         now = np.where(reading.cutting & (reading.nominal_wear > 0.0), np.maximum(now, UNKNOWN[3]), UNKNOWN[3])
         self._heat[:, fresh] = UNKNOWN[3]
@@ -120,7 +123,7 @@ class GuidedRule(SelfTuning):
         later = np.floor(reading.cutting_time / INTERVAL) > np.floor(time / INTERVAL)
         history[3] = np.where(later, np.maximum(history[3], self._heat[0]), history[3])
         self._heat[0] = np.where(later, self._heat[1], self._heat[0])
-        self._last[:3] = reading.cutting_time, exp(log_wear / exponent), now
+        self._last[:3] = reading.cutting_time, log_wear, now
 
 
 class GuidedPolicy(Policy):

@@ -149,7 +149,7 @@ def on_track(p, path, cutting):
     if cutting and in_air:
         return start + p.approach if along > 0.5 * p.approach else max(start - 1e-6, 0.0)
     if not cutting and not in_air:
-        return start + p.pitch + 1e-6 if along > 0.5 * p.pitch else start
+        return start + (p.pitch + 1e-6 if along > 0.5 * p.pitch else max(p.approach - 1e-6, 0.0))
     return path
 
 
