@@ -66,6 +66,20 @@ def test_its_travelled_distance_follows_the_row_of_bars() -> None:
     assert estimate.along == pytest.approx(infos["path"] % 63.0, abs=1.0)
 
 
+@pytest.mark.parametrize("late", [-0.4, 0.4])
+def test_its_position_follows_a_tool_that_enters_bars_earlier_or_later(late: float) -> None:
+    bars = {"bar_length": 12.0, "diameter": 500.0}  # slow: several steps in every approach
+    played = changed(heavier(1.0), workpiece={**bars, "approach": 3.0 + late})
+    estimate, reading = followed(played, changed(NOMINAL, workpiece={**bars, "approach": 3.0}), 130)
+    env = RoughTurningVectorEnv(4, played)
+    env.reset(seed=0)
+    for _ in range(129):
+        _, _, _, _, infos = env.step(np.zeros((4, 2)))
+    assert reading.cutting.all()
+    assert infos["path"][0] > 2 * 15.0
+    assert estimate.along - 3.0 == pytest.approx(infos["path"] % (15.0 + late) - 3.0 - late, abs=0.5)
+
+
 def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment_alone() -> None:
     estimate, reading = followed(heavier(1.15), NOMINAL, 60)
     assert (np.abs(estimate.log_wear_factor) > 0).all()
