@@ -58,14 +58,18 @@ class GuidedRule(SelfTuning):
     """``self_tuning`` in environments with a nominal model each; its filter is that of a ``Belief``, which observes for it.
 
     Call ``features`` with every observation, before ``act``.
+
+    Args:
+        scenarios: nominal models, one for each environment.
+        context: context of each, shape (num_envs, numbers); None: it follows the entries of the observations.
     """
 
-    def __init__(self, scenarios: Sequence[Scenario]) -> None:
+    def __init__(self, scenarios: Sequence[Scenario], context: Float32s | None = None) -> None:
         parameters: Any = RULES["self_tuning"].fixed
         super().__init__(scenarios, len(scenarios), **parameters)
         self._belief = Belief(scenarios, learns_laws=True)
         self._filter = self._belief.filter
-        self._entries = len(layout(scenarios[0]))
+        self._entries, self._context = len(layout(scenarios[0])), context
         self._history = np.zeros((len(scenarios), len(HISTORY)))
         self._last = np.zeros((4, len(scenarios)))  # cutting time [min], log wear, heat, and whether the edge was to be changed
         self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
@@ -90,7 +94,8 @@ class GuidedRule(SelfTuning):
         believed = self._belief.observe(observations)
         self._remember(read(observations[:, : self._entries], self._scenario))
         history = np.clip(self._history, -LIMIT, LIMIT).astype(np.float32)
-        return np.concatenate([observations[:, self._entries :], believed, history], axis=1)
+        context = observations[:, self._entries :] if self._context is None else self._context
+        return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
         actions = super().act(observations[:, : self._entries])
@@ -132,10 +137,11 @@ class GuidedPolicy(Policy):
     Args:
         guide: a policy that is shown features, and whose actions are decisions.
         scenarios: nominal models, one for each environment.
+        context: see ``GuidedRule``.
     """
 
-    def __init__(self, guide: Policy, scenarios: Sequence[Scenario]) -> None:
-        self._guide, self._rule = guide, GuidedRule(scenarios)
+    def __init__(self, guide: Policy, scenarios: Sequence[Scenario], context: Float32s | None = None) -> None:
+        self._guide, self._rule = guide, GuidedRule(scenarios, context)
         self._steps = np.zeros(len(scenarios), np.int64)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:

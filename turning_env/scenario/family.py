@@ -349,8 +349,29 @@ class Family(Section):
 
     def context(self, draw: Draw) -> Array:
         """Return the context of each job, standardised by training jobs: shape (jobs, numbers)."""
+        return self._standardised(draw.features)
+
+    def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
+        """Return the context of a scenario of one's own, shape (numbers,), whose nominal model counts.
+
+        Args:
+            scenario: the scenario.
+            shown: values of ``Family.shown``, such as columns of its tables.
+
+        Raises:
+            ValueError: a value of ``shown`` is missing or has another name.
+        """
+        if shown.keys() != set(self.shown):
+            raise ValueError(
+                f"the context of family {self.name!r} needs {', '.join(self.shown) or 'no values'}, got {dict(shown)}"
+            )
+        nominal = scenario.nominal()
+        return self._standardised(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
+
+    def _standardised(self, numbers: Mapping[str, Any]) -> Array:
         mean, spread = self.context_scale
-        return np.clip((np.stack(list(draw.features.values()), axis=1) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+        columns = np.stack(np.broadcast_arrays(*numbers.values()), axis=1)
+        return np.clip((columns - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
