@@ -233,4 +233,4 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
 
 
 DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
-RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=4)}
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=5)}

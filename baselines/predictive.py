@@ -84,4 +84,4 @@ class Predictive(Optimiser):
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
-RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=4)}
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=5)}

@@ -82,7 +82,7 @@ class SelfTuning(Predictive):
 DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
     "self_tuning": replace(
-        optimising(DESCRIPTION, SelfTuning, version=5),
+        optimising(DESCRIPTION, SelfTuning, version=6),
         plays=lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
         parameters={"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
         tuned_on=None,
