@@ -99,7 +99,7 @@ class GuidedRule(SelfTuning):
 
     def act(self, observations: Observations) -> Actions:
         actions = super().act(observations[:, : self._entries])
-        self._last[3] = actions[:, 2] > 0.0
+        self._last[3] = actions[:, 2:].max(axis=1, initial=-1.0) > 0.0  # there is no third one if edges are changed unasked
         return actions
 
     def _observe(self, reading: Reading) -> None:

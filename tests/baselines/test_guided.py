@@ -3,6 +3,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from baselines.guided import HISTORY, START_SHARE, GuidedPolicy, GuidedRule, decision_space, feature_space
+from tests.turning_env.playing import changed
 from turning_env import Family, FamilyVectorEnv
 from turning_env.scoring.policy import Policy
 
@@ -85,5 +86,7 @@ def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     GuidedPolicy(guides[0], models).act(observations)
     GuidedPolicy(guides[1], models, context[np.newaxis]).act(observations[:, : -len(context)])
     np.testing.assert_allclose(guides[1].shown[0], guides[0].shown[0], atol=1e-6)
+    own = changed(models[0], control={"edge_changes": "automatic"})
+    assert GuidedPolicy(guides[1], [own], context[np.newaxis]).act(observations[:, : -len(context)]).shape == (1, 2)
     with pytest.raises(ValueError, match="stiffness"):
         FAMILY.context_of(job.scenario, {"heat": 0.5})
