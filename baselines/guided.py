@@ -28,7 +28,7 @@ SPEED, LIFE = (0.8, 0.6), (0.75, 0.3)
 """A decision of 0 allows 0.8 times the start speed and changes edges at a used life of 0.75; one of 1 allows exp(0.6) times as
 much speed, and 0.3 more life."""
 WORN = 0.97
-"""Measured wear over the criterion below which an edge that ended unasked broke [-]."""
+"""Wear over the criterion below which an edge that ended unasked broke [-]."""
 INTERVAL = 0.5
 """Time that an edge must outlive a temperature to have borne it [min]."""
 UNKNOWN = (0.0, 1.0, 1.5, -2.0, 0.0, 0.0)
@@ -111,8 +111,8 @@ class GuidedRule(SelfTuning):
         law, exponent = scenario.edge_failure.temperature, scenario.material.wear.time
         fresh, measured = reading.cutting_time < time, reading.removed_wear / scenario.tool.wear_criterion
         surprise = np.where(measured > 0.0, log(np.maximum(measured, 1e-3)) - log_wear, 0.0)
-        used = exp((log_wear + surprise) / exponent)
-        broke = fresh & (asked == 0.0) & (measured < WORN)
+        worn = exp(log_wear + surprise)  # an estimate where removed edges are not measured
+        used, broke = exp((log_wear + surprise) / exponent), fresh & (asked == 0.0) & (worn < WORN)
         history[0] = np.minimum(history[0] + broke / 3.0, 1.0)
         history[1] = np.where(broke, heat + law.wear / law.cutting_speed * surprise, history[1])
         history[2] = np.where(broke, used, history[2])
