@@ -72,7 +72,7 @@ class HindsightVecEnv(RoughTurningVecEnv):
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Keep the hidden states, and return the rewards unchanged."""
-        commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
+        commands_changes = self.vector_env.unwrapped.scenario.control.edge_changes == "commanded"
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
         stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
@@ -113,7 +113,7 @@ class AnalyticGradient(BaseAlgorithm):
         self.set_random_seed(self.seed)
         entries = self.observation_space.shape[0]  # type: ignore[index]
         settings = self.settings
-        self.policy = GruActor(self.scenario, entries, settings.cells, settings.position, settings.memory)
+        self.policy = GruActor(self.scenario, entries, settings.cells, settings.memory)
         self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
 
     def _excluded_save_params(self) -> list[str]:
@@ -147,18 +147,6 @@ class AnalyticGradient(BaseAlgorithm):
             self.logger.dump(self.num_timesteps)
         callbacks.on_training_end()
         return self
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Return actions for observations of shape (num_envs, entries), and the memory to pass as ``state`` in the next call."""
-        seen = torch.as_tensor(observation)
-        memory = torch.zeros(len(seen), self.policy.memory_size) if state is None else torch.as_tensor(state)
-        if episode_start is not None:
-            memory = memory * (1.0 - torch.as_tensor(episode_start).float().unsqueeze(-1))
-        with torch.no_grad():
-            actions, memory = self.policy(seen, memory)
-        return actions.numpy(), memory.numpy()
 
     def collect(self, callbacks: BaseCallback) -> Rollout:
         """Play a rollout with the agent."""
@@ -241,8 +229,8 @@ def plays(scenario: Scenario) -> bool:
 ALGORITHM = Algorithm(
     *("analytic_gradient", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
     vec_env=HindsightVecEnv,
-    own_terms=True,
     plays=plays,
+    families=False,
 )
 
 main = partial(command_line, ALGORITHM)

@@ -65,8 +65,8 @@ class Algorithm:
     """Hyperparameters to tune, with their ranges."""
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
-    own_terms: bool = False
-    """Whether it applies the hyperparameters of ``train/terms.py`` itself."""
+    families: bool = True
+    """Whether it can learn on the jobs of a family."""
     extra_state: tuple[str, ...] = ()
     """Attributes that a checkpoint holds besides those that Stable-Baselines3 saves."""
     callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
@@ -178,13 +178,9 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         ValueError: the hyperparameters cannot be used.
     """
     try:
-        terms = None if algorithm.own_terms else Terms.of(run)
-        vec_env = (terms.charged(algorithm.vec_env) if terms else algorithm.vec_env)(
-            run.family or run.scenario,
-            run.parameters["num_envs"],
-            run.parameters["reward_scale"],
-            *([terms.shown] if terms else []),
-        )
+        terms, p = Terms.of(run), run.parameters
+        make = terms.charged(algorithm.vec_env)
+        vec_env = make(run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown)
         model: Any = algorithm.new_model(run, vec_env)
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
@@ -209,7 +205,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
-    if run.family and algorithm.vec_env is not RoughTurningVecEnv and not run.parameters.get("guide"):
+    if run.family and not algorithm.families:
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
         apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"

@@ -8,7 +8,7 @@ from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
-from train.analytic_actor import DistanceTracker
+from train.terms import DistanceTracker
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from train.analytic_actor import DistanceTracker, TargetCommands
+from train.analytic_actor import TargetCommands
+from train.terms import DistanceTracker
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.action import towards
 
@@ -60,7 +61,7 @@ def test_the_tracker_knows_where_the_tool_is(preset: str) -> None:
     scenario = Scenario.load(preset)
     pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
     env = RoughTurningVectorEnv(4, scenario)
-    tracker, state = DistanceTracker(scenario, TargetCommands(scenario)), torch.zeros(4, DistanceTracker.STATES)
+    tracker, state = DistanceTracker(scenario), torch.zeros(4, DistanceTracker.STATES)
     random = np.random.default_rng(0)
     size = env.single_action_space.shape[0]  # type: ignore[index]
     observations, infos = env.reset(seed=0)
