@@ -17,7 +17,6 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -36,7 +35,7 @@ from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
 from train.export import export
 from train.run import HYPERPARAMETERS, Run, hyperparameters, trained_on
-from train.training import SEEDS, load_agent, train
+from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
@@ -228,9 +227,8 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
     home = home_of(study, variant)
     if variant.algorithm:
-        algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
         run = run_of(study, name, seed, runs)
-        spec = load_agent(train(run, algorithm).parent)
+        spec = load_agent(train(run, algorithm_of(variant.algorithm)).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
     if isinstance(home, Family):

@@ -233,8 +233,6 @@ def _read(path: Path) -> bytes:
             json.loads(lzma.decompress(content, format=lzma.FORMAT_XZ))
         case ".json":
             json.loads(content)
-        case ".log":
-            json.loads(b"[" + b",".join(content.splitlines()) + b"]")
         case ".html" if not content.rstrip().endswith(b"</html>"):
             raise ValueError("it has no end")
         case ".csv":

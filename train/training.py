@@ -234,6 +234,12 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         return run.policy
 
 
+def algorithm_of(name: str) -> Algorithm:
+    """Return the algorithm with a name."""
+    algorithm: Algorithm = importlib.import_module(f"train.{name}").ALGORITHM
+    return algorithm
+
+
 def load_actor(run: Run) -> Actor:
     """Return the actor of one of your own finished trainings. It is a pickle, which can run code: never load a stranger's.
 
@@ -246,8 +252,7 @@ def load_actor(run: Run) -> Actor:
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
     warn_of_pickle(run.policy)
-    actor: Actor = importlib.import_module(f"train.{run.algorithm}").ALGORITHM.actor(run.policy)
-    return actor
+    return algorithm_of(run.algorithm).actor(run.policy)
 
 
 def load_agent(folder: Path) -> PolicySpec:
