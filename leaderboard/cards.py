@@ -17,11 +17,7 @@ from turning_env import FAMILY_ID, SPLITS
 
 
 def write_all(results: Path, agents: Path) -> list[Path]:
-    """Write the card of every agent in ``agents``, with its results in ``results``, and return the cards' paths.
-
-    Raises:
-        ResultError: a file is no agent's, or in the wrong place, or has no results; a card cannot be written.
-    """
+    """Write the card of every agent, and return the paths; ResultError if a file is in the wrong place or has no results."""
     folders = sorted({path.parent for path in agents.glob(f"*/*/*{ONNX_SUFFIX}")})
     if not folders:
         raise ResultError(f"{agents} holds no agents")

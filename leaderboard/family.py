@@ -39,12 +39,7 @@ _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
-    """Return the task on the first ``count`` jobs of a family's split; None: ``unseen_jobs``, or ``train`` if there is no such.
-
-    Raises:
-        ResultError: there is no such split, or it has fewer jobs.
-        ScenarioError: there is no such family.
-    """
+    """Return the task on the first jobs of a split, by default ``unseen_jobs``, else ``train``; ResultError if it has fewer."""
     family = Family.load(source)
     split = split or ("unseen_jobs" if "unseen_jobs" in family.splits else "train")
     if split not in family.splits:
@@ -63,11 +58,7 @@ def family_task(source: str | Path | Family, split: str | None, count: int) -> T
 
 
 def family_of(task: Task) -> Family:
-    """Return a task's family.
-
-    Raises:
-        ResultError: the task was read from a file, and no family of that name ships, or it has other values.
-    """
+    """Return a task's family; ResultError if the task was read from a file, and the present family has other values."""
     part = task.of_family
     assert part is not None
     if part.loaded is not None:
@@ -82,11 +73,7 @@ def family_of(task: Task) -> Family:
 
 
 def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -> PolicySpec:
-    """Return a controller, with the parameters tuned on the family or its base, or the oracle, as it plays a family's task.
-
-    Raises:
-        KeyError, ValueError: there is none, it cannot play the family, it has no such variant, or it is not tuned.
-    """
+    """Return a controller, tuned on the family or its base, or the oracle, as it plays a family; ValueError if it cannot."""
     family = family_of(task)
     first, own = family.job(0).scenario, tuned.on_family(family, name)
     if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):

@@ -128,11 +128,7 @@ def named(
 def one_named(
     name: str, task: Task, tuned_on: Scenario | None = None, knows: str = "nominal", forgets: bool = False
 ) -> PolicySpec:
-    """Return a controller or an oracle: see ``named``.
-
-    Raises:
-        ResultError: there is none of that name, it cannot play the scenario, or it is not tuned for it (from ``NotTuned``).
-    """
+    """Return a controller or an oracle, see ``named``; ResultError if it cannot play or is not tuned (from ``NotTuned``)."""
     try:
         if task.of_family:
             return family.rule(name, task, knows, forgets)
@@ -187,12 +183,7 @@ def agents(
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a training run's folder, whatever it can play: see ``agents``.
-
-    Raises:
-        TooSlow: it gives no actions in time.
-        OSError, ValueError: there is none.
-    """
+    """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``TooSlow`` if it gives no actions in time)."""
     if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
     from train.training import load_agent  # imports torch, which takes seconds
@@ -201,11 +192,7 @@ def agent(path: Path, seconds: int | None = None) -> PolicySpec:
 
 
 def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
-    """Return an agent, or a policy of one's own code, as it plays a task.
-
-    Raises:
-        ValueError: it cannot play it.
-    """
+    """Return an agent, or a policy of one's own code, as it plays a task. Raise ValueError if it cannot play it."""
     if task.of_family:
         return family.agent(spec, task, forgets)
     check_fits(spec, task.scenario)

@@ -240,11 +240,7 @@ def result_path(folder: Path, policy: PolicySpec) -> Path:
 
 
 def read_file(path: Path) -> list[Result]:
-    """Read a file of results; its folders, and a policy's own file, must have the names of its content.
-
-    Raises:
-        ResultError: the file holds no results, or not those of this environment, scenario and policy.
-    """
+    """Read a file of results; ResultError unless folders, and a policy's own file, have the names of its content."""
     file = read_part(ResultFile, path)
     folder = result_folder(Path(), file.task.env_id, file.task.scenario.name)
     for each in file.results:
@@ -314,11 +310,7 @@ PartType = TypeVar("PartType", bound=Part)
 
 
 def read_part(kind: type[PartType], path: Path) -> PartType:
-    """Read a file written by ``write_part``; floats come back bit for bit.
-
-    Raises:
-        ResultError: the file cannot be read, or something in it is not allowed.
-    """
+    """Read a file written by ``write_part``, floats bit for bit; ResultError if something in it is not allowed."""
     try:
         with path.open("rb") as file:
             part: PartType = _parsed(kind, file.read(MAX_BYTES + 1), path.name.endswith(".xz"))

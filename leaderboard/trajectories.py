@@ -63,11 +63,7 @@ class Trajectories(Part):
 
 
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
-    """Play one episode and keep its trajectory, thinned.
-
-    Raises:
-        ValueError: an action has the wrong shape or is not finite.
-    """
+    """Play one episode and keep its trajectory, thinned. Raise ValueError if an action has the wrong shape or is not finite."""
     # After a whole part the tool may be in air, so the part's means are recorded.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
     env, policy = RoughTurningEnv(scenario), spec.make(1)

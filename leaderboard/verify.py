@@ -168,11 +168,7 @@ def _complaint(path: Path, what: object) -> str:
 
 
 def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
-    """Return who plays a result again: the rule or the oracle, or the path of the agent's file (see ``agent_files``).
-
-    Raises:
-        ResultError: the policy is no longer there, or no longer the same, or the task is not.
-    """
+    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again; ResultError if it has changed."""
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
         raise ResultError("was played on private seeds: only the owner of their key can play it again, by run --private-key KEY")

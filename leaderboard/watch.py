@@ -59,11 +59,7 @@ class Show:
         self.ended = False
 
     def advance(self) -> None:
-        """Play one step.
-
-        Raises:
-            ValueError: the policy's action has the wrong shape or is not finite.
-        """
+        """Play one step. Raise ValueError if the policy's action has the wrong shape or is not finite."""
         self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
         self.ended = terminated or truncated
 
@@ -118,11 +114,7 @@ def _watch(options: argparse.Namespace) -> None:
 
 
 def policy(name: str, task: Task) -> PolicySpec:
-    """Return the rule of a name, or the agent of an ONNX file or a run's folder.
-
-    Raises:
-        ResultError: there is none, it cannot play the scenario, or it is an oracle, which knows more than observations.
-    """
+    """Return the rule of a name, or the agent of a file or a run's folder; ResultError if it needs more than observations."""
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return agents([Path(name)], task)[0]
     (spec,) = named([name], task)

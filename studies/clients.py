@@ -80,11 +80,7 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
 
 
 def with_row(text: str, library: str, row: str) -> str:
-    """Return a Markdown text in which a library's row of the table is replaced.
-
-    Raises:
-        ValueError: there is not exactly one such row.
-    """
+    """Return a Markdown text with a library's row of the table replaced; ValueError unless there is exactly one."""
     replaced, count = re.subn(rf"^\| {re.escape(library)} \|.*$", lambda _: row, text, flags=re.MULTILINE)
     if count != 1:
         raise ValueError(f"there must be one table row that begins with | {library} |, but there are {count}")

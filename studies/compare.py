@@ -125,11 +125,7 @@ class Study(BaseModel):
 
     @classmethod
     def read(cls, name: str) -> Self:
-        """Return the study of a name or of a TOML file.
-
-        Raises:
-            Mistake: there is no such study, or it cannot be read.
-        """
+        """Return the study of a name or of a TOML file. Raise Mistake if there is no such study, or it cannot be read."""
         path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
         if not path.is_file():
             raise Mistake(f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file")

@@ -21,11 +21,7 @@ COMMANDED = slice(OBS.commanded_cutting_speed, OBS.commanded_feed + 1)
 
 
 class TargetCommands(torch.nn.Module):
-    """A module that converts targets to actions and commands, if actions set the feed, with or without the cutting speed.
-
-    Raises:
-        ValueError: the scenario's action is not one of ``ACTIONS``.
-    """
+    """A module that converts targets to actions and commands, if actions set the feed (``ACTIONS``), perhaps also the speed."""
 
     ACTIONS = ("incremental", "override")
 

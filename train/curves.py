@@ -53,11 +53,7 @@ class Training(BaseModel):
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """Return the learning curve of a run.
-
-        Raises:
-            ValueError: the folder holds none.
-        """
+        """Return the learning curve of a run. Raise ValueError if the folder holds none."""
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
@@ -83,11 +79,7 @@ class Trainings(BaseModel):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a file.
-
-        Raises:
-            ValueError: it cannot be read, or holds no learning curves.
-        """
+        """Read a file. Raise ValueError if it cannot be read, or holds no learning curves."""
         try:
             return cls.model_validate_json(path.read_bytes())
         except (OSError, ValidationError) as error:
@@ -116,11 +108,7 @@ class Curve(NamedTuple):
 
 
 def read(sources: Sequence[Path]) -> Trainings:
-    """Return the learning curves of files and of run folders, which take the place of curves of the same name in the files.
-
-    Raises:
-        ValueError: a source holds no learning curve, or they cannot be compared. The message names them.
-    """
+    """Return the curves of files and of run folders, which replace those of the same name; ValueError if not comparable."""
     in_files, in_runs = dict[str, Training](), dict[str, Training]()
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
@@ -145,11 +133,7 @@ def read(sources: Sequence[Path]) -> Trainings:
 
 
 def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
-    """Return the mean curve of each algorithm over the common steps of its trainings, with its bootstrap interval over seeds.
-
-    Raises:
-        ValueError: those of an algorithm do not overlap.
-    """
+    """Return each algorithm's mean curve over the common steps of its trainings, with its bootstrap interval over seeds."""
     groups: dict[str, list[Training]] = {}
     for label, training in trainings.items():
         groups.setdefault(label.rpartition("-seed")[0], []).append(training)

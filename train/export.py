@@ -173,11 +173,7 @@ def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metada
 
 
 def metadata(run: Run, name: str | None = None) -> Metadata:
-    """Return the metadata of the file of a run's agent.
-
-    Raises:
-        ValueError: the name is not allowed.
-    """
+    """Return the metadata of the file of a run's agent. Raise ValueError if the name is not allowed."""
     name = name or run.name
     if not re.fullmatch(NAME, name):
         raise ValueError(

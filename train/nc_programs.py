@@ -144,11 +144,7 @@ LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
 
 
 def table_scenarios(scenario: Scenario, interval: float | None) -> tuple[Scenario, Scenario]:
-    """Return a scenario without spreads and model mismatch, and the same with another control interval [min].
-
-    Raises:
-        NcError: the interval is out of range, or no program can be written for the scenario.
-    """
+    """Return a scenario without spreads and model mismatch, and the same with another control interval [min]."""
     with_bars(scenario, 1)  # raises if no program can be written
     control = scenario.control
     step = control.interval / control.sub_steps  # [s]

@@ -32,11 +32,7 @@ def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
-    """Parse hyperparameters ``KEY=VALUE``, with values as in the algorithm's file.
-
-    Raises:
-        ValueError: the algorithm has no such hyperparameter, or the value has another type. The message says what is allowed.
-    """
+    """Parse hyperparameters ``KEY=VALUE``; ValueError if the algorithm's file has no such, or one of another type."""
     tables = _tables(algorithm)
     default = tables.pop("default")
     examples = {name: value for table in tables.values() for name, value in table.items()} | default
@@ -128,11 +124,7 @@ class Run:
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
-        """Return the run that a folder holds.
-
-        Raises:
-            ValueError: the folder holds no run, or its description cannot be read.
-        """
+        """Return the run that a folder holds. Raise ValueError if the folder holds no run, or its description cannot be read."""
         path = folder / "run.json"
         if not path.is_file():
             raise ValueError(f"{folder} holds no training run: there is no run.json")
@@ -176,11 +168,7 @@ class Run:
         return self.algorithm if own else f"{self.algorithm}_{self.task.name}"
 
     def read_learning_curve(self) -> list[dict[str, float]]:
-        """Return the rows of the learning curve in order of time.
-
-        Raises:
-            ValueError: the folder holds no learning curve, or a damaged one.
-        """
+        """Return the rows of the learning curve in order of time; ValueError if there is none, or a damaged one."""
         path = self.learning_curve
         if not path.is_file():
             raise ValueError(f"{self.folder} holds no {path.name}: train it anew")
@@ -194,11 +182,7 @@ class Run:
                 raise ValueError(f"{path} holds a row that is not numbers: {error}") from error
 
     def begin(self) -> None:
-        """Make the folder and write ``run.json``.
-
-        Raises:
-            ValueError: the folder holds a run with other settings, which must not be resumed or overwritten.
-        """
+        """Make the folder and write ``run.json``; ValueError if it holds a run with other settings."""
         if (self.folder / "run.json").exists():
             found = Run.read(self.folder)
             if (found.scenario, found.parameters) != (self.scenario, self.parameters):

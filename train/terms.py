@@ -213,11 +213,7 @@ LIFE_PRICES = ("flat", "marginal", "end")
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of one training. Hyperparameters that an algorithm lacks have the values below.
-
-    Raises:
-        ValueError: a value is not allowed.
-    """
+    """The terms of one training. Hyperparameters that an algorithm lacks have the values below."""
 
     scenario: Scenario
     entries: int

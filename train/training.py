@@ -152,11 +152,7 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
 
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
-    """Return the model of the last checkpoint; training continues exactly as without the interruption.
-
-    Raises:
-        ValueError: the checkpoint is damaged.
-    """
+    """Return the model of the last checkpoint; training continues exactly. Raise ValueError if it is damaged."""
     warn_of_pickle(run.checkpoint)
     try:
         model: Any = algorithm.model.load(run.checkpoint, device="cpu")
@@ -172,11 +168,7 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
 
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
-    """Return an untrained model on freshly seeded environments.
-
-    Raises:
-        ValueError: the hyperparameters cannot be used.
-    """
+    """Return an untrained model on freshly seeded environments. Raise ValueError if the hyperparameters cannot be used."""
     try:
         terms, p = Terms.of(run), run.parameters
         make = terms.charged(algorithm.vec_env)
@@ -241,11 +233,7 @@ def algorithm_of(name: str) -> Algorithm:
 
 
 def load_actor(run: Run) -> Actor:
-    """Return the actor of one of your own finished trainings. It is a pickle, which can run code: never load a stranger's.
-
-    Raises:
-        ValueError: the training is not finished, or of no known algorithm.
-    """
+    """Return the actor of a finished training of your own. It is a pickle, which can run code: never load a stranger's."""
     if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
         known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
         raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
@@ -264,11 +252,7 @@ def load_agent(folder: Path) -> PolicySpec:
 
 
 def play_agent(folder: Path, episodes: int) -> Episodes:
-    """Play the finished agent of a run's folder on the first tuning seeds, or on all jobs of its family's split ``VALIDATION``.
-
-    Raises:
-        ValueError: as ``load_actor``, or the family has no such split.
-    """
+    """Play a run's finished agent on the first tuning seeds, or on all jobs of its family's split ``VALIDATION``."""
     run, agent = Run.read(folder), load_agent(folder)
     if run.family is None:
         return play(informed(agent, run.scenario), run.scenario, tuning_seeds(episodes))

@@ -101,11 +101,7 @@ def search(
     parallel: int = 1,
     evaluate: Callable[[Task, dict[str, Any]], Played] = evaluate,
 ) -> tuple[int, Trial]:
-    """Return the number of the best trial and the trial, after resuming or extending the task's study to ``count`` trials.
-
-    Raises:
-        ValueError: all trainings failed, there are no workers, or another process works on this study.
-    """
+    """Return number and trial of the best, after resuming or extending a study to ``count`` trials; ValueError if all failed."""
     log, ranges = task.folder / f".{task.name}.log", algorithm_of(task.algorithm).search
     first = {name: task.known[name] for name in ranges}
     ended: list[Trial] = []

@@ -99,11 +99,7 @@ class Metadata(BaseModel):
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
-        """Read the metadata from an ONNX model's properties.
-
-        Raises:
-            ValueError: something is missing, unknown or not allowed; names it.
-        """
+        """Read the metadata from an ONNX model's properties. Raise ValueError if something is missing, unknown or not allowed."""
         values: dict[str, Any] = {"name": properties.get("algorithm", "")}
         for name, text in properties.items():
             field = cls.model_fields.get(name)
@@ -122,11 +118,7 @@ class Metadata(BaseModel):
 
 
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
-    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief.
-
-    Raises:
-        ValueError: a family's agent does not name the entries of its nominal model.
-    """
+    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief."""
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
@@ -193,11 +185,7 @@ def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make:
 
 
 def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
-    """Check that an agent can play a scenario, which need not be the one that it was trained on.
-
-    Raises:
-        ValueError: the scenario has other actions, or observations of other meaning; names the field.
-    """
+    """Raise ValueError if actions or observations of a scenario mean something else than where an agent was trained."""
     if "context" in agent.parameters:
         raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}")
     trained_on = agent.trained_on or scenario
@@ -235,12 +223,7 @@ class AgentFile:
 
 
 def read(path: Path) -> AgentFile:
-    """Read an agent's file of one's own; load a stranger's with ``onnx_policy.load``.
-
-    Raises:
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
-        OSError: it cannot be read.
-    """
+    """Read an agent's file of one's own or raise ValueError; load a stranger's with ``onnx_policy.load``."""
     content = read_content(path)
     try:
         return checked(content)
@@ -249,12 +232,7 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
-
-    Raises:
-        ValueError: it is a link, a pipe, a device, or a folder with no or several ONNX files.
-        OSError: it cannot be read.
-    """
+    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed; links, pipes and devices are refused."""
     if path.is_dir() and not path.is_symlink():
         found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
         if (path / "run.json").exists():

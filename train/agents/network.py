@@ -44,11 +44,7 @@ class Outline(NamedTuple):
 
 
 def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
-    """Return the network of a file's content, and its outline; ``check_sizes`` is still to be called.
-
-    Raises:
-        ValueError: it is no network, or not plain arithmetic on weights that it holds itself; says why.
-    """
+    """Return network and outline, or raise ValueError if it is not plain arithmetic; ``check_sizes`` is still to be called."""
     if len(content) > MAX_BYTES:
         raise ValueError(f"is larger than {MAX_BYTES} bytes")
     try:
@@ -102,11 +98,7 @@ def _entries(value: onnx.ValueInfoProto) -> int:
 
 
 def check_sizes(model: onnx.ModelProto) -> None:
-    """Check that for one environment the size of every value is known beforehand, and moderate.
-
-    Raises:
-        ValueError: it is not, or the network is invalid; says why.
-    """
+    """Raise ValueError unless the size of every value for one environment is known beforehand, and moderate."""
     single = onnx.ModelProto()
     single.CopyFrom(model)
     del single.graph.value_info[:]
@@ -126,11 +118,7 @@ def check_sizes(model: onnx.ModelProto) -> None:
 
 
 def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
-    """Return the session of a file's content after a trial on zeros and on observations of order one.
-
-    Raises:
-        ValueError: ONNX Runtime cannot run it, its outputs are not actions, or they are not reproducible.
-    """
+    """Return the session of a file's content, or raise ValueError if a trial gives no actions, or none that are reproducible."""
     session, generator = session_of(content), np.random.default_rng(0)
     sampled = generator.uniform(-1.0, 1.0, (2, _NUM_ENVS, entries)).astype(np.float32)
     for given in (np.zeros((2, 2, entries), np.float32), sampled):
@@ -141,11 +129,7 @@ def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
 
 
 def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.Generator) -> Floats:
-    """Act, and check that actions are reproducible and independent of the other environments in the batch.
-
-    Raises:
-        ValueError: they are not, or the observations have another shape or type.
-    """
+    """Act, and raise ValueError if actions are not reproducible, or depend on the other environments in the batch."""
     before = policy.memory
     actions = policy.act(observations)
     again, _ = policy.run(observations, before)
@@ -161,11 +145,7 @@ def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.G
 
 
 def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
-    """Check that actions have the shape and lie in -1 to 1.
-
-    Raises:
-        ValueError: they are not.
-    """
+    """Raise ValueError unless actions have the shape and lie in -1 to 1."""
     if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
         wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
         raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")

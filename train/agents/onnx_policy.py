@@ -110,22 +110,14 @@ class Sandbox:
             raise
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message.
-
-        Raises:
-            ValueError: the process is gone, or does not listen.
-        """
+        """Send a message. Raise ValueError if the process is gone, or does not listen."""
         try:
             self._connection.send(kind, content)
         except OSError as error:
             raise self._end_reason() from error
 
     def answer(self, max_bytes: int, starting: bool = False) -> bytes:
-        """Return its answer; ``starting`` allows the time of a start.
-
-        Raises:
-            ValueError: it answers with an error, with more than ``max_bytes`` or not in time, or is gone.
-        """
+        """Return its answer, or raise ValueError if it is late, too long or an error; ``starting`` allows the time of a start."""
         timeout = self._limits.start if starting else self._limits.answer
         try:
             kind, content = self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
@@ -158,11 +150,7 @@ def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> No
 
 
 class GuardedPolicy:
-    """The policy of a sandbox's agent, for ``num_envs`` environments. An earlier policy of the sandbox acts no more.
-
-    Raises:
-        ValueError: the network cannot be run within the limits.
-    """
+    """The policy of a sandbox's agent, for ``num_envs`` environments. An earlier policy of the sandbox acts no more."""
 
     def __init__(self, sandbox: Sandbox, num_envs: int) -> None:
         about = sandbox.file.metadata

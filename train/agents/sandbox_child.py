@@ -37,12 +37,7 @@ class Connection:
         self.close = connection.close
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message.
-
-        Raises:
-            TimeoutError: the other side does not take it in time.
-            OSError: the other side is gone.
-        """
+        """Send a message. Raise TimeoutError if the other side does not take it in time and OSError if the other side is gone."""
         self._connection.settimeout(self._send_timeout)
         self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
 

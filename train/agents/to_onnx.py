@@ -43,11 +43,7 @@ class _WithoutMemory(torch.nn.Module):
 
 
 def to_onnx(actor: Actor, about: Metadata) -> bytes:
-    """Return the content of an actor's ONNX file: the same bytes every time.
-
-    Raises:
-        ValueError: the actor does not turn observations into actions, or PyTorch cannot write it as ONNX.
-    """
+    """Return the content of an actor's ONNX file, the same bytes every time, or raise ValueError if there can be none."""
     # Two environments: a size of one would be taken for a constant.
     observations, memory = torch.zeros(2, len(about.observation_space.low)), torch.zeros(2, actor.memory_size)
     expected = (2, len(about.action_space.low)), tuple(memory.shape)
