@@ -259,6 +259,8 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
 
     The first ``checked`` environments are compared with single ones of the same seeds and actions, bit for bit, at every step.
     """
+    import psutil  # type: ignore[import-untyped]
+
     env = RoughTurningVectorEnv(num_envs)
     env.reset(seed=0)
     singles = [RoughTurningEnv() for _ in range(checked)]
@@ -267,10 +269,11 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
         single.reset(seed=seed)
     random = np.random.default_rng(0)
     apart: set[int] = set()
-    episodes = num_envs
-
-    def step() -> None:
-        nonlocal episodes
+    steps, episodes, settled = max(1, count // num_envs), num_envs, 0
+    process, start = psutil.Process(), time.perf_counter()
+    for number in tqdm(range(steps), desc=f"{num_envs} environments", disable=None):
+        if number == steps // 10:
+            settled = process.memory_info().rss
         actions = random.uniform(-1.0, 1.0, (num_envs, 2)).astype(np.float32)
         observations, _, terminated, truncated, _ = env.step(actions)
         episodes += int(np.count_nonzero(terminated | truncated))
@@ -282,24 +285,9 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
                 ended[index] = worn or late
             if observation.tobytes() != observations[index].tobytes() or ended[index] != (terminated | truncated)[index]:
                 apart.add(index)
-
-    steps = max(1, count // num_envs)
-    growth, seconds = repeat(step, steps, f"{num_envs} environments")
+    growth, seconds = process.memory_info().rss - settled, time.perf_counter() - start
     env.close()
     return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
-
-
-def repeat(step: Callable[[], None], count: int, what: str) -> tuple[int, float]:
-    """Call ``step`` and return (growth of memory after the first tenth [bytes], duration [s])."""
-    import psutil  # type: ignore[import-untyped]
-
-    process = psutil.Process()
-    start, settled = time.perf_counter(), 0
-    for number in tqdm(range(count), desc=what, disable=None):
-        if number == count // 10:
-            settled = process.memory_info().rss
-        step()
-    return process.memory_info().rss - settled, time.perf_counter() - start
 
 
 @exits(RuntimeError, interrupted="interrupted: a soak begins anew", checks=True)
