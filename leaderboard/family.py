@@ -30,10 +30,8 @@ NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
 """Names of the policies that score 0 and 1 on a family; the latter is the oracle, on all tasks."""
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they are told more than usual or forget."""
-POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)
-"""The policies that play if none are named."""
-CHANGE_WEAR = 0.95
-"""Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
+POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)  # the policies that play if none are named
+CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
 _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "true_laws": ""}
 """Prefixes of the fields whose true values are known, by ``PolicySpec.knows``."""
 
@@ -105,14 +103,11 @@ def _split(task: Task) -> str:
 class FamilyPlay:
     """Plays episodes of a family: the ``compute`` of a ``PolicySpec``."""
 
-    family: Family
-    """The family, with the nominal models that the policy knows."""
+    family: Family  # the family, with the nominal models that the policy knows
     split: str
-    policy: str | PolicySpec
-    """A controller's name, or an agent that plays all jobs."""
+    policy: str | PolicySpec  # a controller's name, or an agent that plays all jobs
     forgets: bool
-    own: Parameters = field(default_factory=dict)
-    """Parameters that a controller has on this family alone."""
+    own: Parameters = field(default_factory=dict)  # parameters that a controller has on this family alone
 
     @property
     def context(self) -> Context:

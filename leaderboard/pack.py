@@ -26,8 +26,7 @@ from leaderboard.result import (
 from turning_env import FAMILY_ID, IDS
 from turning_env.scoring.score import FAMILY, FOLDER, unpacked
 
-DIGITS = 2
-"""Decimals of the times [s] in the wheel."""
+DIGITS = 2  # decimals of the times [s] in the wheel
 
 
 def pack(folder: Path, without: Collection[str] = ()) -> bool:

@@ -23,8 +23,7 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
-CLAIRVOYANT = "clairvoyant"
-"""Name of the bound."""
+CLAIRVOYANT = "clairvoyant"  # name of the bound
 AGENTS = Path(__file__).parents[1] / "agents"
 """Agents that come with the project: one's own stand beside them under names of their own."""
 

@@ -22,10 +22,8 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, interqua
 class Comparators:
     """The policies with which all others are compared on a task."""
 
-    fixed: str
-    """Fixed parameters: the zero of the score."""
-    published: str
-    """The published controller."""
+    fixed: str  # fixed parameters: the zero of the score
+    published: str  # the published controller
 
 
 SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search")
@@ -43,8 +41,7 @@ def comparators(scenario: Scenario) -> Comparators:
     return SPEED_AND_FEED
 
 
-LARGEST = 3
-"""Number of the largest differences that a mean leaves out, to show whether a few seeds make a lead."""
+LARGEST = 3  # number of the largest differences that a mean leaves out, to show whether a few seeds make a lead
 
 
 @dataclass(frozen=True)

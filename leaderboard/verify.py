@@ -24,8 +24,7 @@ from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
-BOUND_SEEDS = 4
-"""Seeds of a result in a quick look for one of a bound, which takes seconds per seed."""
+BOUND_SEEDS = 4  # seeds of a result in a quick look for one of a bound, which takes seconds per seed
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class Selection:
 
     env_id: str | None = None
     scenario: str | None = None
-    policies: Sequence[str] | None = None
-    """Names, with or without the training seed."""
+    policies: Sequence[str] | None = None  # names, with or without the training seed
 
     def holds(self, path: Path) -> bool:
         """Return whether a result or an agent, ``id/scenario/label``, is selected."""

@@ -26,8 +26,7 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
 
-Frame = NDArray[np.uint8]
-"""Shape (height, width, 3), of even height and width."""
+Frame = NDArray[np.uint8]  # shape (height, width, 3), of even height and width
 _CAPTION_HEIGHT = 30
 _GAP = 8
 

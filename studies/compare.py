@@ -64,22 +64,16 @@ class Variant(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    like: str = ""
-    """Variant that supplies the fields this one lacks, and with which it is compared instead of the first."""
+    like: str = ""  # variant that supplies the fields this one lacks, and with which it is compared instead of the first
     algorithm: str = ""
     policy: str = ""
-    settings: dict[str, Any] = {}
-    """Hyperparameters of the algorithm, or parameters of the controller."""
-    scenario: dict[str, dict[str, Any]] = {}
-    """Values of the scenario that differ in training and in play, by section."""
-    trainings: int = Field(0, ge=0)
-    """Number of training seeds; 0: that of the study."""
+    settings: dict[str, Any] = {}  # hyperparameters of the algorithm, or parameters of the controller
+    scenario: dict[str, dict[str, Any]] = {}  # values of the scenario that differ in training and in play, by section
+    trainings: int = Field(0, ge=0)  # number of training seeds; 0: that of the study
     true_fields: str | tuple[str, ...] | None = None
     """Prefix, or prefixes, of the fields whose true values the controller receives on jobs; None: of none."""
-    family: str | None = None
-    """Family of the jobs; None: the id's own."""
-    hidden: tuple[str, ...] | None = None
-    """Prefixes of the family's hidden fields that the jobs have; None: all."""
+    family: str | None = None  # family of the jobs; None: the id's own
+    hidden: tuple[str, ...] | None = None  # prefixes of the family's hidden fields that the jobs have; None: all
 
 
 class Study(BaseModel):
@@ -92,14 +86,11 @@ class Study(BaseModel):
     seeds: Literal["tuning", "held_out", "training_jobs"] = "tuning"
     episodes: int = Field(ge=1, le=100_000)
     trainings: int = Field(1, ge=1, lt=SEEDS)
-    settings: dict[str, Any] = {}
-    """Hyperparameters of all trainings."""
-    splits: bool = False
-    """Whether the variants also play the splits."""
+    settings: dict[str, Any] = {}  # hyperparameters of all trainings
+    splits: bool = False  # whether the variants also play the splits
     scenarios: dict[str, dict[str, dict[str, Any]]] = {}
     """Values by section of further scenarios on which controllers are ranked; the table then compares these rankings."""
-    overload_prices: tuple[float, ...] = ()
-    """Prices of overload at which the same episodes are charged again."""
+    overload_prices: tuple[float, ...] = ()  # prices of overload at which the same episodes are charged again
     variants: dict[str, Variant] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -169,8 +160,7 @@ class Played(NamedTuple):
     """Episodes of a variant by scenario, the task's own first, and the duration of its training."""
 
     episodes: dict[str, Episodes]
-    seconds: float | None
-    """Wall time [s]; None without a training."""
+    seconds: float | None  # wall time [s]; None without a training
 
 
 def home_of(study: Study, variant: Variant) -> Scenario | Family:

@@ -45,18 +45,13 @@ from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.console import described, exits
 
-Program = Callable[[Path], int]
-"""A function that fills a folder, or continues to fill it, and returns the exit status."""
+Program = Callable[[Path], int]  # a function that fills a folder, or continues to fill it, and returns the exit status
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
-LOG = ".log"
-"""Output of a program, in its folder."""
-MAX_GROWTH = 8_000_000
-"""Growth of memory that is tolerated [bytes]."""
-MAX_SECONDS = 600.0
-"""Time after which a program counts as hung [s]."""
-MAX_ORPHAN_SECONDS = 30.0
-"""Time within which the processes of a killed program must end [s]."""
+LOG = ".log"  # output of a program, in its folder
+MAX_GROWTH = 8_000_000  # growth of memory that is tolerated [bytes]
+MAX_SECONDS = 600.0  # time after which a program counts as hung [s]
+MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program must end [s]
 
 
 def training(folder: Path) -> int:

@@ -33,12 +33,9 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
 
 MAIN = "RoughTurning-v0"
-NUM_ENVS = 1024
-"""Number of environments of a batch, unless stated."""
-SIZES = (1, 16, 256, 4096, 65536)
-"""Numbers of environments side by side."""
-REFERENCE = "Gymnasium Pendulum, unwrapped"
-"""The case that ratios refer to."""
+NUM_ENVS = 1024  # number of environments of a batch, unless stated
+SIZES = (1, 16, 256, 4096, 65536)  # numbers of environments side by side
+REFERENCE = "Gymnasium Pendulum, unwrapped"  # the case that ratios refer to
 _ACTIONS = 16  # batches of random actions, drawn beforehand and used in turn
 _SCAN = 64  # steps in one call of a compiled loop
 

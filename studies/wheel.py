@@ -23,8 +23,7 @@ from studies.smoke import DIGEST, digest_of_plays
 from turning_env.console import described, exits
 
 ROOT = Path(__file__).resolve().parents[1]
-GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")
-"""The oldest and the newest Gymnasium that pyproject.toml allows."""
+GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")  # the oldest and the newest Gymnasium that pyproject.toml allows
 SMOKE = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
 """Code that runs a file without adding its folder to the module search path."""
 TRAIN = """

@@ -110,10 +110,10 @@ LINES = {
     "turning_nc": 4071,
     "turning_control": 1693,
     "baselines": 4634,
-    "train": 4059,
-    "leaderboard": 3297,
-    "papers": 2565,
-    "studies": 2072,
+    "train": 3992,
+    "leaderboard": 3242,
+    "papers": 2487,
+    "studies": 1961,
     "tests": 13585,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.

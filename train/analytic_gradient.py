@@ -43,26 +43,20 @@ Tensor = torch.Tensor
 class Rollout(NamedTuple):
     """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
 
-    memory: Tensor
-    """Memory before the first step, shape (num_envs, memory_size)."""
-    begins: Tensor
-    """1 at the first step of an episode."""
+    memory: Tensor  # memory before the first step, shape (num_envs, memory_size)
+    begins: Tensor  # 1 at the first step of an episode
     observations: Tensor
-    hidden: list[NDArray[Any]]
-    """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
+    hidden: list[NDArray[Any]]  # arguments of Truth after the scenario; their last axis is num_envs
 
 
 class HindsightVecEnv(RoughTurningVecEnv):
     """Environments that keep the hidden states of the last step for a teacher; the agent never sees them."""
 
-    before: NDArray[np.float64]
-    """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
+    before: NDArray[np.float64]  # FIELDS at the start of the step, shape (len(FIELDS), num_envs)
     after: NDArray[np.float64]
     """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
-    changed: NDArray[np.bool_]
-    """Whether the edge was changed in the step, shape (num_envs,)."""
-    failed: NDArray[np.bool_]
-    """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
+    changed: NDArray[np.bool_]  # whether the edge was changed in the step, shape (num_envs,)
+    failed: NDArray[np.bool_]  # whether it was changed because it was worn out or broken, shape (num_envs,)
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations: the tool is in the air before the first bar, with a fresh edge."""

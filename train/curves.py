@@ -32,8 +32,7 @@ from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 from turning_render import plot_style as style
 
-FILE = "learning_curves.json"
-"""Name of the file of learning curves beside agents."""
+FILE = "learning_curves.json"  # name of the file of learning curves beside agents
 POINTS = 100
 _DIGITS = 4  # significant ones, enough to draw
 
@@ -45,11 +44,9 @@ class Training(BaseModel):
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
-    first: float
-    """Environment steps of its first value."""
+    first: float  # environment steps of its first value
     last: float
-    mean_return: list[float] = Field(min_length=1)
-    """Mean return [s] at equal distances from ``first`` to ``last``."""
+    mean_return: list[float] = Field(min_length=1)  # mean return [s] at equal distances from first to last
 
     @classmethod
     def of(cls, run: Run) -> Self:
@@ -72,10 +69,8 @@ class Trainings(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     env_id: str
-    scenario: ScenarioId
-    """The scenario or the family."""
-    trainings: dict[str, Training]
-    """Curves by name and training seed, such as ``ppo-seed0``."""
+    scenario: ScenarioId  # the scenario or the family
+    trainings: dict[str, Training]  # curves by name and training seed, such as ppo-seed0
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -96,14 +91,10 @@ class Trainings(BaseModel):
 class Curve(NamedTuple):
     """Learning curve of one algorithm: arrays of shape (POINTS,)."""
 
-    seeds: int
-    """Number of training seeds."""
-    steps: Floats
-    """Environment steps."""
-    mean: Floats
-    """Mean return over training seeds [s]."""
-    low: Floats
-    """Lower end of its interval [s]; with one training seed, the mean."""
+    seeds: int  # number of training seeds
+    steps: Floats  # environment steps
+    mean: Floats  # mean return over training seeds [s]
+    low: Floats  # lower end of its interval [s]; with one training seed, the mean
     high: Floats
 
 

@@ -46,10 +46,8 @@ from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
-NUM_ENVS, STEPS = 50, 100
-"""Numbers of environments and steps in each of the two comparisons of agent and file."""
-MAX_DIFFERENCE = 2e-5
-"""Largest difference between an agent's action and its file's in episodes: rounding in single precision."""
+NUM_ENVS, STEPS = 50, 100  # numbers of environments and steps in each of the two comparisons of agent and file
+MAX_DIFFERENCE = 2e-5  # largest difference between an agent's action and its file's in episodes: rounding in single precision
 MAX_SAMPLED_DIFFERENCE = 1e-3
 """Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
@@ -61,8 +59,7 @@ class _Agent:
 
     source: str
     about: Metadata
-    actor: Actor | None
-    """The actor; None: the source is itself a network in ONNX."""
+    actor: Actor | None  # the actor; None: the source is itself a network in ONNX
 
     def write(self, path: Path) -> dict[str, Any]:
         """Write the agent's file; see ``export``."""

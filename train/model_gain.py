@@ -33,15 +33,12 @@ FIELDS = ("path", "depth_of_cut", "hardness", "used_life", "thrust_force")
 """Hidden quantities at the start and the end of every step, in the units of ``info``; depth, hardness and force are 0 in air. The
 force is the highest one at the end of a step of the same edge."""
 USED_LIFE, FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
-POINTS = 5
-"""Number of points in time at which a step's costs are evaluated."""
+POINTS = 5  # number of points in time at which a step's costs are evaluated
 WINDOW_EDGE = 0.05
 """Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost of tangled chips. The cost is
 a step there, so its gradient is 0; this line has one."""
-MIN_LOAD = 1e-3
-"""Smallest force over its limit, and probability to survive [-]."""
-MIN_USED_LIFE = 1e-6
-"""Used life of a fresh edge [-]: the laws are not defined at 0."""
+MIN_LOAD = 1e-3  # smallest force over its limit, and probability to survive [-]
+MIN_USED_LIFE = 1e-6  # used life of a fresh edge [-]: the laws are not defined at 0
 
 
 class Truth:

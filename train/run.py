@@ -91,13 +91,10 @@ class Run:
 
     algorithm: str
     env_id: str
-    scenario: Scenario
-    """Scenario; for a family, its first training job."""
+    scenario: Scenario  # scenario; for a family, its first training job
     seed: int
-    parameters: dict[str, Any]
-    """The algorithm's hyperparameters; for a family also its values and the names of its context."""
-    command: str
-    """The command line that started it."""
+    parameters: dict[str, Any]  # the algorithm's hyperparameters; for a family also its values and the names of its context
+    command: str  # the command line that started it
     folder: Path
 
     @classmethod

@@ -36,8 +36,7 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.physics.quantities import OBS
 from turning_env.vector_env import info_at_end_of_step
 
-MAX_TIME = 4.0
-"""Time to the end of the bar [s] beyond which the reading is constant."""
+MAX_TIME = 4.0  # time to the end of the bar [s] beyond which the reading is constant
 
 
 class ShapedVecEnv(RoughTurningVecEnv):
@@ -207,8 +206,7 @@ class ViewActor(Actor):
         return action, torch.cat([next_memory, own], dim=1)
 
 
-LIFE_PRICES = ("flat", "marginal", "end")
-"""Charges for the edge's life."""
+LIFE_PRICES = ("flat", "marginal", "end")  # charges for the edge's life
 
 
 @dataclass(frozen=True)
@@ -216,8 +214,7 @@ class Terms:
     """The terms of one training. Hyperparameters that an algorithm lacks have the values below."""
 
     scenario: Scenario
-    entries: int
-    """Number of entries of an observation, with those of a family's nominal model and of a belief."""
+    entries: int  # number of entries of an observation, with those of a family's nominal model and of a belief
     of_family: bool = False
     belief: bool = False
     position: bool = False

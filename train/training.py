@@ -38,14 +38,10 @@ from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
-SEED_STRIDE = 1_000_000
-"""Environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars."""
-SEEDS = TUNING_START // SEED_STRIDE
-"""Training seeds are below this number."""
-VALIDATION = "validation"
-"""Split of a family on which agents are compared during development."""
-CURVE_ROWS = 200
-"""Approximate number of rows of a learning curve."""
+SEED_STRIDE = 1_000_000  # environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars
+SEEDS = TUNING_START // SEED_STRIDE  # training seeds are below this number
+VALIDATION = "validation"  # split of a family on which agents are compared during development
+CURVE_ROWS = 200  # approximate number of rows of a learning curve
 
 ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
@@ -54,29 +50,19 @@ ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": 
 class Algorithm:
     """A learning algorithm as training, tuning and export use it."""
 
-    name: str
-    """Name of its Python file, of its hyperparameter file, and in ``run.json``."""
+    name: str  # name of its Python file, of its hyperparameter file, and in run.json
     model: type[BaseAlgorithm]
-    new_model: Callable[[Run, VecEnv], BaseAlgorithm]
-    """Function that returns an untrained model for a run on given environments."""
-    network: Callable[[Any], Actor]
-    """Function that returns the agent of a trained policy of Stable-Baselines3."""
-    search: Mapping[str, BaseDistribution]
-    """Hyperparameters to tune, with their ranges."""
+    new_model: Callable[[Run, VecEnv], BaseAlgorithm]  # function that returns an untrained model for a run on given environments
+    network: Callable[[Any], Actor]  # function that returns the agent of a trained policy of Stable-Baselines3
+    search: Mapping[str, BaseDistribution]  # hyperparameters to tune, with their ranges
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
-    families: bool = True
-    """Whether it can learn on the jobs of a family."""
-    extra_state: tuple[str, ...] = ()
-    """Attributes that a checkpoint holds besides those that Stable-Baselines3 saves."""
-    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
-    """Further callbacks during training."""
-    columns: Callable[[Any], dict[str, float]] = lambda model: {}
-    """Further columns of the learning curve."""
-    plays: Callable[[Scenario], bool] = lambda scenario: True
-    """Whether it can learn on a scenario."""
-    log_interval: int = 5
-    """Rollouts (off-policy: episodes) between entries in the TensorBoard logs."""
+    families: bool = True  # whether it can learn on the jobs of a family
+    extra_state: tuple[str, ...] = ()  # attributes that a checkpoint holds besides those that Stable-Baselines3 saves
+    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []  # further callbacks during training
+    columns: Callable[[Any], dict[str, float]] = lambda model: {}  # further columns of the learning curve
+    plays: Callable[[Scenario], bool] = lambda scenario: True  # whether it can learn on a scenario
+    log_interval: int = 5  # rollouts (off-policy: episodes) between entries in the TensorBoard logs
 
     def actor(self, path: Path) -> Actor:
         """Load the finished agent from a ``policy.zip`` of your own."""

@@ -36,8 +36,7 @@ from turning_env.files import digest_of, file_lock
 from turning_env.scoring.workers import Workers, cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
-NUM_EPISODES = 64
-"""Number of tuning seeds that each agent plays; of a family, it plays all jobs for validation."""
+NUM_EPISODES = 64  # number of tuning seeds that each agent plays; of a family, it plays all jobs for validation
 
 
 @dataclass(frozen=True)
@@ -47,13 +46,10 @@ class Task:
     algorithm: str
     env_id: str
     scenario: Scenario | Family
-    steps: int
-    """Environment steps of each training."""
-    seeds: int
-    """Trainings per trial, with the training seeds 0, 1, ..."""
+    steps: int  # environment steps of each training
+    seeds: int  # trainings per trial, with the training seeds 0, 1, ...
     runs: Path
-    overrides: dict[str, Any] = field(default_factory=dict)
-    """Hyperparameters of all trials in place of the file's."""
+    overrides: dict[str, Any] = field(default_factory=dict)  # hyperparameters of all trials in place of the file's
 
     @property
     def known(self) -> dict[str, Any]:

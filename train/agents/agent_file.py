@@ -30,8 +30,7 @@ from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
 
-NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
-"""Pattern of agents' names, which also name files."""
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"  # pattern of agents' names, which also name files
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 ONNX_SUFFIX = ".onnx"
 _STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -58,22 +57,16 @@ class Metadata(BaseModel):
 
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
-    name: str = Field(pattern=NAME)
-    """Name on leaderboards; a file without it has its algorithm's."""
-    seed: int = Field(ge=0)
-    """Training seed."""
+    name: str = Field(pattern=NAME)  # name on leaderboards; a file without it has its algorithm's
+    seed: int = Field(ge=0)  # training seed
     env_id: str
-    scenario: PortableScenario
-    """Scenario of the training: its name and the values that differ from the defaults."""
+    scenario: PortableScenario  # scenario of the training: its name and the values that differ from the defaults
     observation_space: Space
     action_space: Space
-    parameters: dict[str, JsonValue]
-    """The algorithm's hyperparameters."""
+    parameters: dict[str, JsonValue]  # the algorithm's hyperparameters
     trained_steps: int = Field(ge=0)
-    command: str
-    """Command line of the training."""
-    versions: dict[str, str]
-    """Versions of the packages that made the file."""
+    command: str  # command line of the training
+    versions: dict[str, str]  # versions of the packages that made the file
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:

@@ -13,22 +13,17 @@ from turning_env.scoring.onnx_session import Floats, OnnxPolicy, first_line, ses
 
 MAX_BYTES = 20_000_000
 MAX_NODES = 4_000
-MAX_ENTRIES = 1_000_000
-"""Largest size of any intermediate value, per environment."""
-MAX_MEMORY = 65_536
-"""Largest size of the memory, per environment."""
-MAX_METADATA = 1_000_000
-"""Characters."""
-OPSETS = range(13, 27)
-"""Versions of ONNX's operators that the pinned ONNX Runtime runs, and that are tried in the tests."""
+MAX_ENTRIES = 1_000_000  # largest size of any intermediate value, per environment
+MAX_MEMORY = 65_536  # largest size of the memory, per environment
+MAX_METADATA = 1_000_000  # characters
+OPSETS = range(13, 27)  # versions of ONNX's operators that the pinned ONNX Runtime runs, and that are tried in the tests
 _OPERATORS = """
 Abs Add And ArgMax Cast Clip Concat Constant Conv CumSum Div Einsum Elu Equal Erf Exp Expand Flatten GRU Gather GatherElements
 Gelu Gemm Greater GreaterOrEqual HardSigmoid HardTanh Identity LSTM LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
 MatMul Max Min Mish Mul Neg Not Or Pow RNN Reciprocal ReduceMax ReduceMean ReduceMin ReduceSum Relu Reshape Selu Shape Sigmoid
 Sign Slice Softmax Softplus Softsign Split Sqrt Squeeze Sub Sum Swish Tanh Transpose Unsqueeze Where
 """
-OPERATORS = frozenset(_OPERATORS.split())
-"""Allowed operators: arithmetic whose output size shape inference knows beforehand."""
+OPERATORS = frozenset(_OPERATORS.split())  # allowed operators: arithmetic whose output size shape inference knows beforehand
 TOLERANCE = 1e-4
 """Largest difference of an environment's action when other environments are in the batch: sums may be taken in another order."""
 _NUM_ENVS = 8  # with which a network is tried
@@ -38,8 +33,7 @@ class Outline(NamedTuple):
     """Metadata and shapes of a file."""
 
     properties: dict[str, str]
-    inputs: dict[str, int]
-    """Entries per environment of each input."""
+    inputs: dict[str, int]  # entries per environment of each input
     outputs: dict[str, int]
 
 

@@ -52,14 +52,10 @@ _OUTLINE = TypeAdapter(Outline)
 class Limits:
     """Limits of a network's process."""
 
-    answer: float = 60.0
-    """Wall-clock time until an answer [s]: generous, as the machine may be busy."""
-    start: float = 120.0
-    """Wall-clock time until its process is ready [s]."""
-    computing: int = 600
-    """Total processor time of one play of all its episodes [s]."""
-    memory: int = 3072
-    """Memory [MiB], including ONNX Runtime's own."""
+    answer: float = 60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
+    start: float = 120.0  # wall-clock time until its process is ready [s]
+    computing: int = 600  # total processor time of one play of all its episodes [s]
+    memory: int = 3072  # memory [MiB], including ONNX Runtime's own
 
 
 LIMITS = Limits()

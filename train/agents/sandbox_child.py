@@ -13,10 +13,8 @@ import time
 
 import numpy as np
 
-ANSWER, ERROR = b"K", b"E"
-"""Kinds of messages of the child: an answer, or why there is none."""
-CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"
-"""Kinds of messages of the parent; ``RESET`` is not answered."""
+ANSWER, ERROR = b"K", b"E"  # kinds of messages of the child: an answer, or why there is none
+CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"  # kinds of messages of the parent; RESET is not answered
 
 _HEAD = struct.Struct("<cQ")  # kind and length
 _MAX_REQUEST = 2**31  # [bytes]
