@@ -92,18 +92,8 @@ class _Agent:
 def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
     """Write the finished agent of one of your own runs to the folder ``out``; the file's name states agent and training seed.
 
-    Args:
-        folder: folder of the run.
-        out: folder of the file.
-        name: the agent's name on leaderboards; None: see ``Run.name``.
-
-    Returns:
-        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
-        agent and of the file, and the number of compared ``observations``.
-
-    Raises:
-        ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
-        OSError: the file cannot be written.
+    Return ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file, the ``largest_difference`` of its actions from the
+    agent's, and the number of compared ``observations``. ValueError says why there is no file, OSError that none can be written.
     """
     agent = _of_run(folder, name)
     return agent.write(out / f"{agent.about.label}{ONNX_SUFFIX}")

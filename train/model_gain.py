@@ -47,14 +47,10 @@ class Truth:
     def __init__(
         self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
     ) -> None:
-        """Interpolate the records of a ``HindsightVecEnv``.
+        """Interpolate the records of a ``HindsightVecEnv`` of the scenario.
 
-        Args:
-            scenario: scenario of the environments.
-            before: ``FIELDS`` at the starts of the steps, shape (steps, len(FIELDS), num_envs).
-            after: ``FIELDS`` at their ends, likewise.
-            changed: whether the edge was changed, shape (steps, num_envs).
-            failed: whether it was changed because it was worn out or broken, likewise.
+        ``before`` and ``after`` are ``FIELDS`` at the starts and ends of steps, shape (steps, len(FIELDS), num_envs). The edge was
+        changed where ``changed``, because it was worn out or broken where also ``failed``, shape (steps, num_envs).
         """
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
@@ -140,14 +136,8 @@ class ModelGain:
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
 
-        Both have shape (steps, num_envs). For a changed edge, the earnings assume a nominal bar.
-
-        Args:
-            log_speed: commanded cutting speed [log m/min], shape (steps, num_envs).
-            log_feed: commanded feed [log mm/rev], likewise.
-            speed: actual cutting speed at the step's start [m/min], likewise.
-            feed: actual feed at the step's start [mm/rev], likewise.
-            truth: the hidden states.
+        All have shape (steps, num_envs): the logarithms of commanded cutting speed [m/min] and feed [mm/rev], and the actual ones
+        at the step's start. For a changed edge, the earnings assume a nominal bar.
         """
         scenario = self._scenario
         speeds, feeds = self._follow(log_speed.exp(), speed, 0), self._follow(log_feed.exp(), feed, 1)

@@ -45,10 +45,7 @@ MAX_SUB_STEPS = 10_000
 def law_program(name: str, scenario: Scenario) -> Program:
     """Return a program of one cut along one bar at the programmed speed and feed, under a controller's override law.
 
-    Raises:
-        KeyError: there is no such controller.
-        NcError: the controller is not one of ``LAWS``, or the scenario does not set the override of a programmed feed.
-        ValueError: the controller cannot play the scenario, or has not been tuned for it.
+    Raise KeyError or ValueError if there is no such controller on the scenario, NcError if it is not one of ``LAWS``.
     """
     entry = catalogue.spec(name, scenario)
     if name not in LAWS:

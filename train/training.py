@@ -170,16 +170,8 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
 def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False) -> Path:
     """Train or resume, unless training is finished; return the path of the finished agent.
 
-    Args:
-        run: run to train; its folder is made if it is missing.
-        algorithm: its algorithm.
-        checkpoint_every: environment steps between checkpoints.
-        wait: whether to wait while another process trains in the run's folder, instead of raising an error.
-
-    Raises:
-        ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, the algorithm
-            cannot learn on the scenario or with the hyperparameters, or the seed is not for training.
-        OSError: a file cannot be written; files written before remain.
+    Checkpoints are ``checkpoint_every`` environment steps apart. If another process trains in the run's folder, ``wait`` or raise
+    ValueError. ValueError also says what cannot be trained, or that the folder holds a training with other settings.
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")

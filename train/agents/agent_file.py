@@ -131,11 +131,9 @@ def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
 
 
 def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
-    """Return the function that makes an agent, with the belief or the rule that its parameters name.
+    """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
 
-    Args:
-        agent: the agent. If the nominal model of its training was wrong, the belief expects errors of the laws.
-        scenarios: scenario that it plays, or those of its environments.
+    If the nominal model of its training was wrong, the belief expects errors of the laws.
     """
     guides = agent.parameters.get("guide") is True
     if not guides and agent.parameters.get("belief") is not True:

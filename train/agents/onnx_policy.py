@@ -66,15 +66,9 @@ class TooSlow(ValueError):
 
 
 class Sandbox:
-    """A process that checks a file's content and plays it. It ends when this object is garbage-collected.
+    """A process that checks a file's content and plays it; ValueError says why it cannot. Its ``program`` is not trusted.
 
-    Args:
-        content: the file's content.
-        limits: limits of the process.
-        program: its program; it is not trusted.
-
-    Raises:
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
+    It ends when this object is garbage-collected.
     """
 
     def __init__(self, content: bytes, limits: Limits = LIMITS, program: str = PROGRAM) -> None:
@@ -163,12 +157,7 @@ class GuardedPolicy:
         self.sandbox.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
-
-        Raises:
-            ValueError: the observations have another shape or type; the answer is not actions, or not reproducible; the process
-                exceeds its limits, or is gone.
-        """
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32, both checked."""
         if observations.shape != self._observations or observations.dtype != np.float32:
             wanted = f"float32 of shape {self._observations}, got {observations.dtype} of {observations.shape}"
             raise ValueError(f"the agent cannot act on these observations: they must be {wanted}")
@@ -194,17 +183,9 @@ class _Maker:
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
-    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
+    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and each play has limits.
 
-    Args:
-        path: the file.
-        limits: limits of each play.
-
-    Raises:
-        TooSlow: it gives no actions in time.
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
-        OSError: it cannot be read.
-        ModuleNotFoundError: what runs such files is not installed.
+    Raise TooSlow if it gives no actions in time, and ValueError with the reason if the file is refused.
     """
     for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
         if find_spec(name) is None:

@@ -42,10 +42,7 @@ class Connection:
     def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:
         """Return the kind and the content of the next message; ``timeout`` [s] covers the whole message, None: no limit.
 
-        Raises:
-            TimeoutError: the message has not arrived completely in time.
-            EOFError: the other side is gone.
-            OSError: the other side is gone, or the message is longer than ``max_bytes``.
+        Raise TimeoutError, EOFError if the other side is gone, or OSError if the message is longer than ``max_bytes``.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         kind, length = _HEAD.unpack(self._receive(_HEAD.size, deadline))
@@ -66,12 +63,7 @@ class Connection:
 
 
 def main(memory: int, computing: int) -> None:
-    """Serve the parent process, over the socket on standard input, until that is closed.
-
-    Args:
-        memory: allowed memory [MiB].
-        computing: allowed processor time [s].
-    """
+    """Serve the parent process over the socket on standard input; ``memory`` [MiB] and ``computing`` [s] are limits."""
     parent = Connection(socket.socket(fileno=0))
     try:
         # Import all that is needed while files can still be opened.

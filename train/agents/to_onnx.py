@@ -90,10 +90,8 @@ def adopted(path: Path, about: Metadata) -> bytes:
     """Return an agent's file made of any network in an ONNX file of your own, also with its weights in a side file.
 
     The first input is the observation and the first output the action, clipped to -1..1; a second input and output are the
-    memory. The first axis of all becomes the number of environments. Metadata in the file is replaced.
-
-    Raises:
-        ValueError: it is no ONNX file, or its inputs and outputs cannot be those of the agent; says what is missing.
+    memory. The first axis of all becomes the number of environments. Metadata in the file is replaced. ValueError says what is
+    missing.
     """
     try:
         model = inliner.inline_local_functions(onnx.load(path))
@@ -206,14 +204,9 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
 
 
 def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
-    """Return the training and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
+    """Return the training and the actor of a model of Stable-Baselines3 or sb3-contrib; ValueError if it cannot be exported.
 
-    Args:
-        path: PPO, A2C, SAC, TQC, TD3, or RecurrentPPO of one LSTM layer.
-        run: a training elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
-
-    Raises:
-        ValueError: the file holds no such model, or one for other observations or actions; says which.
+    The run is one elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
     """
     warn_of_pickle(path)
     try:
