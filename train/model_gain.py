@@ -49,8 +49,8 @@ class Truth:
     ) -> None:
         """Interpolate the records of a ``HindsightVecEnv`` of the scenario.
 
-        ``before`` and ``after`` are ``FIELDS`` at the starts and ends of steps, shape (steps, len(FIELDS), num_envs). The edge was
-        changed where ``changed``, because it was worn out or broken where also ``failed``, shape (steps, num_envs).
+        ``before`` and ``after`` are ``FIELDS`` at the starts and ends of steps, shape (steps, len(FIELDS), num_envs). The edge
+        was changed where ``changed``, because it was worn out or broken where also ``failed``, shape (steps, num_envs).
         """
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
