@@ -145,10 +145,7 @@ JOBS = (
     Column("worst job", "s", "Lowest return of a job.", "worst_return"),
     Column("feasible jobs", "% of jobs", "Jobs within the allowance of severe overload.", "feasible_jobs", 0, 100),
 )
-SCORE = (
-    Column("score", "-", _SCORE, "score", 1, 100),
-    Column("over causal", "s", _OVER_CAUSAL, "over_causal"),
-)
+SCORE = (Column("score", "-", _SCORE, "score", 1, 100), Column("over causal", "s", _OVER_CAUSAL, "over_causal"))
 COMPARISONS = (
     Column("over fixed", "s", "Return less that of the task's best fixed parameters on the same seeds.", "over_fixed"),
     Column("over published", "s", "Return less that of the task's published controller on the same seeds.", "over_published"),

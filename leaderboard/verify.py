@@ -45,12 +45,7 @@ class Selection:
 
 
 def verify(
-    results: Path,
-    agents_folder: Path,
-    selection: Selection,
-    memory: Path,
-    seeds: int | None = None,
-    over: Workers | None = None,
+    results: Path, agents_folder: Path, selection: Selection, memory: Path, seeds: int | None = None, over: Workers | None = None
 ) -> list[str]:
     """Play every selected result again.
 

@@ -390,8 +390,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bar.update()
     if parsed.agents:
         publish(
-            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm],
-            parsed.agents,
+            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm], parsed.agents
         )
     print(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}))
     return 0

@@ -193,8 +193,7 @@ def finished(algorithm: Algorithm, runs: Path, **changes: object) -> Run:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "changes"),
-    [("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})],
+    ("name", "changes"), [("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})]
 )
 def test_runs_of_every_network_can_be_exported(
     name: str, changes: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -41,9 +41,7 @@ TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal"
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("algorithm", "terms"),
-    [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)],
-    ids=[*ALGORITHMS, "ppo_with_terms"],
+    ("algorithm", "terms"), [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)], ids=[*ALGORITHMS, "ppo_with_terms"]
 )
 def test_an_interrupted_training_gives_the_same_agent(algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path) -> None:
     whole, cut = (small_run(algorithm, tmp_path / name, **terms) for name in ("whole", "cut"))
