@@ -31,10 +31,10 @@ def write_all(results: Path, agents: Path) -> list[Path]:
         played = {(each.policy.label, each.policy.sha256) for each in board.results}
         for name, files in _agents(folder).items():
             for file in files:
-                if (file.label, file.digest) not in played:
-                    raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {results}: play it first")
+                if (file.metadata.label, file.digest) not in played:
+                    raise ResultError(f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first")
             path = folder / f"{name}.md"
-            write_whole(path, render(files, board, across, folder / f"{files[0].label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files, board, across, folder / f"{files[0].metadata.label}{ONNX_SUFFIX}"))
             written.append(path)
     return written
 
@@ -49,7 +49,7 @@ def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across 
         example: the file that the example loads.
     """
     metadata = files[0].metadata
-    name = board.names[files[0].label]
+    name = board.names[files[0].metadata.label]
     standing = next(each for each in board.standings if each.name == name)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
     elsewhere = across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
@@ -84,10 +84,10 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
             raise ResultError(str(error)) from error
         metadata = file.metadata
         family = family_of(metadata.env_id, metadata.parameters)
-        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.label}{ONNX_SUFFIX}"
+        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.metadata.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
-            raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
-        agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)
+            raise ResultError(f"{path} holds {file.metadata.label} and should be at {place} in the folder of agents")
+        agents.setdefault(file.metadata.label.rpartition("-seed")[0], []).append(file)
     for files in agents.values():
         files.sort(key=lambda file: file.metadata.seed)
     return agents

@@ -61,12 +61,10 @@ REFUSED = {
 
 
 def spaces_of(env: Any, kind: str) -> tuple[Any, ...]:
-    """Return the space that a single environment's wrapper takes."""
     return () if hasattr(env, "num_envs") else (getattr(env, kind),)
 
 
 def wrapped(module: Any, name: str, env: Any) -> Any:
-    """The environment in Gymnasium's wrapper of a name."""
     if name == "TimeAwareObservation":  # wants to know a time limit; the ids state none, as limits are the scenario's
         env = single.TimeLimit(env, 10)
     arguments: tuple[Any, ...] = ARGUMENTS[name](env) if name in ARGUMENTS else ()

@@ -15,7 +15,6 @@ SCENARIO = Scenario.load("rough_turning")
 
 
 def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: object) -> Information:
-    """Return the information of an agent with this training command."""
     found = information(spec("mine", seed=0, command=command, parameters=parameters), scenario)
     assert found is not None
     return found

@@ -35,13 +35,11 @@ class Remembering(Actor):
 
 
 def memoryless(seed: int = 0) -> Feedforward:
-    """Two layers."""
     torch.manual_seed(seed)
     return Feedforward(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, 2)).eval()
 
 
 def remembering(seed: int = 0) -> Remembering:
-    """An agent with a memory."""
     torch.manual_seed(seed)
     return Remembering().eval()
 
@@ -53,7 +51,6 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
 
 @functools.cache
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
-    """Return the content of an agent's file."""
     actor = remembering(seed) if memory else memoryless(seed)
     weights = {name: array.numpy() for name, array in actor.state_dict().items()}
     first, last = ("cell", "head") if memory else ("layers.0", "layers.2")
@@ -70,7 +67,6 @@ def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> byte
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
-    """An agent's file in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{algorithm}-seed{seed}.onnx"
     path.write_bytes(content(memory, seed, algorithm))

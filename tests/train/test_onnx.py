@@ -115,7 +115,6 @@ REFUSED: dict[str, tuple[Change, str]] = {
 
 
 def here(path: Path) -> None:
-    """Check and try a file in this process."""
     file = agent_file.read(path)
     tried(file.content, 11, 2, file.memory_size)
 

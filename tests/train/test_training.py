@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.callbacks import BaseCallback
 
-from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from tests.train.small import ALGORITHMS, SCENARIO, Interruption, small_run
 from train import export, ppo, training
 from train.actor import ActorPolicy
 from train.agents import onnx_policy
@@ -26,15 +25,6 @@ from turning_env.scoring.seeds import TUNING_START
 PPO = ALGORITHMS["ppo"]
 
 
-class Interruption(BaseCallback):
-    """Interrupts a training after some steps."""
-
-    def _on_step(self) -> bool:
-        if self.num_timesteps > 1100:
-            raise KeyboardInterrupt
-        return True
-
-
 NUM_ENVS = 6
 TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal"}
 
@@ -48,7 +38,7 @@ def test_an_interrupted_training_gives_the_same_agent(algorithm: Algorithm, term
     train(whole, algorithm, checkpoint_every=512)
     own = algorithm.callbacks(cut)
     with pytest.raises(KeyboardInterrupt):
-        train(cut, replace(algorithm, callbacks=lambda run: [*own, Interruption()]), checkpoint_every=512)
+        train(cut, replace(algorithm, callbacks=lambda run: [*own, Interruption(1100)]), checkpoint_every=512)
     assert cut.checkpoint.exists()
     assert not cut.policy.exists()
     train(cut, algorithm, checkpoint_every=512)

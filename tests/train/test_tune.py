@@ -21,7 +21,6 @@ def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> Played:
 
 
 def search(folder: Path, trials: int, evaluate: Any = learning_rate_matters) -> tuple[int, Trial]:
-    """Tune without training."""
     return tune.search(tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder), trials, evaluate=evaluate)
 
 

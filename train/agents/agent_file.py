@@ -203,15 +203,6 @@ class AgentFile:
         """Return the SHA-256 of the file."""
         return hashlib.sha256(self.content).hexdigest()
 
-    def policy(self, make: PolicyFactory) -> PolicySpec:
-        """Return the agent as a policy that ``make`` makes."""
-        return trained_policy(self.metadata, self.metadata.trained_steps, self.digest, make)
-
-    @property
-    def label(self) -> str:
-        """Return the agent's name and training seed: its file's name without the suffix."""
-        return self.metadata.label
-
 
 def read(path: Path) -> AgentFile:
     """Read an agent's file of one's own or raise ValueError; load a stranger's with ``onnx_policy.load``."""

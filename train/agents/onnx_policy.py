@@ -28,7 +28,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from train.agents import agent_file
 from train.agents import sandbox_child as child
-from train.agents.agent_file import AgentFile
+from train.agents.agent_file import AgentFile, trained_policy
 from train.agents.network import MAX_BYTES, MAX_METADATA, Outline, check_actions
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 
@@ -192,10 +192,11 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
-        return _checked(content).policy(_Maker(content, limits))
+        file = _checked(content)
     except ValueError as error:
         kind = TooSlow if isinstance(error, TooSlow) else ValueError
         raise kind(f"{path}: {error}") from error
+    return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(content, limits))
 
 
 @lru_cache(64)
