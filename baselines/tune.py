@@ -189,12 +189,7 @@ def middle(values: Range) -> float:
 
 
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
-
-    Raises:
-        KeyError: there is no rule of that name.
-        ValueError: a rule cannot play the scenario or has nothing to tune there.
-    """
+    """Return the named rules, or all to tune on the scenario, or if ``quick`` the best of them; ValueError if one cannot be."""
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
     fixed = [
         name
@@ -207,11 +202,7 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool =
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
-    """Return the file to write; only ``shipped`` may overwrite one that ships.
-
-    Raises:
-        ValueError: another file is asked for, or the file's name has another suffix.
-    """
+    """Return the file to write; ValueError unless it ends in .json, and if one that ships is written without ``shipped``."""
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
@@ -226,11 +217,7 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
 
 
 def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
-    """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
-
-    Raises:
-        ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
-    """
+    """Return a file's entries for the rules that are not tuned now; ValueError if they were tuned with another budget."""
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
         return {}

@@ -109,12 +109,12 @@ LINES = {
     "turning_shop": 2779,
     "turning_nc": 4071,
     "turning_control": 1693,
-    "baselines": 4634,
-    "train": 3992,
-    "leaderboard": 3242,
+    "baselines": 4553,
+    "train": 3917,
+    "leaderboard": 3234,
     "papers": 2487,
-    "studies": 1961,
-    "tests": 13585,
+    "studies": 1960,
+    "tests": 13458,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
 

@@ -32,8 +32,8 @@ from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 
-IMPROVED = ("PV", "SN", "PN", "MV", "MN")
-NOT_NECESSARY = ("PT", "MT")  # the paper's claims on the rules; it has none on [SV] and [ST]
+IMPROVED = ("PV", "SN", "PN", "MV", "MN")  # the paper's claims on the rules; it has none on [SV] and [ST]
+NOT_NECESSARY = ("PT", "MT")  # likewise
 SOURCES = ("handbook", "experience", "literature")  # the slides' sources of dispersions
 WORTH_HAVING = 1.0  # least psi that counts as an improvement [%] (assumption)
 SLACK = 2.0  # limits that a rule does not name, over their value in the common cut [-]
