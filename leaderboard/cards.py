@@ -40,13 +40,9 @@ def write_all(results: Path, agents: Path) -> list[Path]:
 
 
 def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across | None, example: Path) -> str:
-    """Return the card of an agent as Markdown.
+    """Return the card of an agent, with a file per training seed, as Markdown.
 
-    Args:
-        files: one per training seed.
-        board: the leaderboard of its task.
-        across: full costs on scenarios on which it was not trained, if there are any.
-        example: the file that the example loads.
+    ``across``: full costs on scenarios on which it was not trained, if any; ``example``: the file that the example loads.
     """
     metadata = files[0].metadata
     name = board.names[files[0].metadata.label]

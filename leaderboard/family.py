@@ -137,11 +137,7 @@ class FamilyPlay:
 
 
 class FixedNominalOptimum(Policy):
-    """The nominal model's best set point on a half-worn edge; edges are changed by nominal wear.
-
-    Args:
-        jobs: the job of each environment.
-    """
+    """The nominal model's best set point of each job on a half-worn edge; edges are changed by nominal wear."""
 
     def __init__(self, jobs: Sequence[Job]) -> None:
         self._scenarios: Any = columns_of([job.scenario for job in jobs])

@@ -201,15 +201,8 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
 
-    It ranks among the agents, without a digest, as versions of the code cannot be distinguished.
-
-    Args:
-        source: the module and the object.
-        task: what it is made for.
-        name: its name; None: that of the object.
-
-    Raises:
-        ResultError: there is no such object, it is no policy, or another policy has its name.
+    It ranks among the agents, without a digest, as versions of the code cannot be distinguished. Without a ``name`` it has the
+    object's. Raise ResultError if there is no such policy, or another has its name.
     """
     try:
         as_factory(source)

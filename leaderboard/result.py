@@ -244,9 +244,7 @@ def result_files(folder: Path) -> list[Path]:
 def read_results(folder: Path, complain: Callable[[str], None] | None = None) -> dict[str, Result]:
     """Return the results of one ``result_folder`` by the policies' labels; files that cannot be used are left out.
 
-    Args:
-        folder: the folder.
-        complain: receives the faults of such files; None: they go to standard error.
+    ``complain`` receives their faults; None: they go to standard error.
     """
     results: dict[str, Result] = {}
     for path in result_files(folder):

@@ -189,11 +189,7 @@ def highest(returns: Mapping[str, float]) -> str | None:
 
 
 class _Board:
-    """Policies on one task.
-
-    Args:
-        groups: the results of each policy by its name, one per training seed.
-    """
+    """Policies on one task: the results of each by its name, one per training seed."""
 
     def __init__(self, groups: Mapping[str, Sequence[Result]]) -> None:
         self.groups, self.task = groups, next(iter(groups.values()))[0].task

@@ -32,17 +32,7 @@ _GAP = 8
 
 
 class Show:
-    """One policy's episode, seen step by step.
-
-    Args:
-        spec: the policy.
-        task: whose first seed, or job of a family, it plays.
-        render_mode: "rgb_array" or "human".
-
-    Attributes:
-        env: the environment.
-        ended: whether the episode has ended.
-    """
+    """One policy's episode on the first seed or job of a task, seen step by step, until it has ``ended``."""
 
     def __init__(self, spec: PolicySpec, task: Task, render_mode: str) -> None:
         self._label, (seed,) = spec.label, task.seeds

@@ -80,14 +80,7 @@ class TargetCommands(torch.nn.Module):
 
 
 class GruActor(Actor):
-    """A GRU between two layers. Its memory holds the GRU's cells.
-
-    Args:
-        scenario: scenario of the training.
-        entries: number of entries of an observation.
-        cells: size of the GRU and of the layers around it.
-        memory: whether the GRU remembers; otherwise it begins anew with every observation.
-    """
+    """A GRU of ``cells`` between layers of that size. Its memory holds them; without ``memory`` it begins anew every time."""
 
     def __init__(self, scenario: Scenario, entries: int, cells: int, memory: bool = True) -> None:
         super().__init__()

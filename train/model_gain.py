@@ -97,11 +97,9 @@ def flat_prices(scenario: Scenario) -> Worth:
 
 
 class ModelGain:
-    """The gain of steps as a function of the commanded cutting speeds and feeds, if the aim is removal.
+    """The gain of steps as a function of the commanded cutting speeds and feeds on the true scenario, if the aim is removal.
 
-    Args:
-        scenario: the true scenario of all environments.
-        prices: prices of time and life, with life at evenly spaced used shares up to 1; None: those of the scenario.
+    ``prices`` of life are at evenly spaced used shares up to 1; None: the scenario's.
     """
 
     def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:

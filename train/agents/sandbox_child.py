@@ -25,9 +25,7 @@ _CHECK_EVERY = 32  # ... and then one of so many at random, which no network can
 class Connection:
     """One end of a connection for messages: a kind and bytes. Neither side trusts the other to be quick.
 
-    Args:
-        connection: a connected socket.
-        send_timeout: time until a message must be taken [s]; None: no limit.
+    A message must be taken within ``send_timeout`` [s]; None: no limit.
     """
 
     def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
