@@ -17,7 +17,7 @@ Tensor = torch.Tensor
 
 ACTUAL = slice(OBS.cutting_speed, OBS.feed + 1)
 COMMANDED = slice(OBS.commanded_cutting_speed, OBS.commanded_feed + 1)
-"""Entries of an observation: actual and commanded cutting speed and feed, and whether the tool is in metal."""
+"""Entries of an observation: actual and commanded cutting speed and feed."""
 
 
 class TargetCommands(torch.nn.Module):
