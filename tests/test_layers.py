@@ -110,11 +110,11 @@ LINES = {
     "turning_nc": 4071,
     "turning_control": 1693,
     "baselines": 4553,
-    "train": 3917,
-    "leaderboard": 3234,
+    "train": 3887,
+    "leaderboard": 3198,
     "papers": 2487,
     "studies": 1960,
-    "tests": 13458,
+    "tests": 13411,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
 

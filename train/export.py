@@ -163,9 +163,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
     """Return the metadata of the file of a run's agent. Raise ValueError if the name is not allowed."""
     name = name or run.name
     if not re.fullmatch(NAME, name):
-        raise ValueError(
-            f"the name is {name!r}, but must be at most 128 letters, digits, '_', '.' or '-', the first no '.' or '-'"
-        )
+        raise ValueError(f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, the first no . or -")
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
@@ -259,9 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
             agent = _of_file(path, elsewhere, parsed.name, parsed.seed)
         elif not path.is_dir():
-            raise ValueError(
-                f"{path} holds no agent: give a folder of training runs, or a file that ends in .zip or {ONNX_SUFFIX}"
-            )
+            raise ValueError(f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file")
         else:
             agent = _of_run(path, parsed.name)
             if given := [name for name in ("env", "scenario", "seed") if getattr(parsed, name) is not None]:

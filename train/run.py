@@ -99,19 +99,12 @@ class Run:
 
     @classmethod
     def plan(
-        cls,
-        algorithm: str,
-        env_id: str,
-        scenario: Scenario | Family,
-        seed: int,
-        runs: Path,
-        command: str,
-        overrides: dict[str, Any],
+        cls, algorithm: str, env_id: str, scenario: Scenario | Family, seed: int, runs: Path, command: str, given: dict[str, Any]
     ) -> "Run":
-        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with ``overrides``."""
+        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with those given."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
         job, family = _described(scenario)
-        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | overrides | family, command, folder)
+        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | given | family, command, folder)
 
     @classmethod
     def elsewhere(cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str) -> "Run":

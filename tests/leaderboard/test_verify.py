@@ -72,13 +72,11 @@ def place(path: Path) -> str:
     return str(path).removesuffix(".json.xz")
 
 
-def rewrite(
-    path: Path, episodes: dict[str, list[float]] | None = None, model_version: int = MODEL_VERSION, **policy: Any
-) -> None:
+def rewrite(path: Path, new: dict[str, list[float]] | None = None, model_version: int = MODEL_VERSION, **policy: Any) -> None:
     """Write a result with other episodes, another model or a changed policy, and the manifest that belongs to it."""
     old = only(path)
     task = old.task.model_copy(update={"model_version": model_version})
-    changed = {name: np.array(values) for name, values in (old.episodes | (episodes or {})).items()}
+    changed = {name: np.array(values) for name, values in (old.episodes | (new or {})).items()}
     path.unlink()
     write_result(Result.of(task, old.policy.model_copy(update=policy), changed), path.parent)
     write_manifest(path.parent, task)

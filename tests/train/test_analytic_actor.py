@@ -14,9 +14,7 @@ def positions(scenario: Scenario, speed: np.ndarray, feed: np.ndarray) -> torch.
     """Positions -1..1 in the machine's ranges."""
     machine = scenario.machine
     ranges = ((speed, machine.cutting_speed_min, machine.cutting_speed_max), (feed, machine.feed_min, machine.feed_max))
-    return torch.tensor(
-        np.stack([2 * np.log(v / low) / np.log(high / low) - 1 for v, low, high in ranges], 1), dtype=torch.float32
-    )
+    return torch.tensor(np.stack([2 * np.log(v / low) / np.log(high / low) - 1 for v, low, high in ranges], 1)).float()
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "shift", "override"])

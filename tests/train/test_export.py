@@ -154,9 +154,7 @@ def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Pa
 def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "mine.onnx", tmp_path / "out"
     network(path, *SLICE)
-    assert "'x' has shape [1, 11], but must have (number of environments, 12)" in refusal(
-        capsys, out, path, "--scenario", "surface"
-    )
+    assert "must have (number of environments, 12)" in refusal(capsys, out, path, "--scenario", "surface")
     network(path, *SLICE, helper.make_node("Identity", ["y"], ["n"]))
     model = onnx.load(path)
     model.graph.output.append(helper.make_tensor_value_info("n", 1, None))

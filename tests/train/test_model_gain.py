@@ -95,9 +95,7 @@ def expected_gain(scenario: Scenario, speed: float, feed: float, depth: float, h
         pytest.param(TANGLING, 120.0, 0.4 * math.exp(WINDOW_EDGE), 3.0, 1.0, 0.3, id="chips tangle"),
     ],
 )
-def test_the_gain_is_its_formula(
-    scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float
-) -> None:
+def test_gain_is_its_formula(scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float) -> None:
     gain = gain_of(scenario)
     commands = torch.tensor([[[math.log(speed)]], [[math.log(feed)]]], requires_grad=True)
     ends = state(100.0, depth, hardness, used)

@@ -104,10 +104,8 @@ class Metadata(BaseModel):
             return cls.model_validate(values)
         except ValidationError as error:
             details = error.errors()[0]
-            field_name = ".".join(str(part) for part in details["loc"])
-            raise ValueError(
-                f"metadata {field_name}: {details['msg']}".replace("metadata : Value error, ", "metadata ")
-            ) from error
+            place = ".".join(str(part) for part in details["loc"])
+            raise ValueError(f"metadata {place}: {details['msg']}".replace("metadata : Value error, ", "metadata ")) from error
 
 
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
@@ -218,13 +216,9 @@ def read_content(path: Path) -> bytes:
     if path.is_dir() and not path.is_symlink():
         found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
         if (path / "run.json").exists():
-            raise ValueError(
-                f"{path} holds a training run: python -m train.export {path} --out FOLDER makes an agent's file of it"
-            )
+            raise ValueError(f"{path} holds a training run: python -m train.export {path} --out FOLDER makes a file of it")
         if len(found) != 1:
-            raise ValueError(
-                f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give an agent's file, or a folder with one"
-            )
+            raise ValueError(f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give a file, or a folder with one")
         path = found[0]
     # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)

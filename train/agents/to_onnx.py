@@ -226,9 +226,7 @@ def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
             parameters = these
             break
     else:
-        raise ValueError(
-            f"was trained on observations of shape {seen} or other bounds, but those of {run.env_id} have {space.shape}"
-        )
+        raise ValueError(f"was trained on observations of shape {seen} or other bounds, but {run.env_id} has {space.shape}")
     if model.action_space != (actions := action_space(run.scenario)):
         raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
     network = _network(name, model.policy)
