@@ -30,7 +30,7 @@ idle_torque = 4.0
 diameter = 100.0
 """
 PRICED = 'base = "tool.toml"\n[economics]\ncurrency = "EUR"\nmachine_rate = 55.0\noperator_rate = 30.0\ninsert_price = 9.5\n'
-PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S{speed:.10g} M3\nG0 X100. Z0.\nG1 Z-300. F{feed:.10g}\nG0 X120.\nZ5.\nM30\n"
+PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S{speed:.10g} M3\nG0 X100. Z{approach}\nG1 Z-300. F{feed:.10g}\nG0 X120.\nZ5.\nM30\n"
 
 
 def messy_sheet() -> str:
@@ -93,16 +93,18 @@ def test_no_two_numbers_of_the_walk_disagree(
     first = json.loads(data[1])["advice"][0]
     assert [first[name] for name in ("cutting_speed", "feed", "wear")] == [speed, feed, advice["wear"]]
 
-    Path("cut.nc").write_text(PROGRAM.format(speed=speed, feed=feed))
-    Path("slow.nc").write_text(PROGRAM.format(speed=180, feed=0.2))
     options = ("--scenario", "priced.toml", "--stock", "bar:105x320", "--json")
-    played = json.loads(printed("program", "cut.nc", *options))["totals"]
-    assert (played["parts"]["T0101"], played["change_wear"]["T0101"]) == (parts, advice["wear"])
-    assert played["max_load"] == pytest.approx(advice["power_share"], rel=0.005)
-    assert advice["minutes"] == pytest.approx(parts * played["time_in_metal"] / 60.0, rel=0.005)
-    assert advice["minutes"] / parts / advice["tool_life"] == pytest.approx(played["used_life"]["T0101"], rel=0.005)
-    assert bool(played["extrapolated"]) == advice["extrapolated"]
+    for approach in (0.0, 0.7, 5.0, 40.0):
+        Path("cut.nc").write_text(PROGRAM.format(approach=approach, speed=speed, feed=feed))
+        played = json.loads(printed("program", "cut.nc", *options))["totals"]
+        assert (played["parts"]["T0101"], played["change_wear"]["T0101"]) == (parts, advice["wear"])
+        assert played["time_at_feed_in_air"] == pytest.approx(approach * played["time_in_metal"] / 300.0, abs=0.01)
+        assert played["max_load"] == pytest.approx(advice["power_share"], rel=1e-3)
+        assert advice["minutes"] == pytest.approx(parts * played["time_in_metal"] / 60.0, rel=1e-3)
+        assert advice["minutes"] / parts / advice["tool_life"] == pytest.approx(played["used_life"]["T0101"], rel=1e-3)
+        assert bool(played["extrapolated"]) == advice["extrapolated"]
 
+    Path("slow.nc").write_text(PROGRAM.format(approach=5.0, speed=180, feed=0.2))
     made = json.loads(printed("program", "slow.nc", *options, "--adapt", "words", "--out", "slow.simulated.nc"))
     again = json.loads(printed("program", "slow.simulated.nc", *options))
     assert again["totals"] == made["adapted"]["totals"]
