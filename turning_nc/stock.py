@@ -21,7 +21,8 @@ from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
-from turning_nc.words import NcError
+from turning_nc.words import MAX_BYTES, NcError
+from turning_shop import regular_file
 
 with needed():
     import shapely
@@ -33,6 +34,7 @@ STEP, TOUCH = 0.02, 1e-3  # accuracy of the places where a move meets and leaves
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
+MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
 MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
@@ -137,7 +139,7 @@ def read_stock(text: str) -> Any:
     if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
         bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
         outer = bar or tube
-        if not (inner < outer <= 10_000.0 and 0.0 < length <= 100_000.0):
+        if not (inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH):
             raise NcError(f"stock {text!r}: sizes must be above 0, and the inner diameter below the outer")
         return shapely.box(-length, inner / 2.0, face, outer / 2.0)
     path = Path(text)
@@ -148,7 +150,7 @@ def read_stock(text: str) -> Any:
 
 def _csv_points(path: Path) -> list[Point]:
     points: list[Point] = []
-    for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+    for number, line in enumerate(regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace").splitlines(), 1):
         if not line.strip(" ,") or line.lstrip().startswith("#"):
             continue
         try:
@@ -156,9 +158,9 @@ def _csv_points(path: Path) -> list[Point]:
         except ValueError:
             if number == 1:  # a header
                 continue
-            raise NcError(f"{path}: line {number}: {line!r} is not Z and the diameter in mm") from None
-        if not (math.isfinite(z) and 0.0 <= diameter <= 10_000.0):
-            raise NcError(f"{path}: line {number}: the diameter is {diameter:g} mm, but must be 0 to 10000")
+            raise NcError(f"{path}: line {number}: {line[:40]!r} is not Z and the diameter in mm") from None
+        if not (abs(z) <= MAX_LENGTH and 0.0 <= diameter <= MAX_DIAMETER):
+            raise NcError(f"{path}: line {number}: Z must be within {MAX_LENGTH:g} mm, the diameter 0 to {MAX_DIAMETER:g} mm")
         points.append((z, diameter / 2.0))
     return points
 
@@ -168,7 +170,8 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     with needed():
         import ezdxf
         import ezdxf.path
-    path.stat()
+        from ezdxf.lldxf.tagwriter import TagCollector
+    regular_file(path, MAX_BYTES)
     try:
         drawing = ezdxf.readfile(path)
     except (ezdxf.DXFError, OSError) as error:
@@ -181,10 +184,14 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     for entity in drawing.modelspace():
         if entity.dxftype() not in kinds:
             raise NcError(f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}")
-        points = [(units * p.x, units * p.y) for p in ezdxf.path.make_path(entity).flattening(0.005)]
-        if not np.isfinite(points).all():
-            raise NcError(f"{path}: {entity} has a coordinate that is not a finite number")
-        lines.append(points)
+        numbers = [tag.value for tag in TagCollector.dxftags(entity) if isinstance(tag.value, float)]
+        if not all(abs(number) <= MAX_LENGTH for number in numbers):
+            raise NcError(f"{path}: {entity} has a number that is not finite or above {MAX_LENGTH:g}")
+        try:
+            points = list(ezdxf.path.make_path(entity).flattening(0.005))
+        except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
+            raise NcError(f"{path}: {entity} is no curve: {error}") from None
+        lines.append([(units * point.x, units * point.y) for point in points])
     return lines
 
 
@@ -296,7 +303,7 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
             shares, areas, moments = np.ones(1), np.zeros(1), np.zeros(1)
             if move.kind in ("feed", "rapid") and shape is not None:
                 ends_of_path = (start[0], mirror * start[1]), (end[0], mirror * end[1])
-                shares, areas, moments, metal, swept = _swept(left, shape, *ends_of_path, slice_=move.kind == "feed")
+                shares, areas, moments, metal, swept = _swept(left, shape, *ends_of_path, sliced=move.kind == "feed")
                 if move.kind == "feed" and areas[-1] > 0.0:
                     left = shapely.difference(left, swept)
                     taken.append((move.line, metal))
@@ -355,16 +362,15 @@ def _hull(shape: Any, start: Point, end: Point) -> Any:
     return shapely.convex_hull(shapely.multipoints(shapely.points(np.concatenate((shape + start, shape + end)))))
 
 
-def _swept(stock: Any, shape: Values, start: Point, end: Point, slice_: bool) -> tuple[Values, Values, Values, Any, Any]:
-    """Return the shares of a straight move at which its slices end, area and first moment of the metal swept up to each; all of
-    this metal; and the swept polygon.
+def _swept(stock: Any, shape: Values, start: Point, end: Point, sliced: bool) -> tuple[Values, Values, Values, Any, Any]:
+    """Return the shares of a straight move at which slices end, area and first moment of metal up to each, all metal, the sweep.
 
     Slices are equal between the first metal and the last; the air before and behind is one slice each.
     """
     corners, length = shape + start, math.dist(start, end)
     whole = _hull(shape, start, end)
     near = shapely.intersection(stock, whole)
-    if near.area < 1e-9 or not slice_:
+    if near.area < 1e-9 or not sliced:
         moment = near.area * near.centroid.y if near.area else 0.0
         return np.ones(1), np.array([near.area]), np.array([moment]), near, whole
 

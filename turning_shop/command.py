@@ -95,6 +95,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     from turning_shop.calibrate import Implausible, calibrate, summary, write_scenario
 
     refuse_existing(options.overwrite, options.out)
+    if options.out.suffix != ".toml":
+        raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     base = Scenario.load(options.base)
     try:
         found = calibrate(read_measurements(options.measurements), base, options.force)

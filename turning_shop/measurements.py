@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_shop import WorkshopError
+from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every sheet of cuts must have."""
 MAX_BYTES = 50_000_000
 """Largest size of a file, and of all parts of a workbook when unpacked [bytes]."""
-MAX_ROWS, MAX_CELLS = 100_000, 200
-"""Largest number of rows of a sheet, and of cells of a workbook's row."""
+MAX_ROWS, MAX_CELLS, MAX_TAGS = 100_000, 200, 3_000_000
+"""Largest number of rows of a sheet, of cells of a row, and of XML tags of a workbook, of which a cell has four."""
 MAX_ABOVE = 20
 """Number of rows among which the header is looked for."""
 STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
@@ -74,10 +74,7 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
             is outside its column's range.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise WorkshopError(f"{path} is larger than {MAX_BYTES // 10**6} MB: a sheet holds {MAX_ROWS} rows at most")
+        data = regular_file(Path(path), MAX_BYTES).read_bytes()
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
             return _parse(_rows_of_workbook(data), str(path), False)
         text = _decoded(data)
@@ -105,7 +102,7 @@ def _decoded(data: bytes) -> str:
 def _rows(text: str, separator: str) -> Iterator[Row]:
     # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    return ((reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells))
+    return ((reader.line_num, cells[:MAX_CELLS]) for cells in reader if any(cell.strip() for cell in cells))
 
 
 def _rows_of_workbook(data: bytes) -> Iterator[Row]:
@@ -115,9 +112,10 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     except ModuleNotFoundError:
         raise WorkshopError("openpyxl reads XLSX, but is not installed: pip install openpyxl, or save the sheet as CSV") from None
     try:
-        unpacked = sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist())
-        if unpacked > MAX_BYTES:
-            raise ValueError(f"it unpacks to {unpacked // 10**6} MB, but may have {MAX_BYTES // 10**6} MB")
+        parts = zipfile.ZipFile(io.BytesIO(data))
+        unpacked = sum(part.file_size for part in parts.infolist())
+        if unpacked > MAX_BYTES or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS:
+            raise ValueError(f"at most {MAX_BYTES // 10**6} MB and {MAX_TAGS // 10**6} million tags are read: save it as CSV")
         sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[0]
         rows = sheet.iter_rows(max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True)
         table = [["" if cell is None else str(cell) for cell in row] for row in rows]
