@@ -153,9 +153,8 @@ def _warned(source: str) -> "tuple[Scenario, Evidence]":
     from turning_shop.provenance import load
 
     scenario, evidence = load(source)
-    print(
-        *(f"warning: {warning}" for warning in evidence.warnings), sep="\n", end="\n" * bool(evidence.warnings), file=sys.stderr
-    )
+    for warning in evidence.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     return scenario, evidence
 
 

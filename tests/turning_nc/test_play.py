@@ -16,13 +16,14 @@ from baselines.models.process import Process
 from baselines.two_limits import set_point
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
+from tests.turning_nc.test_moves import BAR, moves
 from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, extrapolated
-from turning_nc.moves import Moves, run
+from turning_nc.moves import run
 from turning_nc.report import implausible, summary
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
 from turning_nc.words import NcError, divide, read_program_file
@@ -89,10 +90,6 @@ def test_finishing_keeps_its_feed_and_an_overload_is_removed() -> None:
 
 
 # Stock and tools.
-
-
-def moves(text: str) -> Moves:
-    return run(divide(text))
 
 
 def test_a_turned_cylinder_has_its_volume_and_depth() -> None:
@@ -254,7 +251,6 @@ def test_without_words_to_change_nothing_is_adapted(tmp_path: Path) -> None:
 
 # Plausibility.
 
-BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
 NECK = "G71 U1. R0.5\nG71 P1 Q2 U0.3 W0. F0.2\nN1 G0 X20.\nG1 Z-14.\nX14. Z-18.\nZ-30.\nN2 X34.\nG0 X100."
 AWAY = "G0 Z-60.\nG1 X50. F0.1\nZ-10. F0.25\nG0 X62."
 IMPLAUSIBLE: list[tuple[str, str, dict[str, str], set[str]]] = [

@@ -42,12 +42,10 @@ def messy_sheet() -> str:
         for time in life * np.array([0.3, 0.6, 1.0]):
             wear = 0.3 * (time / life) ** 0.7 * np.exp(0.05 * rng.normal())
             power = 1.02 * speed * feed**0.78 * depth * wear**0.13 * 60 * np.exp(0.01 * rng.normal())
-            rows.append(
-                (f"{edge + 1}", f"{speed}", f"{feed}", f"{depth}", f"{time:.1f}", f"{1000 * wear:.0f}", f"{power:.0f}", "ok")
-            )
-    rows.insert(9, ("Mittelwert", "187", "0.2", "2.7", "11.1", "150", "6000", ""))
+            rows.append(f"{edge + 1};{speed};{feed};{depth};{time:.1f};{1000 * wear:.0f};{power:.0f};ok")
+    rows.insert(9, "Mittelwert;187;0.2;2.7;11.1;150;6000;")
     lines = ["\ufeffVersuch 7;;;;;;;", "Schneide;vc;fn;ap;Zeit;VB;P;Bemerkung", ";m/min;mm/U;mm;min;um;W;"]
-    return "\n".join(lines + [";".join(row).replace(".", ",") for row in rows])
+    return "\n".join(lines + [row.replace(".", ",") for row in rows])
 
 
 def test_no_two_numbers_of_the_walk_disagree(
