@@ -110,7 +110,7 @@ LINES = {
     "turning_nc": 4034,
     "turning_control": 1693,
     "baselines": 4553,
-    "train": 3887,
+    "train": 3883,
     "leaderboard": 3198,
     "papers": 2487,
     "studies": 1960,

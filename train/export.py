@@ -194,7 +194,7 @@ def largest_differences(original: Policy, policy: Policy, about: Metadata, env: 
     Both see the same observations and keep their own memories. The first difference is on observations sampled from the
     observation space, the second in episodes on tuning seeds in which the original acts, if there are environments.
     """
-    generator = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     space, observations = about.observation_space, np.zeros(0, np.float32)
     if env is not None:
         observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
@@ -202,11 +202,7 @@ def largest_differences(original: Policy, policy: Policy, about: Metadata, env: 
     for played in (False, True) if env is not None else (False,):
         begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
-            seen = (
-                observations
-                if played
-                else generator.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
-            )
+            seen = observations if played else rng.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
             original.reset(begins)
             policy.reset(begins)
             mine, its = original.act(seen), policy.act(seen)
