@@ -15,7 +15,6 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import resources
 from pathlib import Path
 from types import CodeType
 from typing import Any, NamedTuple, Self
@@ -29,13 +28,13 @@ from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
-from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested
+from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested, shipped
 from turning_env.scenario.section import Section, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
 
-_FAMILIES = resources.files("turning_env.scenario") / "families"
+_FAMILIES = shipped("families")
 CHUNK = 256
 """Jobs that are drawn together: one alone takes almost as long."""
 CONTEXT_LIMIT = 10.0
@@ -288,9 +287,9 @@ class Family(Section):
             return _preset(str(source))
         path = Path(source)
         if not path.is_file():
-            instead = names_instead(str(source), families(), "families()")
+            instead = names_instead(str(source), _FAMILIES, "families()")
             raise ScenarioError(f"no family and no file is called {str(source)!r}; {instead}")
-        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path.read_text("utf-8")))
+        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path))
 
     @classmethod
     def _from_values(cls, source: str, read: Callable[[], Values]) -> "Family":
@@ -312,7 +311,7 @@ class Family(Section):
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold: the name of a preset, or a dict."""
-        if self.name in families() and self == _preset(self.name):
+        if self.name in _FAMILIES and self == _preset(self.name):
             return self.name
         return self.model_dump(mode="json", exclude_none=True)
 
@@ -447,20 +446,19 @@ def _one(value: Any, i: int) -> Any:
 
 def families() -> tuple[str, ...]:
     """Return the names of the families that come with the package."""
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _FAMILIES.iterdir() if entry.name.endswith(".toml")))
+    return tuple(_FAMILIES)
 
 
 @cache
 def _preset(name: str) -> Family:
-    text = (_FAMILIES / f"{name}.toml").read_text("utf-8")
-    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(text))
+    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(_FAMILIES[name]))
 
 
-def _read(text: str) -> Values:
-    """Return the values of a family's TOML, on top of those of the family that it ``extends``, one that ships."""
-    values = tomllib.loads(text)
+def _read(path: Any) -> Values:
+    """Return the values of a family's TOML file, on top of those of the family that it ``extends``, one that ships."""
+    values = tomllib.loads(path.read_text("utf-8"))
     if (other := values.pop("extends", None)) is None:
         return values
     if other not in families():
-        raise ValueError(f"extends is {other!r}; {names_instead(str(other), families(), 'families()')}")
-    return merged(_read((_FAMILIES / f"{other}.toml").read_text("utf-8")), values)
+        raise ValueError(f"extends is {other!r}; {names_instead(str(other), _FAMILIES, 'families()')}")
+    return merged(_read(_FAMILIES[other]), values)
