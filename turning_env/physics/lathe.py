@@ -19,7 +19,7 @@ from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.chatter import sing
 from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
-from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
+from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_at_notch, chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
@@ -29,7 +29,7 @@ from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.swarf import clear_chips, tangle, use_up_margin
+from turning_env.physics.swarf import tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_phases
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
@@ -80,7 +80,8 @@ def run_step(state, work, report, actions, count, p):
     if p.change_action >= 0:
         for i in range(count):
             if actions[i, p.change_action] > 0.0:
-                discard_edge(state, report, i, p)
+                charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
+                change_edge(state, report, i, p, 0.0)
     passes = prepare(state, work, actions, 0, count, p)
     for number in range(passes):
         if p.action == PART:
@@ -99,7 +100,7 @@ def run_step(state, work, report, actions, count, p):
             replace_failed_edges(state, work, report, 0, count, p)
     if p.chips_tangle:
         for i in range(count):
-            clear_chips(state, work, report, i, p)
+            stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])
     for i in range(count):
         state.step_count[i] += 1
     read_sensors(state, work, 0, count, p)
@@ -441,7 +442,7 @@ def replace_failed_edges(state, work, report, first, last, p):
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
             if work.worn[i] + work.broken[i] > 0 and p.edge_changes != END:
-                replace_edge(state, report, i, p, work.broken[i] > 0)
+                change_edge(state, report, i, p, p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i])
 
 
 @compiled
