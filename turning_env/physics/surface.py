@@ -1,4 +1,4 @@
-"""Surface roughness Ra = a exp(b F) (roughness control paper, equation (5)), and its reference, which changes in fixed periods."""
+"""Surface roughness Ra = a exp(b F) (roughness control paper, equation (5)), and its reference, which changes in periods."""
 
 import numpy as np
 
