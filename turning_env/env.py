@@ -80,8 +80,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(float32)` with 11 entries of order one (12 in some scenarios): the readings of a CNC control. True wear, hardness and
-    depth are hidden.
+    `Box(float32)` with 11 entries of order one: the readings of a CNC control. True wear, hardness and depth are hidden.
 
     | Index | Entry                   | Meaning                                                    | Range    |
     | ----- | ----------------------- | ---------------------------------------------------------- | -------- |
@@ -141,25 +140,20 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, a dict of the values that differ from
     the defaults or from its `base`, or a `Scenario`. It sets every number named above.
 
-        gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
         gymnasium.make("turning_env:RoughTurning-v0", scenario={"base": "forging", "limits": {"power": 9.0}})
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
     every step without a call of `render`); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs
-    `pip install pillow pygame-ce`. A frame shows the bar, the tool, loads of the last steps, and power, force and wear against
-    their limits. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating map shows
-    speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
-    Recording begins with an episode's first frame. If you do not draw one right after `reset`, loads and map begin later, and
-    return and metal are left out. Rendering does not change the episode.
-
-        gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
+    `pip install pillow pygame-ce`. A frame shows the bar with its true hardness and allowance, which are hidden from the policy,
+    the tool, power, force and wear against their limits, and the operating map of speed and feed. Loads, return and map begin
+    with an episode's first frame. Rendering does not change the episode.
 
     ## Spec
 
-    Store `env.spec` with `to_json`; it makes the same environment anywhere. It holds a preset's name or the values that
-    differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
-    environment truncates episodes itself; `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass
-    `max_episode_steps=-1` if you make the spec with another scenario.
+    Store `env.spec` with `to_json`; it makes the same environment anywhere, as it holds a preset's name or values, never a path.
+    `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The environment truncates episodes itself;
+    `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass `max_episode_steps=-1` if you make the spec with
+    another scenario.
 
     ## Registered ids
 
@@ -170,10 +164,6 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
     another diameter and another steel.
-
-    ## Version history
-
-    * v0: initial version.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.

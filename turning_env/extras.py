@@ -71,13 +71,12 @@ def tell_plainly() -> None:
     A package whose modules run with ``python -m`` calls this before it imports optional packages. It does nothing in a program
     that only imports the package.
     """
-    if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
-        sys.excepthook = _print_missing
 
-
-def _print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    if (message := missing(error)) is None:
+    def print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+        if message := missing(error):
+            print(f"error: {message}", file=sys.stderr)
+            sys.exit(2)
         sys.__excepthook__(kind, error, traceback)
-        return
-    print(f"error: {message}", file=sys.stderr)
-    sys.exit(2)
+
+    if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
+        sys.excepthook = print_missing

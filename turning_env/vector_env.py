@@ -63,10 +63,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         rendered_envs: int | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
-        if threads < 1:
-            raise ValueError(f"threads is {threads}, but must be at least 1")
+        for name, number in (("num_envs", num_envs), ("threads", threads)):
+            if number < 1:
+                raise ValueError(f"{name} is {number}, but must be at least 1")
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
@@ -145,8 +144,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if self._viewer is None:
             logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
             return None
-        frames: tuple[NDArray[np.uint8], ...] = self._viewer.frames()
-        return frames
+        return tuple(self._viewer.frames())
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the threads."""

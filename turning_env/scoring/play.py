@@ -10,10 +10,11 @@ from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory, PolicySpec
 from turning_env.vector_env import RoughTurningVectorEnv
 
-_REWARDS = tuple(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness"))  # [s]
-_TIMES = ("time", "engaged_time", "stopped_time")  # [s]
-_COUNTS = ("removed", "passes", "edges_used", "edges_broken")  # [cm3], [-], [-], [-]
-SUMS = (*_REWARDS, *_TIMES, *_COUNTS, "roughness_deviation", "overload_time", "severe_overload_time")  # the last three in [s]
+SUMS = (
+    *(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")),  # [s]
+    *("time", "engaged_time", "stopped_time", "removed", "passes", "edges_used", "edges_broken"),  # [s] x 3, [cm3], [-] x 3
+    *("roughness_deviation", "overload_time", "severe_overload_time"),  # [s]
+)
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
 """The fields of an episode: return [s], steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
@@ -30,8 +31,7 @@ def play_spec(
         ValueError: the spec was read from a file and cannot play; or ``play`` raises it.
     """
     if spec.compute is not None:
-        computed: Episodes = spec.compute(scenario, seeds, on_step)
-        return computed
+        return dict(spec.compute(scenario, seeds, on_step))
     return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
 
 

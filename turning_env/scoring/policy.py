@@ -108,13 +108,8 @@ class PolicySpec(BaseModel):
     @property
     def title(self) -> str:
         """Return the name with, in words, its knowledge and its memory."""
-        knows = {
-            "nominal": "",
-            "true_wear": " with the true wear law",
-            "true_forms": " with true forms",
-            "true_laws": " with true laws",
-        }
-        return self.name + knows[self.knows] + (" without memory between edges" if self.forgets else "")
+        knows = {"true_wear": " with the true wear law", "true_forms": " with true forms", "true_laws": " with true laws"}
+        return self.name + knows.get(self.knows, "") + (" without memory between edges" if self.forgets else "")
 
     @property
     def label(self) -> str:
