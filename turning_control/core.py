@@ -27,68 +27,46 @@ STUCK = 0.5
 """Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
 COMMAND_DELAY = 0.006
 """Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
-FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")
-"""Readings that only some scenarios need."""
+FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")  # readings that only some scenarios need
 
 
 @dataclass(frozen=True)
 class Readings:
     """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
 
-    spindle_speed: float
-    """Spindle speed [rev/min]."""
-    feed_velocity: float
-    """Feed velocity [mm/min]."""
-    in_feed: bool
-    """Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop."""
-    cutting: bool
-    """Whether the tool is in metal."""
-    engaged_time: float
-    """Time in metal since the readings before [s]."""
-    power: float = math.nan
-    """Spindle power [kW]."""
-    thrust_force: float = math.nan
-    """Thrust force [N]."""
-    servo_current: float = math.nan
-    """Servo current [A]."""
-    position: float = math.nan
-    """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
-    new_edge: bool = False
-    """Whether the edge has been changed since the readings before."""
-    spindle_heat: float = math.nan
-    """Spindle heat [-]."""
-    roughness_reference: float = math.nan
-    """Roughness reference [um]."""
-    removed_wear: float = math.nan
-    """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
+    spindle_speed: float  # [rev/min]
+    feed_velocity: float  # [mm/min]
+    in_feed: bool  # whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop
+    cutting: bool  # whether the tool is in metal
+    engaged_time: float  # time in metal since the readings before [s]
+    power: float = math.nan  # [kW]
+    thrust_force: float = math.nan  # [N]
+    servo_current: float = math.nan  # [A]
+    position: float = math.nan  # tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed
+    new_edge: bool = False  # whether the edge has been changed since the readings before
+    spindle_heat: float = math.nan  # [-]
+    roughness_reference: float = math.nan  # [um]
+    removed_wear: float = math.nan  # measured flank wear of the edge that was taken out last, 0 before the first change [mm]
 
 
 class Status(IntEnum):
     """State of the controller."""
 
-    IDLE = 0
-    """No feed motion: the policy is not asked."""
-    POLICY = 1
-    """The policy's command holds."""
-    SHIELD = 2
-    """The shield has changed the policy's command."""
-    SAFE = 3
-    """The safe feed holds: no valid answer, or a sensor is lost or stuck."""
-    OPERATOR = 4
-    """Feed hold: the operator must decide."""
+    IDLE = 0  # no feed motion: the policy is not asked
+    POLICY = 1  # the policy's command holds
+    SHIELD = 2  # the shield has changed the policy's command
+    SAFE = 3  # the safe feed holds: no valid answer, or a sensor is lost or stuck
+    OPERATOR = 4  # feed hold: the operator must decide
 
 
 @dataclass(frozen=True)
 class Commands:
     """Commands to a machine, which hold until the next."""
 
-    adaptive_feed: float
-    """Share of the highest feed, which the program holds, 0 to 1 [-]."""
-    spindle_override: float
-    """Cutting speed over the programmed one [-]."""
+    adaptive_feed: float  # share of the highest feed, which the program holds, 0 to 1 [-]
+    spindle_override: float  # cutting speed over the programmed one [-]
     status: Status
-    reason: str
-    """One word or a few for the operator's display and the log."""
+    reason: str  # one word or a few for the operator's display and the log
 
 
 class Controller:

@@ -34,13 +34,10 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv
 
-PYTHON = "/usr/bin/python3"
-"""The Python that has LinuxCNC's modules."""
+PYTHON = "/usr/bin/python3"  # the Python that has LinuxCNC's modules
 PACKAGE = "linuxcnc-uspace"
-FEED_MOTION = 2
-"""``motion.motion-type`` of a move at feed."""
-NOBODY = 65534
-"""User to whom LinuxCNC's motion falls back if root starts it."""
+FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
+NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
 CONTROLLER_PINS = {
     "in": {
@@ -171,10 +168,8 @@ class Fault(NamedTuple):
     name: str
     """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
     ``spindle stopped``, ``sensor stuck``, ``sensor lost``; ``policy`` lets a faulty policy run until then."""
-    after: float
-    """Time after the program's start [s]."""
-    lasts: float = 2.0
-    """Duration [s]."""
+    after: float  # time after the program's start [s]
+    lasts: float = 2.0  # [s]
 
 
 def program(scenario: Scenario, bars: int) -> str:
@@ -294,18 +289,12 @@ def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
 class Figures(NamedTuple):
     """Times, loads and edges of a policy on bars."""
 
-    time: float
-    """Time at feed per bar [s]."""
-    mean_power: float
-    """Mean power [kW]."""
-    severe: float
-    """Share of cutting time with an excess above the tolerance [-]."""
-    edges: float
-    """Edges used."""
-    safe: float
-    """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
-    delay: float
-    """Mean time from the controller's readings to its command; in the simulation, until drives follow [s]."""
+    time: float  # time at feed per bar [s]
+    mean_power: float  # [kW]
+    severe: float  # share of cutting time with an excess above the tolerance [-]
+    edges: float  # used
+    safe: float  # share of the time at feed in which the safe feed held, because an answer was late [-]
+    delay: float  # mean time from the controller's readings to its command; in the simulation, until drives follow [s]
 
 
 def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:

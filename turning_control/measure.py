@@ -27,20 +27,15 @@ class Result(NamedTuple):
     env_id: str
     policy: str
     shielded: bool
-    severe: float
-    """Share of cutting time with an excess above the tolerance, 5 % [-]."""
+    severe: float  # share of cutting time with an excess above the tolerance, 5 % [-]
     edges_broken: int
-    removal_rate: float
-    """Removal rate [cm3/min]."""
-    overridden: float
-    """Share of decisions in which the shield changed the action [-]."""
-    handed_over: int
-    """Episodes that ended early because the shield handed over to the operator; the figures count until then."""
+    removal_rate: float  # [cm3/min]
+    overridden: float  # share of decisions in which the shield changed the action [-]
+    handed_over: int  # episodes that ended early because the shield handed over to the operator; the figures count until then
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
-REPORTED = 10.0
-"""Time between lines of progress [s]."""
+REPORTED = 10.0  # time between lines of progress [s]
 
 
 class UniformRandom(Policy):

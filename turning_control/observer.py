@@ -21,27 +21,18 @@ from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
-MARGIN = 2.2
-"""Margin of expected loads to the tolerance above their limits [standard deviations]."""
+MARGIN = 2.2  # margin of expected loads to the tolerance above their limits [standard deviations]
 ENTRY = 1.6
 """Margin at the start of a bar, whose hardness and depth are unknown; this lasts a second or two [standard deviations]."""
-MODEL_NOISE = 0.005
-"""Standard deviation of readings that the sensors' noise does not explain [-]."""
-MODEL_SPREAD = 0.05
-"""Standard deviation of the nominal model's errors in hardness and in force [-]."""
-EDGE_DRIFT = 0.001
-"""Drift of force over nominal as the edge wears [1/sqrt(mm)]."""
-SPEED_CHANGE = 0.3
-"""Largest change of the asked speed, natural logarithm [-]."""
-SETTLED = 0.02
-"""Time before a deeper section at which the feed must fit it [s]."""
-LAG_ERROR = 0.2
-"""Standard deviation of a correction for a sensor's lag, over that correction [-]."""
-MIN_WEAR = 0.05
-"""Nominal wear over the criterion below which predictions hold it constant [-]."""
+MODEL_NOISE = 0.005  # standard deviation of readings that the sensors' noise does not explain [-]
+MODEL_SPREAD = 0.05  # standard deviation of the nominal model's errors in hardness and in force [-]
+EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
+SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
+SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
+LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
+MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 
-EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)
-"""The filter's states: d [mm], its slope along the bar [-], b, s and m."""
+EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
 OF_A_BAR = slice(EXCESS, EDGE)
 
 Values = NDArray[np.float64]

@@ -13,10 +13,8 @@ from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.records import block_records
 from turning_env.scenario import Scenario
 
-STILL = 1e-6
-"""Feed in place of a standstill [mm/rev]; it removes nothing worth mentioning."""
-REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")
-"""Sums over a call, from the transition's report."""
+STILL = 1e-6  # feed in place of a standstill [mm/rev]; it removes nothing worth mentioning
+REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")  # sums over a call, from the transition's report
 STATES = (
     *("thrust_force", "power", "depth_of_cut", "edge"),
     *("measured_power", "measured_thrust_force", "measured_servo_current"),

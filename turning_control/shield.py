@@ -28,26 +28,20 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_control")
 
-HOPELESS = 2.0
-"""Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
+HOPELESS = 2.0  # time without any cutting speed that keeps both limits, after which the operator takes over [s]
 MIN_SHARE = 0.2
 """Smallest share of a change of feed that the drive is assumed to complete in a step; its inverse limits the gain [-]."""
-PATIENCE = 10
-"""Refused answers in a row after which the operator takes over."""
-REFUSALS = ("late", "error", "shape", "not finite")
-"""Reasons for which an answer is refused."""
+PATIENCE = 10  # refused answers in a row after which the operator takes over
+REFUSALS = ("late", "error", "shape", "not finite")  # reasons for which an answer is refused
 
 
 @dataclass(frozen=True)
 class Settings:
     """Settings of the shield that an operator may choose."""
 
-    safe_share: float = 0.5
-    """Safe over programmed feed [-]."""
-    target: float = 1.02
-    """Expected load over its limit that the shield allows [-]."""
-    rise: float = 20.0
-    """Largest rise of the commanded feed over its range [1/s]."""
+    safe_share: float = 0.5  # safe over programmed feed [-]
+    target: float = 1.02  # expected load over its limit that the shield allows [-]
+    rise: float = 20.0  # largest rise of the commanded feed over its range [1/s]
     deadline: float | None = None
     """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
 

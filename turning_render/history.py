@@ -7,8 +7,7 @@ from turning_env.batch.driver import REWARD, Batch
 from turning_env.physics.spindle import capacity_at
 from turning_render.fields import Fields
 
-STEPS = 240
-"""Number of past steps that the chart of loads shows."""
+STEPS = 240  # number of past steps that the chart of loads shows
 _MIN_WEAR = 1e-4  # [mm]: the logarithm of a fresh edge's wear, 0, does not exist
 
 

@@ -285,5 +285,4 @@ class Batch:
         self._given[...] = given
 
 
-REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))
-"""Rows of ``Batch.table``."""
+REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))  # rows of ``Batch.table``

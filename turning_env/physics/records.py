@@ -55,8 +55,7 @@ PARAMETERS = _record_type([*_OWN, *((name, _PARAMETERS[name]) for name in CHOICE
 SCRATCH = _record_type([("work", WORK), ("report", REPORT)])
 """Record of a thread's working memory, without the environments' states."""
 
-FIRST_SUM, LAST_ROW = len(AT_END), len(quantities.REPORT)
-"""First row of the report's table that a step starts with 0."""
+FIRST_SUM, LAST_ROW = len(AT_END), len(quantities.REPORT)  # first row of the report's table that a step starts with 0
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:

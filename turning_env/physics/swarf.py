@@ -7,8 +7,7 @@ exponential number with mean 1 that is drawn anew after every stop.
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 
-ROUNDING = 1e-6
-"""Relative error of a commanded feed [-]: actions are of single precision, and an end of the window belongs to it."""
+ROUNDING = 1e-6  # relative error of a commanded feed [-]: actions are of single precision, and an end of the window belongs to it
 
 
 @compiled

@@ -37,8 +37,7 @@ Values = dict[str, Any]
 _FAMILIES = shipped("families")
 CHUNK = 256
 """Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
-CONTEXT_LIMIT = 10.0
-"""Highest absolute value of a number of the context."""
+CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _MAX_ATTEMPTS = 200
 
@@ -175,32 +174,23 @@ class Job(NamedTuple):
 
     split: str
     number: int
-    title: str
-    """Number, and the rows of the family's tables."""
+    title: str  # number, and the rows of the family's tables
     scenario: Scenario
-    cutting_speed: float
-    """The nominal model's best cutting speed on a half-worn edge [m/min]."""
-    feed: float
-    """Likewise the feed [mm/rev]."""
-    context: Array
-    """Context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)."""
+    cutting_speed: float  # the nominal model's best cutting speed on a half-worn edge [m/min]
+    feed: float  # likewise the feed [mm/rev]
+    context: Array  # context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)
 
 
 @dataclass(frozen=True)
 class Draw:
     """Some jobs of a split. Arrays have shape (jobs,)."""
 
-    true: Scenario
-    """The true scenarios, with arrays of numbers (``plan.py``)."""
-    nominal: Scenario
-    """The nominal models, likewise."""
+    true: Scenario  # the true scenarios, with arrays of numbers (``plan.py``)
+    nominal: Scenario  # the nominal models, likewise
     plan: Plan
-    fields: tuple[Values, Values]
-    """Nominal and true values by dotted names."""
-    rows: dict[str, NDArray[np.int64]]
-    """Places of the drawn rows of each table."""
-    features: dict[str, Array]
-    """Context before standardisation."""
+    fields: tuple[Values, Values]  # nominal and true values by dotted names
+    rows: dict[str, NDArray[np.int64]]  # places of the drawn rows of each table
+    features: dict[str, Array]  # context before standardisation
 
 
 def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:

@@ -16,14 +16,10 @@ from turning_env.scenario.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""Used shares of an edge's life at which set points are planned."""
-MIDDLE = 2
-"""Place of half a life in ``USED_LIVES``."""
-_ENOUGH = 2.0
-"""Ratio of a cutting speed to the base speed above which the torque does not matter."""
-_GRID = 20
-"""Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
+USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)  # used shares of an edge's life at which set points are planned
+MIDDLE = 2  # place of half a life in ``USED_LIVES``
+_ENOUGH = 2.0  # ratio of a cutting speed to the base speed above which the torque does not matter
+_GRID = 20  # cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale
 
 
 def unchecked(values: dict[str, Any], section: Any = Scenario) -> Scenario:
@@ -101,14 +97,10 @@ def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: fl
 class Plan:
     """The best set points at ``USED_LIVES``; arrays of shape (scenarios, lives) or (scenarios,)."""
 
-    speed: Array
-    """[m/min]"""
-    feed: Array
-    """[mm/rev]"""
-    life: Array
-    """Life of an edge that cuts so [min]."""
-    feasible: NDArray[np.bool_]
-    """Whether any set point is within the limits."""
+    speed: Array  # [m/min]
+    feed: Array  # [mm/rev]
+    life: Array  # life of an edge that cuts so [min]
+    feasible: NDArray[np.bool_]  # whether any set point is within the limits
     removal_rate: Array
     """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
 

@@ -298,8 +298,7 @@ class Scenario(Section):
         return self.model_copy(update=update)
 
 
-Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
-"""Types that ``Scenario.load`` takes."""
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario  # types that ``Scenario.load`` takes
 
 _DEFAULTS = Scenario()
 

@@ -14,17 +14,14 @@ from turning_env.scenario.sections import MAX_DELAY
 if TYPE_CHECKING:
     from turning_env.scenario import Scenario
 
-MAX_DIGITS = 100
-"""Responses, and rates of used tool life [1/min], are at most 10 to this power."""
-MIN_DIGITS = 280
-"""Responses are at least 1 over 10 to this power."""
+MAX_DIGITS = 100  # responses, and rates of used tool life [1/min], are at most 10 to this power
+MIN_DIGITS = 280  # responses are at least 1 over 10 to this power
 
 _SPREADS = 10.0  # largest deviation from the mean in standard deviations
 _MIN_DEPTH = 1e-6  # [mm], as in the transition
 _MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
 
-Span = tuple[float, float]
-"""Lowest and highest natural logarithm."""
+Span = tuple[float, float]  # lowest and highest natural logarithm
 
 
 def complaints(s: "Scenario") -> Iterator[str]:

@@ -24,8 +24,7 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key
 FOLDER = Path(__file__).parent / "shipped_results"
 """Times of every shipped policy's episodes: a file per id, JSON compressed with xz, made by ``python -m leaderboard pack``."""
 
-FAMILY = ("shop", "unseen_jobs")
-"""Family and split whose first jobs score a policy on ``RoughTurning-Family-v0``."""
+FAMILY = ("shop", "unseen_jobs")  # family and split whose first jobs score a policy on ``RoughTurning-Family-v0``
 
 
 @dataclass(frozen=True)
@@ -33,14 +32,10 @@ class Played:
     """A policy's episodes on the held-out seeds: arrays of shape (training seeds, seeds); one row for a rule."""
 
     name: str
-    kind: str
-    """``rule``, ``agent`` or ``oracle``."""
-    returns: Floats
-    """[s of machine time]"""
-    severe: Floats
-    """Time with an excess above the tolerance [s]."""
-    engaged: Floats
-    """Cutting time [s]."""
+    kind: str  # ``rule``, ``agent`` or ``oracle``
+    returns: Floats  # [s of machine time]
+    severe: Floats  # time with an excess above the tolerance [s]
+    engaged: Floats  # cutting time [s]
 
     def first(self, count: int) -> "Played":
         """Return the first ``count`` seeds alone."""

@@ -18,8 +18,7 @@ from typing import Any, TypeVar
 from turning_env.physics import MODEL_VERSION
 from turning_env.scoring.onnx_session import first_line
 
-CONNECTING = 20.0
-"""Time to wait for a scheduler, and then for its first worker [s]."""
+CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker [s]
 
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _PACKAGES = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
