@@ -73,16 +73,13 @@ class Controller:
     """A shielded policy for one machine.
 
     Args:
-        scenario: scenario of the policy's training, calibrated for the machine.
+        scenario: scenario of the policy's training, calibrated for the machine; ValueError if actions command whole parts.
         make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
         settings: settings of the shield.
 
     Attributes:
         safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
         observation: the last observation, float32 of shape (1, entries).
-
-    Raises:
-        ValueError: the scenario's actions command whole parts.
     """
 
     def __init__(self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = Settings()) -> None:  # noqa: B008

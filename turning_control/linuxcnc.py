@@ -71,14 +71,9 @@ class LinuxCncError(RuntimeError):
 
 
 def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
-    """Return the policy of a name or file that a user gives.
+    """Return the policy that a user names, or raise ValueError.
 
-    Args:
-        name: ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
-        scenario: scenario that it plays.
-
-    Raises:
-        ValueError: there is no such policy.
+    It is ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
     """
     if name == "programmed":
         control = scenario.control
@@ -192,11 +187,7 @@ G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}"""
 
 
 def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
-    """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
-
-    Raises:
-        LinuxCncError: LinuxCNC is not installed, or it stopped before the program's end.
-    """
+    """Run a policy through LinuxCNC; return the plant's log, one row per cycle. LinuxCncError if it did not run to its end."""
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)

@@ -30,11 +30,7 @@ COMMANDS = {"adaptive_feed", "spindle_override", "status", "alive"}
 
 
 def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the node ids of readings and of commands by name.
-
-    Raises:
-        ValueError: a name is unknown, or one that is needed is missing.
-    """
+    """Return the node ids of readings and of commands by name; ValueError if one is unknown or missing."""
     plan = tomllib.loads(path.read_text())
     readings, commands = plan.get("readings", {}), plan.get("commands", {})
     for kind, names, allowed in (("readings", readings, READINGS), ("commands", commands, COMMANDS)):
@@ -46,17 +42,10 @@ def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: Callable[[], bool] = lambda: True) -> None:
-    """Read, decide and command once per control interval until ``runs`` returns false; then leave the safe feed.
+    """Read, decide and command once per control interval [s] until ``runs`` returns false; then leave the safe feed.
 
-    Args:
-        controller: the policy behind its shield.
-        url: the server's, such as ``opc.tcp://127.0.0.1:4840``.
-        nodes: file that names the nodes.
-        interval: control interval [s].
-        runs: asked once per interval.
-
-    Raises:
-        OSError: the connection cannot be made, or is lost.
+    ``url`` is the server's, such as ``opc.tcp://127.0.0.1:4840``, and ``nodes`` the file that names the nodes. OSError if the
+    connection cannot be made, or is lost.
     """
     from asyncua import ua
     from asyncua.sync import Client

@@ -22,11 +22,7 @@ _ONLY = np.ones(1, np.bool_)
 
 
 def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
-    """Refuse options of ``reset`` that are not allowed; options with Minari's prefix pass.
-
-    Raises:
-        ValueError: an option is not allowed.
-    """
+    """Raise ValueError if an option of ``reset`` is not allowed; options with Minari's prefix pass."""
     for name in options or ():
         if name not in allowed and not str(name).startswith("minari_"):
             instead = names_instead(str(name), allowed, "") if allowed else "there are none; pass the scenario to gymnasium.make"

@@ -28,9 +28,7 @@ def provided(what: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
 
     Nothing here imports the packages that lean on it. Rules are declared by every installation, but only a clone has them.
-
-    Raises:
-        ModuleNotFoundError: an optional package is not installed.
+    ModuleNotFoundError if an optional package is not installed.
     """
     found = []
     for entry in entry_points(group=f"turning_env.{what}"):

@@ -114,12 +114,7 @@ def readable(figure: "Figure") -> "Figure":
 
 
 def save(figure: "Figure", path: Path) -> None:
-    """Write a figure, whole or not at all, in the format that the suffix names; the same figure gives the same bytes.
-
-    Raises:
-        ValueError: The suffix is none of ``FORMATS``.
-        OSError: The file cannot be written.
-    """
+    """Write a figure, whole or not at all, in the format of ``FORMATS`` that the suffix names; it always gives the same bytes."""
     from matplotlib import rc_context
 
     kind = path.suffix.lower().removeprefix(".")

@@ -42,11 +42,7 @@ def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
 
 
 def checked_seed(seed: Any, env_index: int) -> int:
-    """Return the seed as an integer.
-
-    Raises:
-        ValueError: it is not a whole number from 0 to 2**64 - 1.
-    """
+    """Return the seed as an integer; ValueError if it is not a whole number from 0 to 2**64 - 1."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
         raise ValueError(f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}")
     return int(seed)
@@ -231,8 +227,7 @@ class Batch:
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 
-        Raises:
-            ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.
+        ValueError if the actions are not finite numbers of shape (num_envs, action size); then no environment has moved.
         """
         self._take(actions)
         if self.jobs is not None:

@@ -246,11 +246,7 @@ class Family(Section):
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
-        """Return the family of a preset's name, a TOML file's path or a dict.
-
-        Raises:
-            ScenarioError: there is no such family, or it cannot be used. The message names the field and what is allowed.
-        """
+        """Return the family of a preset's name, a TOML file's path or a dict; ScenarioError names the field and its fault."""
         if isinstance(source, Family):
             return source
         if isinstance(source, Mapping):
@@ -296,11 +292,7 @@ class Family(Section):
         return (int(seed) + _STRIDE * int(episode)) % (self.jobs if split == "train" else self.held_out_jobs)
 
     def job(self, seed: int, split: str = "train", episode: int = 0) -> Job:
-        """Return the job that an episode of a seed plays.
-
-        Raises:
-            ValueError: there is no such split.
-        """
+        """Return the job that an episode of a seed plays; ValueError if there is no such split."""
         number = self.number(seed, episode, split)
         draw, i = self.draw(split, number // CHUNK), number % CHUNK
         nominal, true = (
@@ -350,11 +342,7 @@ class Family(Section):
         return unchecked(nested((self._base | fields).items()))
 
     def draw(self, split: str, chunk: int) -> Draw:
-        """Return the jobs with the numbers from ``CHUNK * chunk`` on.
-
-        Raises:
-            ValueError: there is no such split.
-        """
+        """Return the jobs with the numbers from ``CHUNK * chunk`` on; ValueError if there is no such split."""
         if split not in self.splits:
             raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
         if (split, chunk) not in self._known:

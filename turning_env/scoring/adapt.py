@@ -17,13 +17,9 @@ from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFact
 
 
 def as_factory(policy: Any) -> PolicyFactory:
-    """Return a function that makes the policy for a number of environments; ``turning_env.score`` lists the accepted kinds.
+    """Return a function that makes the policy for a number of environments.
 
-    Raises:
-        TypeError: the object is none of these.
-        ValueError: an ONNX file has other inputs or outputs.
-        OSError: the file cannot be read.
-        ModuleNotFoundError: onnxruntime is not installed.
+    ``turning_env.score`` lists the accepted kinds: TypeError if it is none, ValueError if a file has other inputs or outputs.
     """
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
         return as_factory(_imported(policy))

@@ -25,11 +25,7 @@ Episodes = dict[str, NDArray[np.float64]]
 def play_spec(
     spec: PolicySpec, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None] = lambda ended: None
 ) -> Episodes:
-    """Play a policy's episodes, or compute those of a bound: see ``play``.
-
-    Raises:
-        ValueError: the spec was read from a file and cannot play; or ``play`` raises it.
-    """
+    """Play a policy's episodes, or compute those of a bound: see ``play``. ValueError if the spec was read from a file."""
     if spec.compute is not None:
         return dict(spec.compute(scenario, seeds, on_step))
     return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")

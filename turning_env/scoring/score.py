@@ -44,11 +44,7 @@ class Played:
 
 @cache
 def shipped(env_id: str) -> tuple[Played, ...]:
-    """Return the results of every policy on an id's leaderboard, on the first held-out seeds.
-
-    Raises:
-        ValueError: the id has no leaderboard.
-    """
+    """Return the results of every policy on an id's leaderboard, on the first held-out seeds; ValueError if it has none."""
     path = FOLDER / f"{env_id}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
