@@ -1,7 +1,7 @@
 """The controller core: readings of a machine in, commands out, through the observation on which policies are trained.
 
 ``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it ``Readings`` once per control interval and carries out its
-``Commands``. The observation is computed by the functions of the simulation, so it cannot drift from that of the training.
+``Commands``. The simulation's own functions compute the observation.
 """
 
 import math
@@ -23,10 +23,8 @@ from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
-STUCK = 0.5
-"""Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
-COMMAND_DELAY = 0.006
-"""Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
+STUCK = 0.5  # time in metal without any change of a reading after which a sensor is stuck [s]; 5 control intervals at least
+COMMAND_DELAY = 0.006  # time from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo
 FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")  # readings that only some scenarios need
 
 
@@ -70,12 +68,7 @@ class Commands:
 
 
 class Controller:
-    """A shielded policy for one machine.
-
-    Args:
-        scenario: scenario of the policy's training, calibrated for the machine; ValueError if actions command whole parts.
-        make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
-        settings: settings of the shield.
+    """A policy behind a shield for one machine, for which the scenario of its training is calibrated.
 
     Attributes:
         safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
@@ -94,13 +87,9 @@ class Controller:
     def start(self) -> None:
         """Start anew with a fresh edge: after the operator's release of a hand-over, or a new job."""
         control = self._scenario.control
-        self._set(
-            commanded_cutting_speed=control.initial_cutting_speed,
-            commanded_feed=control.initial_feed,
-            log_nominal_depth=math.log(self._scenario.workpiece.depth_of_cut),
-            cutting_time=0.0,
-            nominal_used_life=0.0,
-        )
+        self._set(commanded_cutting_speed=control.initial_cutting_speed, commanded_feed=control.initial_feed)
+        depth = math.log(self._scenario.workpiece.depth_of_cut)
+        self._set(log_nominal_depth=depth, cutting_time=0.0, nominal_used_life=0.0)
         self._shield.reset(np.ones(1, np.bool_))
 
     def lacks(self, readings: Readings) -> list[str]:
@@ -113,15 +102,11 @@ class Controller:
         machine, diameter = self._scenario.machine, self._scenario.workpiece.diameter
         if readings.new_edge:
             self._set(cutting_time=0.0, nominal_used_life=0.0)
-        self._set(
-            cutting_speed=max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min),
-            feed=max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min),
-            cutting=int(readings.cutting),
-            measured_power=readings.power,
-            measured_thrust_force=readings.thrust_force,
-            measured_servo_current=readings.servo_current,
-            **{name: getattr(readings, name) for name in FURTHER},
-        )
+        speed = max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min)
+        feed = max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min)
+        self._set(cutting_speed=speed, feed=feed, cutting=int(readings.cutting))
+        self._set(**{f"measured_{name}": getattr(readings, name) for name in ("power", "thrust_force", "servo_current")})
+        self._set(**{name: getattr(readings, name) for name in FURTHER})
         observe_readings(self._states, self._parameters, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation
 

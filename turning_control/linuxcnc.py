@@ -39,31 +39,14 @@ PACKAGE = "linuxcnc-uspace"
 FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
 NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
+# Spindle speed [rev/min], feed velocity [mm/s], position along the bar [mm], power [kW], force [N], the controller's delay [s].
+_MOTION = {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "position": "float"}
+_LOADS = {"power": "float", "thrust-force": "float", "edge": "u32"}
 CONTROLLER_PINS = {
-    "in": {
-        "spindle-speed": "float",  # [rev/min]
-        "feed-velocity": "float",  # [mm/s]
-        "motion-type": "s32",
-        "in-position": "bit",
-        "power": "float",  # [kW]
-        "thrust-force": "float",  # [N]
-        "cutting": "bit",
-        "position": "float",  # [mm] along the bar
-        "edge": "u32",
-    },
+    "in": _MOTION | _LOADS | {"in-position": "bit", "cutting": "bit"},
     "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
 }
-PLANT_PINS = {
-    "in": {
-        "spindle-speed": "float",
-        "feed-velocity": "float",
-        "motion-type": "s32",
-        "position": "float",
-        "adaptive-feed": "float",
-        "delay": "float",  # of the controller [s]
-    },
-    "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
-}
+PLANT_PINS = {"in": _MOTION | {"adaptive-feed": "float", "delay": "float"}, "out": _LOADS}
 
 
 class LinuxCncError(RuntimeError):
@@ -86,8 +69,7 @@ def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
     if name.endswith(".onnx") or ":" in name:
         return as_factory(name)
     for catalogue in provided("rules"):
-        factory: PolicyFactory = catalogue.spec(name, scenario).make
-        return factory
+        return catalogue.spec(name, scenario).make  # type: ignore[no-any-return]
     raise ValueError(f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone")
 
 
@@ -160,9 +142,7 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
 class Fault(NamedTuple):
     """A fault to cause while the program runs."""
 
-    name: str
-    """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
-    ``spindle stopped``, ``sensor stuck``, ``sensor lost``; ``policy`` lets a faulty policy run until then."""
+    name: str  # one of those in ``lathe/panel.py``
     after: float  # time after the program's start [s]
     lasts: float = 2.0  # [s]
 
@@ -224,14 +204,10 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration: accelerations ten times those that the drive's lag needs, so that the lag decides."""
     turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
     velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
-    values = {
-        "PYTHON": PYTHON,
-        "FOLDER": str(folder),
-        "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}",
-        "LAG_SHARE": f"{lag_share(0.001, lag):.9f}",  # in a servo cycle
-        "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
-        "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
-    }
+    values = {"PYTHON": PYTHON, "FOLDER": str(folder), "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}"}
+    values |= {"LAG_SHARE": f"{lag_share(0.001, lag):.9f}"}  # in a servo cycle
+    power = scenario.limits.power
+    values |= {"METAL_POWER": f"{0.02 * power:.4f}", "METAL_HYSTERESIS": f"{0.01 * power:.4f}"}
     for source in (files("turning_control") / "lathe").iterdir():
         if source.is_file():
             text = source.read_text()

@@ -1,16 +1,8 @@
 """OPC UA: an adapter for controls that serve their readings, and take an override, as nodes (extra ``opcua``).
 
-A file in TOML names the nodes:
-
-    [readings]
-    spindle_speed = "ns=2;s=Spindle.Speed"
-    [commands]
-    adaptive_feed = "ns=2;s=Override.Feed"
-
-Readings are the fields of ``core.Readings`` but ``engaged_time``; in place of ``new_edge`` there may be ``edge``, a counter of
-edge changes. Commands are ``adaptive_feed``, ``spindle_override``, ``status`` and ``alive``, a counter of this program's cycles.
-The control must fall back to the safe feed itself when ``alive`` stops changing, because nothing else tells it that this program
-has died or hangs.
+A TOML file names the nodes (``docs/connect_a_lathe.md``). Readings are the fields of ``core.Readings`` but ``engaged_time``; in
+place of ``new_edge`` there may be ``edge``, a counter of edge changes. ``alive`` counts this program's cycles: the control must
+fall back to the safe feed itself when it stops changing, as nothing else tells it that this program has died or hangs.
 """
 
 import math
@@ -59,12 +51,8 @@ def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: 
         types = {name: node.read_data_type_as_variant_type() for name, node in targets.items()}
 
         def send(commands: Commands, alive: int) -> None:
-            values = {
-                "adaptive_feed": commands.adaptive_feed,
-                "spindle_override": commands.spindle_override,
-                "status": int(commands.status),
-                "alive": alive,
-            }
+            values = {"adaptive_feed": commands.adaptive_feed, "spindle_override": commands.spindle_override}
+            values |= {"status": int(commands.status), "alive": alive}
             client.write_values(list(targets.values()), [ua.Variant(values[name], types[name]) for name in targets])
 
         before, edge, alive, due = time.monotonic(), None, 0, time.monotonic()
@@ -87,10 +75,6 @@ def _readings(values: dict[str, Any], seconds: float, edge: Any) -> Readings:
     """Return readings of the values that are good; others count as lost."""
     number = {name: float(value) for name, value in values.items() if name not in ("in_feed", "cutting", "edge")}
     in_feed, cutting = bool(values.get("in_feed")), bool(values.get("cutting"))
-    return Readings(
-        **({"spindle_speed": math.nan, "feed_velocity": math.nan} | number),
-        in_feed=in_feed,
-        cutting=cutting,
-        engaged_time=seconds if in_feed and cutting else 0.0,
-        new_edge=edge is not None and values.get("edge", edge) != edge,
-    )
+    number = {"spindle_speed": math.nan, "feed_velocity": math.nan, "engaged_time": seconds * (in_feed and cutting)} | number
+    new_edge = edge is not None and values.get("edge", edge) != edge
+    return Readings(**number, in_feed=in_feed, cutting=cutting, new_edge=new_edge)

@@ -10,9 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
     """Declare a number with its default, its allowed range (ends included), its unit and its meaning."""
     return Field(
-        default,
-        description=f"{description} [{unit}]",
-        json_schema_extra={"minimum": low, "maximum": high, "unit": unit},
+        default, description=f"{description} [{unit}]", json_schema_extra={"minimum": low, "maximum": high, "unit": unit}
     )
 
 
