@@ -20,11 +20,8 @@ _PARTIAL = ".partial-"
 def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a hidden file beside ``target``, then rename it to ``target``; make the folder if it is missing.
 
-    If anything fails, the target is unchanged and the hidden file is removed. The hidden file keeps the target's suffix, because
-    some writers choose the format by it. Its contents are on the disk before it is renamed: a power failure leaves the old file
-    or the new one.
-
-    OSError names the target.
+    If anything fails, the target is unchanged, the hidden file is removed, and OSError names the target. The hidden file keeps
+    the target's suffix, because some writers choose the format by it. Its contents are on the disk before it is renamed.
     """
     # Named by process, so that two processes that write the same target do not fill the same file.
     partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")

@@ -135,7 +135,7 @@ class Batch:
         self.jobs = jobs = source if isinstance(source, Jobs) else None
         self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
         self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
-        self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
+        self._context = np.zeros((num_envs, len(jobs.context_names) if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
         self.actions = np.zeros((num_envs, action_size(scenario)))
@@ -174,8 +174,7 @@ class Batch:
     @property
     def ended(self) -> NDArray[np.bool_]:
         """Whether the episodes have ended, shape (num_envs,)."""
-        ended: NDArray[np.bool_] = self._states["ended"].ravel()[: self.num_envs] > 0
-        return ended
+        return np.asarray(self._states["ended"].ravel()[: self.num_envs] > 0)
 
     def state(self, env_index: int, name: str) -> Any:
         """Return a quantity of an environment's state (``quantities.STATE``)."""

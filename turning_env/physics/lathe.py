@@ -3,10 +3,7 @@
 It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in short loops over some
 environments of a block. Loops branch only on the scenario. So the compiler can vectorise them, and one environment or many give
 the same bits. A stopped environment takes sub-steps of length 0. Separate loops handle rare events, such as the start of a bar or
-the end of an edge, in the environments where they occur.
-
-Every sub-step uses the state at its end (so the result converges in the first order of the sub-step), and the fields in the
-middle of the metal that it cuts.
+the end of an edge, in the environments where they occur. Integration: ``docs/models_lathe.md``.
 """
 
 import math
@@ -350,9 +347,8 @@ def log_coefficient(state, work, i, p):
 @compiled
 def load_edge(state, work, i, p):
     """Set thrust force [N] and power [kW] if metal was cut."""
-    force, power = force_and_power(
-        p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
-    )
+    speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
+    force, power = force_and_power(p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
     remains = work.chip_remains[i]
     force *= 1.0 + work.chatter[i]
     force = force * (1.0 - remains) + state.thrust_force[i] * remains

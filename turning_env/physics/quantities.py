@@ -5,7 +5,7 @@ space and the tables of the documentation follow (``records.py``, ``info.py``, `
 """
 
 from collections import namedtuple
-from collections.abc import Callable
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +13,7 @@ import numpy as np
 from turning_env.scenario import Scenario
 from turning_env.scenario.sections import MAX_DELAY
 
-WIDTH = 32
-"""Environments of a block. Every quantity of a block is one array over its environments, so that the compiled loops take several
-at once; a block's quantities fit the processor's first cache."""
+WIDTH = 32  # environments of a block, whose quantities are arrays over them: they fit the processor's first cache
 
 # Numbers for what the compiled transition tells apart, by the words of ``sections.Control``.
 INCREMENTAL, SET_POINT, OVERRIDE, PART = range(4)
@@ -23,9 +21,7 @@ ACTIONS = {"incremental": INCREMENTAL, "set_point": SET_POINT, "override": OVERR
 END, AUTOMATIC, COMMANDED = range(3)
 EDGE_CHANGES = {"end": END, "automatic": AUTOMATIC, "commanded": COMMANDED}
 
-DEVIATION_SCALE = 5.0
-"""Observations compare a measurement with its limit or prediction as ``DEVIATION_SCALE * (ratio - 1)``: a few per cent, which a
-controller must tell apart near a limit, are then a sizeable part of 1."""
+DEVIATION_SCALE = 5.0  # of observed ratios - 1: a few per cent, which a controller must tell apart, are then a sizeable part of 1
 MAX_RATIO = 4.0
 MAX_LOG_TIME = 12.0
 _LOW, _HIGH = -DEVIATION_SCALE, DEVIATION_SCALE * (MAX_RATIO - 1.0)
@@ -42,13 +38,12 @@ class Quantity(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """An entry of an observation, with its lowest and highest values; ``present`` says in which scenarios there is one."""
+    """An entry of an observation, with its lowest and highest values."""
 
     name: str
     meaning: str
     low: float
     high: float
-    present: Callable[[Scenario], bool] = lambda scenario: True
 
 
 Q = Quantity
@@ -244,37 +239,31 @@ OBSERVATION = (
     Entry("power_ratio", "measured power: `5 * (power / predicted power - 1)`", _LOW, _HIGH),
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
-    Entry(
-        *("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
-        present=lambda s: s.spindle.short_time_load > 1.0,
-    ),
-    Entry(
-        *("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
-        present=lambda s: s.control.aim == "roughness",
-    ),
-    Entry(
-        *("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
-        present=lambda s: s.sensors.probe,
-    ),
-    Entry(
-        *("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
-        present=lambda s: s.sensors.inspects_edges,
-    ),
+    Entry("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
+    Entry("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
+    Entry("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
+    Entry("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
 )
-"""Observation entries in order. Entries of some scenarios only come last."""
+"""Observation entries in order. The last four are entries of some scenarios only: see ``entries``."""
 
 OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(OBSERVATION)))
-"""Indices of entries in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
-observations have those entries that only some scenarios have."""
+"""Indices of entries in observations: ``OBS.power``. ``layout(scenario)`` has those that only some scenarios have."""
+
+
+def entries(scenario: Scenario) -> list[Entry]:
+    """Return the entries of a scenario's observations, in order."""
+    sensors, heats = scenario.sensors, scenario.spindle.short_time_load > 1.0
+    last = heats, scenario.control.aim == "roughness", sensors.probe, sensors.inspects_edges
+    return [*OBSERVATION[: -len(last)], *compress(OBSERVATION[-len(last) :], last)]
 
 
 def layout(scenario: Scenario) -> tuple[str, ...]:
     """Return the names of the entries of a scenario's observations, in order."""
-    return tuple(entry.name for entry in OBSERVATION if entry.present(scenario))
+    return tuple(entry.name for entry in entries(scenario))
 
 
 def action_size(scenario: Scenario) -> int:
     """Return the number of entries of an action."""
     control = scenario.control
-    size = {"incremental": 2, "set_point": 2, "override": 1, "part": 2 + 2 * control.passes_max}[control.action]
+    size = {"override": 1, "part": 2 + 2 * control.passes_max}.get(control.action, 2)
     return size + (control.edge_changes == "commanded")

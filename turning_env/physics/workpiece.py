@@ -110,14 +110,10 @@ def pass_nodes(state, work, first, last, p):
                 state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
                 state.hardness_cell[i] = -1.0  # the nodes of the bar before do not count
                 state.depth_cell[i] = -1.0
-            nodes = state.hardness_cell, state.hardness_left, state.hardness_right
-            listed += pass_node(
-                state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], p.hardness_along_spread[i]
-            )
-            nodes = state.depth_cell, state.depth_left, state.depth_right
-            listed += pass_node(
-                state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], p.depth_along_spread[i]
-            )
+            nodes, spread = (state.hardness_cell, state.hardness_left, state.hardness_right), p.hardness_along_spread[i]
+            listed += pass_node(state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], spread)
+            nodes, spread = (state.depth_cell, state.depth_left, state.depth_right), p.depth_along_spread[i]
+            listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], spread)
     for k in range(listed):
         i = work.node_env[k]
         work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
@@ -155,9 +151,8 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 def blend_nodes(state, work, i, p):
     """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
     noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length[i])
-    hardness = (
-        p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i] + p.hardness_along_spread[i] * noise
-    )
+    hardness = p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
+    hardness += p.hardness_along_spread[i] * noise
     state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
     noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length[i])
     depth = work.nominal_depth[i] + p.depth_bar_spread[i] * state.bar_depth_normal[i]

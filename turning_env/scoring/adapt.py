@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from errno import ENOENT
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +52,10 @@ def _imported(name: str) -> Any:
         if error.name != module.partition(".")[0]:
             raise
         raise ValueError(f"there is no module {module!r} in this folder or among the installed packages") from None
-    for part in path.split("."):
-        if not hasattr(found, part):
-            raise ValueError(f"{module} has no {path!r}")
-        found = getattr(found, part)
-    return found
+    try:
+        return attrgetter(path)(found)
+    except AttributeError as error:
+        raise ValueError(f"{module} has no {path!r}") from error
 
 
 @dataclass
@@ -69,8 +69,7 @@ class _Function(Policy):
         self.forget(mask)
 
     def act(self, observations: Observations) -> Actions:
-        actions: Actions = np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0)
-        return actions
+        return np.asarray(np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0))
 
 
 @dataclass

@@ -143,9 +143,7 @@ def score(
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         on_step: called after each step with the number of episodes that have ended.
 
-    Raises:
-        ValueError: the id has no leaderboard, it has fewer seeds, or the policy cannot play it.
-        TypeError: the policy is none of these.
+    TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds.
     """
     others = shipped(env_id)
     available = others[0].returns.shape[1]
@@ -173,8 +171,7 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
 
     comparisons = []
     for each in others:
-        means = bootstrap.means(each.returns, each.name)
-        mean = float(np.mean(each.returns))
+        means, mean = bootstrap.means(each.returns, each.name), float(np.mean(each.returns))
         ahead = Estimate.of(float(np.mean(mine.returns)) - mean, my_means - means)
         comparisons.append(Comparison(each.name, each.kind, feasible(each), Estimate.of(mean, means), ahead))
     comparisons.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
@@ -182,17 +179,9 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
     mine_feasible, my_return = feasible(mine), Estimate.of(float(np.mean(mine.returns)), my_means)
     my_key = rank_key(mine.kind, mine_feasible, my_return.value)
     better = sum(rank_key(each.kind, each.feasible, each.mean_return.value) < my_key for each in ranked)
-    return Score(
-        env_id=env_id,
-        seeds=mine.returns.shape[1],
-        rank=better + 1,
-        ranked=len(ranked) + 1,
-        mean_return=my_return,
-        feasible=mine_feasible,
-        severe_share=severe_share(mine.severe.ravel(), mine.engaged.ravel()),
-        comparisons=tuple(comparisons),
-        episodes=episodes,
-    )
+    share, count = severe_share(mine.severe.ravel(), mine.engaged.ravel()), mine.returns.shape[1]
+    rank = better + 1, len(ranked) + 1
+    return Score(env_id, count, *rank, my_return, mine_feasible, share, tuple(comparisons), episodes)
 
 
 def _interval(estimate: Estimate, sign: str = "") -> str:
