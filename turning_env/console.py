@@ -83,12 +83,9 @@ def exits(
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
     """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
 
-    Args:
-        mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``, beside Mistake, OSError and the
-            ModuleNotFoundError of an optional package.
-        interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
-        checks: Whether the status is the result of a check. If the reader of the output leaves early, the status is then 1;
-            otherwise it is 0.
+    ``mistakes`` are a user's, printed as ``error: ...``, beside Mistake, OSError and the ModuleNotFoundError of an optional
+    package. If the user interrupts, ``interrupted`` tells what is kept, and how to continue. ``checks``: whether the status is
+    the result of a check; if the reader of the output leaves early, it is then 1, otherwise 0.
     """
     caught: tuple[type[Exception], ...] = (*mistakes, Mistake, OSError, ModuleNotFoundError)
 

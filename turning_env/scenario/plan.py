@@ -45,11 +45,7 @@ def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
 class Loads:
     """A grid of set points and their loads. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
 
-    Attributes:
-        speed: cutting speed [m/min], shape (scenarios, speeds, 1).
-        feed: [mm/rev], shape (scenarios, 1, feeds).
-        removal: removal rate [cm3/min].
-        life_rate: edges used up per minute [1/min].
+    They are speed [m/min], feed [mm/rev], removal rate [cm3/min] and the rate at which edges are used up [1/min].
     """
 
     def __init__(self, s: Scenario, count: int) -> None:

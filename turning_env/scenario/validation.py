@@ -42,6 +42,8 @@ def complaints(s: "Scenario") -> Iterator[str]:
     wear, criterion = s.mismatch.initial_wear, s.tool.wear_criterion
     if wear >= criterion:
         yield f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}"
+    if control.time_limit * 60 < control.interval:
+        yield f"control.time_limit is {control.time_limit} min, but must be at least one step of {control.interval} s"
     if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
         asked = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
         yield f"control.initial_feed is {asked}: above machine.feed_max, {machine.feed_max}"

@@ -39,20 +39,14 @@ def play(
     *,
     tell: bool = False,
 ) -> Episodes:
-    """Play one episode per seed, all in one batch.
+    """Play one episode per seed, all in one batch; return an array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
 
     Args:
-        make_policy: makes the policy for ``len(seeds)`` environments.
+        make_policy: makes the policy for ``len(seeds)`` environments; ValueError if its actions are malformed.
         scenario: scenario to play, or a batch of ``len(seeds)`` environments with SAME_STEP.
         seeds: seeds of the episodes.
         on_step: called after each step with the number of episodes that have ended.
         tell: whether to call ``tell(infos)`` before every ``act``; for oracles only.
-
-    Returns:
-        An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
-
-    Raises:
-        ValueError: the policy's actions have the wrong shape or are not finite.
     """
     num_envs = len(seeds)
     env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP) if isinstance(scenario, Scenario) else scenario
