@@ -16,7 +16,7 @@ from mkdocs.structure.files import File, Files
 import turning_env
 from leaderboard import page
 from leaderboard.ranking import Leaderboard, read_leaderboards
-from turning_env.physics.quantities import INFO, entries
+from turning_env.physics.quantities import INFO, OBSERVATION, layout
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
@@ -66,11 +66,13 @@ def _specification(env_id: str, level: int = 1) -> str:
     assert isinstance(entry_point, str)
     module, name = entry_point.split(":")
     text = inspect.getdoc(getattr(__import__(module, fromlist=[name]), name)) or ""
+    names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
     if level == 1:  # all ids have the same info
         rows = "\n".join(f"| `{each.name}` | {each.unit} | {each.meaning} |" for each in INFO)
         text += f"\n\n## Table of info\n\n| Name | Unit | Meaning |\n|---|---|---|\n{rows}"
-    elif len(present := entries(turning_env.Scenario.load(turning_env.IDS[env_id]))) != len(entries(turning_env.Scenario())):
-        rows = "\n".join(f"| {i} | {e.name} | {e.meaning} | {e.low:g} to {e.high:g} |" for i, e in enumerate(present))
+    elif len(names) != len(layout(turning_env.Scenario())):
+        entries = [next(each for each in OBSERVATION if each.name == name) for name in names]
+        rows = "\n".join(f"| {i} | {e.name} | {e.meaning} | {e.low:g} to {e.high:g} |" for i, e in enumerate(entries))
         text += f"\n\n## Table of the observation\n\n| Index | Entry | Meaning | Range |\n|---|---|---|---|\n{rows}"
     return f"{'#' * level} {env_id}\n\n" + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE) + "\n"
 

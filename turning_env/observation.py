@@ -16,7 +16,7 @@ from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp, expm1, log
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
-from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, entries, layout
+from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, capacity_at, idle_power
 from turning_env.physics.wear import log_wear
@@ -25,7 +25,7 @@ from turning_env.scenario import Scenario
 
 def bounds(scenario: Scenario) -> NDArray[np.float32]:
     """Return the lowest and highest values of the entries in ``layout(scenario)``, shape (2, entries)."""
-    return np.array([(entry.low, entry.high) for entry in entries(scenario)], np.float32).T
+    return np.array([(entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)], np.float32).T
 
 
 @compiled
@@ -46,20 +46,20 @@ def observe(state, work, first, last, p):
 
     Rows are those of ``OBS``. ``work`` must hold the logarithms of speed and feed.
     """
-    row = work.observation
+    entries = work.observation
     for i in env_range(first, last):
         speed_low, speed_scale = p.log_cutting_speed_min[i], p.cutting_speed_scale[i]
         feed_low, feed_scale = p.log_feed_min[i], p.feed_scale[i]
         commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
-        row[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i])
-        row[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * p.per_thrust_force_limit[i])
-        row[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
-        row[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
-        row[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
-        row[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
+        entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i])
+        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * p.per_thrust_force_limit[i])
+        entries[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
+        entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
+        entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
+        entries[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
     for i in env_range(first, last):
-        row[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
-        row[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
+        entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
+        entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
     for i in env_range(first, last):
         work.log_wear[i] = log_wear(p.nominal, i, state.nominal_used_life[i])
     for i in env_range(first, last):
@@ -68,38 +68,38 @@ def observe(state, work, first, last, p):
         power += idle_power(p.nominal, i, state.cutting_speed[i])
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
-        row[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
-        row[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
+        entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
+        entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
     for i in env_range(first, last):
         ratio = min(exp(work.log_wear[i] - p.log_wear_criterion[i]), MAX_RATIO)
-        row[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
+        entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
     if p.reads_torque:
         for i in env_range(first, last):
             available = capacity(p, i, state.cutting_speed[i])
-            row[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i] / available)
+            entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i] / available)
     if p.heats:
         for i in env_range(first, last):
-            row[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
+            entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
     if p.senses_current:
         for i in env_range(first, last):
             at_limit = steady_current(p.nominal, i, p.thrust_force_limit[i], 0.0)
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
             predicted = steady_current(p.nominal, i, work.predicted_force[i], feed_velocity)
             has_cut = state.nominal_used_life[i] > 0.0
-            row[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
-            row[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
+            entries[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
+            entries[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
     if p.holds_roughness:
         for i in env_range(first, last):
             one_only = p.log_reference_span[i] == 0.0
             scale = 0.0 if one_only else 2.0 / p.log_reference_span[i]
             position = range_position(log(state.roughness_reference[i]), p.log_reference_min[i], scale)
-            row[OBS.roughness_reference, i] = 0.0 if one_only else position
+            entries[OBS.roughness_reference, i] = 0.0 if one_only else position
     if p.probe:
         for i in env_range(first, last):
-            row[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut[i])
+            entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut[i])
     if p.inspects_edges:
         for i in env_range(first, last):
-            row[OBS.removed_wear, i] = min(state.removed_wear[i] / p.wear_criterion[i], MAX_RATIO)
+            entries[OBS.removed_wear, i] = min(state.removed_wear[i] / p.wear_criterion[i], MAX_RATIO)
 
 
 class Reading(NamedTuple):

@@ -5,7 +5,7 @@ space and the tables of the documentation follow (``records.py``, ``info.py``, `
 """
 
 from collections import namedtuple
-from itertools import compress
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,12 +38,13 @@ class Quantity(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """An entry of an observation, with its lowest and highest values."""
+    """An entry of an observation, with its lowest and highest values; ``present`` says in which scenarios there is one."""
 
     name: str
     meaning: str
     low: float
     high: float
+    present: Callable[[Scenario], bool] = lambda scenario: True
 
 
 Q = Quantity
@@ -239,27 +240,32 @@ OBSERVATION = (
     Entry("power_ratio", "measured power: `5 * (power / predicted power - 1)`", _LOW, _HIGH),
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
-    Entry("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
-    Entry("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
-    Entry("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
-    Entry("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
+    Entry(
+        *("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
+        present=lambda s: s.spindle.short_time_load > 1.0,
+    ),
+    Entry(
+        *("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
+        present=lambda s: s.control.aim == "roughness",
+    ),
+    Entry(
+        *("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
+        present=lambda s: s.sensors.probe,
+    ),
+    Entry(
+        *("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
+        present=lambda s: s.sensors.inspects_edges,
+    ),
 )
-"""Observation entries in order. The last four are entries of some scenarios only: see ``entries``."""
+"""Observation entries in order. Entries of some scenarios only come last."""
 
 OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(OBSERVATION)))
 """Indices of entries in observations: ``OBS.power``. ``layout(scenario)`` has those that only some scenarios have."""
 
 
-def entries(scenario: Scenario) -> list[Entry]:
-    """Return the entries of a scenario's observations, in order."""
-    sensors, heats = scenario.sensors, scenario.spindle.short_time_load > 1.0
-    last = heats, scenario.control.aim == "roughness", sensors.probe, sensors.inspects_edges
-    return [*OBSERVATION[: -len(last)], *compress(OBSERVATION[-len(last) :], last)]
-
-
 def layout(scenario: Scenario) -> tuple[str, ...]:
     """Return the names of the entries of a scenario's observations, in order."""
-    return tuple(entry.name for entry in entries(scenario))
+    return tuple(entry.name for entry in OBSERVATION if entry.present(scenario))
 
 
 def action_size(scenario: Scenario) -> int:
