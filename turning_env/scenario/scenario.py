@@ -148,14 +148,10 @@ class Scenario(Section):
 
         A TOML file or a dict states only the values that differ from the defaults or, with ``base``, from that preset or TOML
         file. The path of a base is relative to the file's folder. Without a ``name``, a file's scenario gets the file's name,
-        with "_" for characters that are not allowed; a dict's scenario is called "custom".
+        with "_" for characters that are not allowed; a dict's scenario is called "custom". TypeError if ``source`` is none of
+        the four; ScenarioError names file, field, value and what is allowed.
 
             Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
-
-        Raises:
-            ScenarioError: the preset or file does not exist, the file is not TOML, a key is unknown, a value is out of range, or
-                a scenario is based on itself. The message names file, field, value and what is allowed.
-            TypeError: ``source`` is none of the four.
         """
         if isinstance(source, Scenario):
             return source
@@ -237,10 +233,7 @@ class Scenario(Section):
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def differences(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, nested by section, without the name.
-
-        They identify a scenario. A new field with a neutral default, another order or a comment does not change them.
-        """
+        """Return the values that differ from the defaults, nested by section, without the name. They identify a scenario."""
         return _differences(self.model_dump(exclude={"name"}), _DEFAULTS.model_dump(exclude={"name"}))
 
     def digest(self) -> str:

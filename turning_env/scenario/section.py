@@ -14,16 +14,12 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
     )
 
 
-_MAX_LISTED = 8
-_ALL_KEYS = "python -m turning_env schema"
-
-
 def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
     """Return advice on an unknown name: similar names, or all names if they are few, or the command that lists them."""
     names = list(allowed)
     if close := get_close_matches(name[:100], names, 3, 0.7):
         return f"did you mean {' or '.join(close)}?"
-    return f"allowed are {', '.join(names)}" if len(names) <= _MAX_LISTED else f"list all with: {lists_all}"
+    return f"allowed are {', '.join(names)}" if len(names) <= 8 else f"list all with: {lists_all}"
 
 
 def _with_tuples(value: Any) -> Any:
@@ -48,8 +44,8 @@ class Section(BaseModel):
             values = _with_tuples(values)
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
-                advice = (f"unknown key {key}; {names_instead(key, cls.model_fields, _ALL_KEYS)}" for key in unknown)
-                raise ValueError("; ".join(advice))
+                known = cls.model_fields, "python -m turning_env schema"
+                raise ValueError("; ".join(f"unknown key {key}; {names_instead(key, *known)}" for key in unknown))
         return values
 
     @field_validator("*")
