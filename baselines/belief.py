@@ -33,11 +33,9 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 Array = NDArray[np.float64]
 Float32s = NDArray[np.float32]
 
-LIMIT = 10.0
-"""Highest absolute value of an entry."""
+LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9
-MIN_WEAR = 1e-3
-"""Least nominal wear over the criterion at which loads are expected [-]."""
+MIN_WEAR = 1e-3  # least nominal wear over the criterion at which loads are expected [-]
 
 _STATES = (
     *("depth", "depth_slope", "hardness", "hardness_slope", "insert", "edge_history", "wear", "wear_speed", "wear_feed"),

@@ -28,8 +28,7 @@ FILES = (
 )
 """Files that declare rules. A new one is added here."""
 
-RULES: dict[str, Rule] = {}
-"""All rules by name."""
+RULES: dict[str, Rule] = {}  # all rules by name
 for _file in FILES:
     RULES |= import_module(f"baselines.{_file}").RULES
 
@@ -63,12 +62,7 @@ def names(scenario: Scenario) -> list[str]:
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """Return the rule of a name in the form for a scenario: with timely edge changes if the rule must command them.
-
-    Raises:
-        KeyError: there is no controller of this name; the message lists all names.
-        ValueError: the rule cannot play the scenario.
-    """
+    """Return the rule of a name as it plays a scenario, perhaps with timely edge changes; KeyError or ValueError if it cannot."""
     if name not in RULES:
         raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
     rule = RULES[name]

@@ -33,15 +33,13 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 
-THRESHOLD = 100.0
-"""Force below which the tool counts as out of the metal [N] (roughness control paper)."""
+THRESHOLD = 100.0  # force below which the tool counts as out of the metal [N] (roughness control paper)
 ENGAGED_TIME = 0.1
 """Time above the threshold after which the law acts [s]: one turn of the paper's spindle, in which a chip reaches its thickness
 (assumption; the paper says "a specified time")."""
 SAMPLES, UNITS, WIDTH = 64, 6, 0.3
 """Samples of the model between the task's lowest and highest reference of Ra; hidden units, and their width over that range."""
-DECAY = 1e-3
-"""Weight decay: the fit minimises the sum of squares of the errors plus that of ``DECAY`` times each weight."""
+DECAY = 1e-3  # weight decay: the fit minimises the sum of squares of the errors plus that of DECAY times each weight
 
 
 def force_of_roughness(surface: Surface, roughness: Array) -> Array:

@@ -32,12 +32,9 @@ Array = NDArray[np.float64]
 
 FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.5)
 """Feed override at each position of a panel's switch, a four-bit code (servo current paper, section 5.2) [-]."""
-ORDER = 10
-"""Order of the low-pass filter (servo current paper)."""
-HYSTERESIS = 0.05
-"""Distance between the limits over the upper one [-] (assumption)."""
-CUTOFF, WINDOW = 0.8, 3
-"""Arguments of ``Smoother`` [-], [samples]: the loop is stable with this filter's lag (assumption)."""
+ORDER = 10  # order of the low-pass filter (servo current paper)
+HYSTERESIS = 0.05  # distance between the limits over the upper one [-] (assumption)
+CUTOFF, WINDOW = 0.8, 3  # arguments of Smoother [-], [samples]: the loop is stable with this filter's lag (assumption)
 _PROGRAMMED = FEED_GRADES.index(1.0)
 
 

@@ -25,12 +25,10 @@ from turning_env.numerics.functions import exp
 
 Array = NDArray[np.float64]
 
-MIN_HEADROOM = 0.05
-"""Lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)."""
+MIN_HEADROOM = 0.05  # lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)
 
-FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}
-MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}
-"""Published values [-]."""
+FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}  # published values [-]
+MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}  # likewise
 
 
 def new_override(override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float) -> Array:

@@ -27,9 +27,8 @@ from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import advance_used_life, log_wear
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-CUTTING_SPEED_STEP = 10.0
-FEED_STEP = 0.005
-"""The paper's grid [m/min], [mm/rev]."""
+CUTTING_SPEED_STEP = 10.0  # the paper's grid [m/min]
+FEED_STEP = 0.005  # likewise [mm/rev]
 
 
 def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -21,24 +21,17 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 Array = NDArray[np.float64]
 
-LOWEST_OVERRIDE = 0.1
-"""Lowest override of the commercial controls [-]: at zero feed, the edge would only rub."""
+LOWEST_OVERRIDE = 0.1  # lowest override of the commercial controls [-]: at zero feed, the edge would only rub
 
-SETTLING_TIME = 0.5
-"""Cutting time of an edge at which ``LearnedPower`` starts to learn [s]: until then, the power is still rising."""
-LEARNING_TIME = 1.5
-"""Cutting time of an edge at which learning ends [s]."""
-STOP = 1.25
-"""Power at which the feed stops, over the extreme limit [-]."""
-UNDERCUT = 0.3
-"""Undercut limit over the learned power [-]."""
-WEAR_TIME = 60.0
-"""Time constant of the smoothing for the wear limit [s]."""
+SETTLING_TIME = 0.5  # cutting time of an edge at which LearnedPower starts to learn [s]: until then, the power is still rising
+LEARNING_TIME = 1.5  # cutting time of an edge at which learning ends [s]
+STOP = 1.25  # power at which the feed stops, over the extreme limit [-]
+UNDERCUT = 0.3  # undercut limit over the learned power [-]
+WEAR_TIME = 60.0  # time constant of the smoothing for the wear limit [s]
 
 ENTRY_TIME = 0.3
 """Duration of the entry override after the touch [s], at least one control interval: the power reading takes that long."""
-MAX_CHANGE = 5.0
-"""Largest log ratio of target feed to actual feed [-]: without load it would be infinite."""
+MAX_CHANGE = 5.0  # largest log ratio of target feed to actual feed [-]: without load it would be infinite
 
 
 def towards_load(override: Array, load: Array, target: Array | float, share: float) -> Array:

@@ -33,8 +33,7 @@ class Rule:
     worth_tuning: bool = False
     """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     together: bool = False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
-    tuned_on: str | None = None
-    """The preset on which it is tuned for all scenarios; for slow rules with parameters without unit."""
+    tuned_on: str | None = None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
 
     def build(self, scenario: Any, num_envs: int, parameters: Parameters) -> Policy:
         """Return the policy for a scenario, a number of environments and parameters."""

@@ -20,14 +20,16 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
+import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import TPESampler
+from optuna.trial import TrialState
 from tqdm import tqdm
 
 from baselines import tuned
@@ -36,10 +38,10 @@ from baselines.rule import Parameters, Range, Rule
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import described, exits
 from turning_env.files import exclusive_lock, file_lock, replace_file
-from turning_env.scoring.play import play
+from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import severe_limit, severe_share
-from turning_env.scoring.workers import spread, workers
+from turning_env.scoring.workers import Workers, spread, workers
 
 Budget = dict[str, int]
 BUDGET: Budget = {"trials": 64, "seeds": 32}
@@ -50,23 +52,100 @@ _CANDIDATES = 128
 
 
 class Played(NamedTuple):
-    """Result of one trial."""
+    """Result of a setting on the tuning seeds."""
 
     mean_return: float  # [s]
     severe_share: float  # share of cutting time more than the tolerance over a limit [-]
     severe_limit: float  # its one-sided upper confidence limit [-], which decides on feasibility
     steps: int  # number of steps played
+    failed: str = ""  # why there is no result
+
+    @classmethod
+    def of(cls, *episodes: Episodes) -> Self:
+        """Return the result of all these episodes."""
+        names = ("return", "severe_overload_time", "engaged_time", "steps")
+        returns, severe, engaged, steps = (np.concatenate([each[name] for each in episodes]) for name in names)
+        return cls(float(returns.mean()), severe_share(severe, engaged), severe_limit(severe, engaged), int(steps.sum()))
+
+
+class Trial(NamedTuple):
+    """A setting and its result."""
+
+    setting: dict[str, Any]
+    played: Played
+
+    def merit(self, allowance: float) -> tuple[bool, float]:
+        """Return whether the trial is feasible, and its mean return [s]: the highest merit wins."""
+        return self.played.severe_limit <= allowance, self.played.mean_return
+
+
+def trials(
+    ranges: Mapping[str, BaseDistribution],
+    first: Mapping[str, Any],
+    count: int,
+    log: Path,
+    task: list[Any],
+    allowance: float,
+    play: Callable[[dict[str, Any]], Played],
+    over: Workers | None = None,
+    parallel: int = 1,
+    **sampler: Any,
+) -> Iterator[Trial]:
+    """Yield the trials of a search as they end, after those of the same ``task`` that ``log`` holds, one in a line.
+
+    ``play`` plays a setting, ``first`` before all others; ``over`` workers, ``parallel`` settings at the same time. A setting is
+    feasible up to a ``severe_limit`` of ``allowance`` [-]. ``sampler`` are options of Optuna's ``TPESampler``.
+    """
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study, running, ended = optuna.create_study(direction="maximize"), list[optuna.Trial](), 0
+
+    def told(trial: optuna.Trial, played: Played) -> Trial:
+        if played.failed:
+            study.tell(trial, state=TrialState.PRUNED)
+        else:
+            trial.set_constraint("overload", played.severe_limit - allowance)
+            study.tell(trial, played.mean_return)
+        return Trial(trial.params, played)
+
+    for setting, known in _read(log, task)[:count]:
+        study.enqueue_trial(setting)
+        yield told(study.ask(dict(ranges)), known)
+        ended += 1
+    if not ended:
+        study.enqueue_trial(dict(first))
+    while ended < count:
+        while len(running) < min(parallel, count - ended):
+            # A sampler per trial: its random numbers must not depend on interruptions.
+            study.sampler = TPESampler(seed=ended + len(running), **sampler)
+            running.append(study.ask(dict(ranges)))
+            if over:
+                over.start(running[-1], play, running[-1].params)
+        trial, played = over.finished() if over else (running[0], play(running[0].params))
+        running.remove(trial)
+        with log.open("a", encoding="utf-8") as file:
+            file.write(f"\n{json.dumps([task, trial.params, played])}\n")
+        yield told(trial, played)
+        ended += 1
+
+
+def _read(log: Path, task: list[Any]) -> list[Trial]:
+    """Return the trials of a task that a log holds; lines that a killed process left incomplete are skipped."""
+    found = []
+    for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
+        with suppress(ValueError, TypeError, RecursionError):
+            about, setting, played = json.loads(line)
+            if about == task:
+                found.append(Trial(setting, Played(*played)))
+    return found
 
 
 def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
     """Play a rule with some parameters on seeds; note both on an exception."""
     try:
-        episodes = play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds)
+        return Played.of(play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds))
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
-    times = episodes["severe_overload_time"], episodes["engaged_time"]
-    return Played(float(episodes["return"].mean()), severe_share(*times), severe_limit(*times), int(episodes["steps"].sum()))
 
 
 def search(
@@ -77,54 +156,31 @@ def search(
     log: Path,
     play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], Played] = play_trial,
 ) -> dict[str, Any]:
-    """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all.
-
-    ``log`` keeps the results of trials, one in a line; those that it holds are not played again.
-    """
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
-    known, seeds = _read(log), tuning_seeds(budget["seeds"])
-    ranges: dict[str, BaseDistribution] = {
-        key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()
-    }
-    study = optuna.create_study(direction="maximize")
-    played: list[tuple[Parameters, Played]] = []
-    study.enqueue_trial({key: middle(each) for key, each in rule.ranges.items()})
-    for number in range(budget["trials"]):
-        study.sampler = TPESampler(seed=number, n_ei_candidates=_CANDIDATES)
-        trial = study.ask(ranges)
-        setting = rule.fixed | trial.params
-        about = json.dumps([MODEL_VERSION, rule.version, scenario.digest(), len(seeds), setting])
-        if about not in known:
-            known[about] = play(name, rule, scenario, setting, seeds)
-            with log.open("a", encoding="utf-8") as file:
-                file.write(f"\n{json.dumps([about, known[about]])}\n")
-        played.append((trial.params, known[about]))
-        trial.set_constraint("overload", known[about].severe_limit - scenario.limits.overload_allowance)
-        study.tell(trial, known[about].mean_return)
-
-    def feasible(result: Played) -> bool:
-        return result.severe_limit <= scenario.limits.overload_allowance
-
-    parameters, best = max(played, key=lambda each: (feasible(each[1]), each[1].mean_return))
+    """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all."""
+    seeds, allowance = tuning_seeds(budget["seeds"]), scenario.limits.overload_allowance
+    ranges = {key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()}
+    played = [
+        *trials(
+            ranges,
+            {key: middle(each) for key, each in rule.ranges.items()},
+            budget["trials"],
+            log,
+            [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed],
+            allowance,
+            lambda setting: play(name, rule, scenario, rule.fixed | setting, seeds),
+            n_ei_candidates=_CANDIDATES,
+        )
+    ]
+    best = max(played, key=lambda trial: trial.merit(allowance))
     return {
         "version": rule.version,
-        "parameters": parameters,
-        "mean_return": best.mean_return,
-        "severe_share": best.severe_share,
-        "feasible": feasible(best),
+        "parameters": best.setting,
+        "mean_return": best.played.mean_return,
+        "severe_share": best.played.severe_share,
+        "feasible": best.merit(allowance)[0],
         "episodes_played": len(played) * len(seeds),
-        "steps_played": sum(result.steps for _, result in played),
+        "steps_played": sum(trial.played.steps for trial in played),
     }
-
-
-def _read(log: Path) -> dict[str, Played]:
-    """Return the results that a log holds, by what they depend on; lines that a killed process left incomplete are skipped."""
-    found = {}
-    for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
-        with suppress(ValueError, TypeError, RecursionError):
-            about, values = json.loads(line)
-            found[about] = Played(*values)
-    return found
 
 
 def middle(values: Range) -> float:
@@ -133,12 +189,7 @@ def middle(values: Range) -> float:
 
 
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
-    """Return the named rules, or all that can play the scenario and have parameters to tune; if ``quick``, the best of them.
-
-    Raises:
-        KeyError: there is no rule of that name.
-        ValueError: a rule cannot play the scenario or has nothing to tune there.
-    """
+    """Return the named rules, or all to tune on the scenario, or if ``quick`` the best of them; ValueError if one cannot be."""
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
     fixed = [
         name
@@ -151,11 +202,7 @@ def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool =
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
-    """Return the file to write; only ``shipped`` may overwrite one that ships.
-
-    Raises:
-        ValueError: another file is asked for, or the file's name has another suffix.
-    """
+    """Return the file to write; ValueError unless it ends in .json, and if one that ships is written without ``shipped``."""
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
@@ -170,11 +217,7 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
 
 
 def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
-    """Return the entries of a file of the scenario's tuned parameters for the rules that are not tuned now.
-
-    Raises:
-        ValueError: they were tuned with another budget, and a file must not mix budgets; or the file is damaged.
-    """
+    """Return a file's entries for the rules that are not tuned now; ValueError if they were tuned with another budget."""
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
         return {}

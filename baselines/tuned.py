@@ -13,8 +13,7 @@ from typing import Any
 from baselines.rule import Parameters, Rule
 from turning_env import Family, Scenario, presets
 
-FOLDER = Path(__file__).parent / "tuned"
-"""The folder of the tuned values that ship."""
+FOLDER = Path(__file__).parent / "tuned"  # the folder of the tuned values that ship
 
 
 class NotTuned(ValueError):
@@ -36,11 +35,7 @@ def command(scenario: Scenario) -> str:
 
 
 def read(file: Path) -> dict[str, Any]:
-    """Return the contents of a file of tuned parameters; an empty dict if there is no file.
-
-    Raises:
-        ValueError: the file is damaged.
-    """
+    """Return the contents of a file of tuned parameters, an empty dict if there is no file; ValueError if it is damaged."""
     try:
         values: dict[str, Any] = json.loads(file.read_text("utf-8"))
         for rule in values["rules"].values():
@@ -53,12 +48,7 @@ def read(file: Path) -> dict[str, Any]:
 
 
 def contents(scenario: Scenario) -> dict[str, Any]:
-    """Return the contents of the file for a scenario with these values.
-
-    Raises:
-        NotTuned: there is no such file; the message says which command makes it.
-        ValueError: a file is damaged.
-    """
+    """Return the contents of the file for a scenario with these values; NotTuned says which command makes one."""
     own = read(path(scenario))
     for values in (own, *map(read, sorted(FOLDER.glob("*.json")))):
         if values.get("scenario_digest") == scenario.digest():
@@ -75,12 +65,7 @@ def on_family(family: Family, name: str) -> Parameters:
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
-    """Return one rule's tuned parameters and the command that found them, for a scenario or, if set, ``rule.tuned_on``.
-
-    Raises:
-        NotTuned: there are none for this scenario, or for another version or other parameters of the rule. The message says
-            which command makes them.
-    """
+    """Return one rule's tuned parameters and their command, for a scenario or ``rule.tuned_on``; NotTuned if there are none."""
     home = scenario if rule.tuned_on is None else Scenario.load(rule.tuned_on)
     values = contents(home)
     known = values["rules"]

@@ -34,28 +34,19 @@ from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")
-"""The paper's rules."""
-ECONOMIC_OPTIMUM = "economic_optimum"
-"""Name of the point of least cost within force, power and the machine's ranges."""
+TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")  # the paper's rules
+ECONOMIC_OPTIMUM = "economic_optimum"  # name of the point of least cost within force, power and the machine's ranges
 
-Cut = tuple[ArrayLike, ArrayLike, ArrayLike]
-"""Depth of cut [mm], relative hardness [-] and flank wear [mm]."""
+Cut = tuple[ArrayLike, ArrayLike, ArrayLike]  # depth of cut [mm], relative hardness [-] and flank wear [mm]
 Lines = tuple[Line, ...]
 _CUTTING_SPEED, _FEED = PowerLaw(coefficient=1.0, cutting_speed=1.0), PowerLaw(coefficient=1.0, feed=1.0)
 
-MIN_DEPTH = 1e-6
-"""Depth of cut in place of 0 [mm]."""
-FURTHER = {"P": "radial_force", "S": "roughness"}
-"""Further limits that replace a rule's first limit if they are tighter."""
+MIN_DEPTH = 1e-6  # depth of cut in place of 0 [mm]
+FURTHER = {"P": "radial_force", "S": "roughness"}  # further limits that replace a rule's first limit if they are tighter
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
-    """Return the two limits of a rule.
-
-    Raises:
-        ValueError: the rule is unknown, or with these laws its limits are parallel and fix no point.
-    """
+    """Return the two limits of a rule; ValueError if it is unknown, or with these laws its limits fix no point."""
     if rule not in TWO_LIMITS:
         raise ValueError(f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}")
     found = {

@@ -20,8 +20,7 @@ from turning_nc.stock import read_stock, remove
 from turning_nc.words import read_program_file
 
 FOLDER = Path(__file__).parent / "programs"
-COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))
-"""Stock and tools of each program."""
+COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))  # stock and tools of each program
 SCENARIO = Scenario.load("rough_turning")
 
 

@@ -40,11 +40,9 @@ from turning_env.scoring.policy import Observations, PolicyFactory
 from turning_env.scoring.seeds import TUNING_START
 
 AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
-FIRST_SEED = 999_000_000
-"""Seeds of the last training seed, which is kept for data sets."""
+FIRST_SEED = 999_000_000  # seeds of the last training seed, which is kept for data sets
 MAX_EPISODES = TUNING_START - FIRST_SEED
-NUM_ENVS = 64
-"""Episodes played side by side."""
+NUM_ENVS = 64  # episodes played side by side
 
 
 BEHAVIOURS = {

@@ -37,8 +37,7 @@ ALGORITHMS = ("bc", "iql", "cql", "td3_bc")
 STEPS = 3000
 BATCH = 256
 DISCOUNT = 0.8
-REWARD_SCALE = 1 / 3
-"""Discount, scale and network as for PPO (train/hyperparameters/ppo.toml)."""
+REWARD_SCALE = 1 / 3  # discount, scale and network as for PPO (train/hyperparameters/ppo.toml)
 FIELDS = ("return", "severe_overload_time", "engaged_time")
 
 

@@ -23,8 +23,7 @@ class Repository(NamedTuple):
 
     name: str
     kind: str
-    files: dict[str, Path]
-    """Files by their names in the repository."""
+    files: dict[str, Path]  # files by their names in the repository
 
 
 def repository(path: Path) -> Repository:

@@ -18,8 +18,7 @@ from ray.tune.registry import register_env
 
 from examples.shared import of_tensors, parser, run, score
 
-ROLLOUT = 8192
-"""Steps of all environments between updates."""
+ROLLOUT = 8192  # steps of all environments between updates
 
 
 def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv[Any, Any, Any]:

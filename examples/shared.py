@@ -16,8 +16,7 @@ from turning_env.scoring.policy import Observations
 from turning_env.scoring.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
-NUM_SEEDS = 32
-"""Number of tuning seeds for a score; experiments are never scored on held-out seeds."""
+NUM_SEEDS = 32  # number of tuning seeds for a score; experiments are never scored on held-out seeds
 
 
 def of_tensors(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[Observations], Any]:

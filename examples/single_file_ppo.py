@@ -29,25 +29,19 @@ from turning_env.console import described, exits
 class Settings:
     """Options of the command line, such as ``--learning-rate 0.0003``."""
 
-    steps: int = 1_000_000
-    """Environment steps of the whole training."""
+    steps: int = 1_000_000  # environment steps of the whole training
     seed: int = 0
     num_envs: int = 64
-    rollout: int = 64
-    """Steps per environment between updates."""
+    rollout: int = 64  # steps per environment between updates
     epochs: int = 5
-    batches: int = 4
-    """Minibatches per epoch."""
-    learning_rate: float = 1e-3
-    """Learning rate at the start; it falls linearly to 0."""
+    batches: int = 4  # minibatches per epoch
+    learning_rate: float = 1e-3  # learning rate at the start; it falls linearly to 0
     discount: float = 0.8
     """Discount per step: about 5 s of foresight. Life is charged as it is used, so more foresight only adds noise."""
     gae_lambda: float = 0.95
     clip: float = 0.2
-    reward_scale: float = 1 / 3
-    """Factor on rewards [1/s]."""
-    tuning_seeds: int = 32
-    """Number of tuning seeds for the score."""
+    reward_scale: float = 1 / 3  # factor on rewards [1/s]
+    tuning_seeds: int = 32  # number of tuning seeds for the score
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

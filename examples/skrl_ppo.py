@@ -22,8 +22,7 @@ from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_m
 import turning_env  # noqa: F401 - registers the ids
 from examples.shared import of_tensors, parser, run, score
 
-ROLLOUT = 64
-"""Steps per environment between updates."""
+ROLLOUT = 64  # steps per environment between updates
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

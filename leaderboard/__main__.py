@@ -25,8 +25,7 @@ from turning_env.scoring.seeds import held_out_seeds, private_seeds
 from turning_env.scoring.workers import WorkersError, workers
 
 PAGE = "index.html"
-SPLITS_ENV_ID = "RoughTurning-v0"
-"""The id that has splits."""
+SPLITS_ENV_ID = "RoughTurning-v0"  # the id that has splits
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -17,11 +17,7 @@ from turning_env import FAMILY_ID, SPLITS
 
 
 def write_all(results: Path, agents: Path) -> list[Path]:
-    """Write the card of every agent in ``agents``, with its results in ``results``, and return the cards' paths.
-
-    Raises:
-        ResultError: a file is no agent's, or in the wrong place, or has no results; a card cannot be written.
-    """
+    """Write the card of every agent, and return the paths; ResultError if a file is in the wrong place or has no results."""
     folders = sorted({path.parent for path in agents.glob(f"*/*/*{ONNX_SUFFIX}")})
     if not folders:
         raise ResultError(f"{agents} holds no agents")
@@ -35,25 +31,21 @@ def write_all(results: Path, agents: Path) -> list[Path]:
         played = {(each.policy.label, each.policy.sha256) for each in board.results}
         for name, files in _agents(folder).items():
             for file in files:
-                if (file.label, file.digest) not in played:
-                    raise ResultError(f"{folder / file.label}{ONNX_SUFFIX} has no results in {results}: play it first")
+                if (file.metadata.label, file.digest) not in played:
+                    raise ResultError(f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first")
             path = folder / f"{name}.md"
-            write_whole(path, render(files, board, across, folder / f"{files[0].label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files, board, across, folder / f"{files[0].metadata.label}{ONNX_SUFFIX}"))
             written.append(path)
     return written
 
 
 def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across | None, example: Path) -> str:
-    """Return the card of an agent as Markdown.
+    """Return the card of an agent, with a file per training seed, as Markdown.
 
-    Args:
-        files: one per training seed.
-        board: the leaderboard of its task.
-        across: full costs on scenarios on which it was not trained, if there are any.
-        example: the file that the example loads.
+    ``across``: full costs on scenarios on which it was not trained, if any; ``example``: the file that the example loads.
     """
     metadata = files[0].metadata
-    name = board.names[files[0].label]
+    name = board.names[files[0].metadata.label]
     standing = next(each for each in board.standings if each.name == name)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
     elsewhere = across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
@@ -88,10 +80,10 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
             raise ResultError(str(error)) from error
         metadata = file.metadata
         family = family_of(metadata.env_id, metadata.parameters)
-        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.label}{ONNX_SUFFIX}"
+        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.metadata.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
-            raise ResultError(f"{path} holds {file.label} and should be at {place} in the folder of agents")
-        agents.setdefault(file.label.rpartition("-seed")[0], []).append(file)
+            raise ResultError(f"{path} holds {file.metadata.label} and should be at {place} in the folder of agents")
+        agents.setdefault(file.metadata.label.rpartition("-seed")[0], []).append(file)
     for files in agents.values():
         files.sort(key=lambda file: file.metadata.seed)
     return agents

@@ -16,10 +16,8 @@ class Cell:
 
     text: str
     interval: str
-    number: float | None
-    """The number to sort by; None if there is no value or it is infinite."""
-    ends: tuple[float, float] | None = None
-    """Low and high end of the interval, in the unit of ``number``."""
+    number: float | None  # the number to sort by; None if there is no value or it is infinite
+    ends: tuple[float, float] | None = None  # low and high end of the interval, in the unit of number
 
 
 @dataclass(frozen=True)
@@ -29,14 +27,10 @@ class Column:
     heading: str
     unit: str
     definition: str
-    field: str
-    """Field of ``Standing``."""
-    decimals: int = 0
-    """Lowest number of decimals; a narrow interval needs more."""
-    factor: float = 1.0
-    """Factor from the unit of ``Standing`` to ``unit``."""
-    of_play: bool = False
-    """Whether a policy without episodes, such as the clairvoyant bound, lacks the number."""
+    field: str  # field of Standing
+    decimals: int = 0  # lowest number of decimals; a narrow interval needs more
+    factor: float = 1.0  # factor from the unit of Standing to unit
+    of_play: bool = False  # whether a policy without episodes, such as the clairvoyant bound, lacks the number
     lower_is_better: bool = False
 
     def value(self, standing: Standing) -> Estimate | float | None:
@@ -151,10 +145,7 @@ JOBS = (
     Column("worst job", "s", "Lowest return of a job.", "worst_return"),
     Column("feasible jobs", "% of jobs", "Jobs within the allowance of severe overload.", "feasible_jobs", 0, 100),
 )
-SCORE = (
-    Column("score", "-", _SCORE, "score", 1, 100),
-    Column("over causal", "s", _OVER_CAUSAL, "over_causal"),
-)
+SCORE = (Column("score", "-", _SCORE, "score", 1, 100), Column("over causal", "s", _OVER_CAUSAL, "over_causal"))
 COMPARISONS = (
     Column("over fixed", "s", "Return less that of the task's best fixed parameters on the same seeds.", "over_fixed"),
     Column("over published", "s", "Return less that of the task's published controller on the same seeds.", "over_published"),

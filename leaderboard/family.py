@@ -30,21 +30,14 @@ NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
 """Names of the policies that score 0 and 1 on a family; the latter is the oracle, on all tasks."""
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they are told more than usual or forget."""
-POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)
-"""The policies that play if none are named."""
-CHANGE_WEAR = 0.95
-"""Nominal wear over the criterion at which ``FixedNominalOptimum`` changes the edge."""
+POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)  # the policies that play if none are named
+CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
 _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "true_laws": ""}
 """Prefixes of the fields whose true values are known, by ``PolicySpec.knows``."""
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
-    """Return the task on the first ``count`` jobs of a family's split; None: ``unseen_jobs``, or ``train`` if there is no such.
-
-    Raises:
-        ResultError: there is no such split, or it has fewer jobs.
-        ScenarioError: there is no such family.
-    """
+    """Return the task on the first jobs of a split, by default ``unseen_jobs``, else ``train``; ResultError if it has fewer."""
     family = Family.load(source)
     split = split or ("unseen_jobs" if "unseen_jobs" in family.splits else "train")
     if split not in family.splits:
@@ -63,11 +56,7 @@ def family_task(source: str | Path | Family, split: str | None, count: int) -> T
 
 
 def family_of(task: Task) -> Family:
-    """Return a task's family.
-
-    Raises:
-        ResultError: the task was read from a file, and no family of that name ships, or it has other values.
-    """
+    """Return a task's family; ResultError if the task was read from a file, and the present family has other values."""
     part = task.of_family
     assert part is not None
     if part.loaded is not None:
@@ -82,11 +71,7 @@ def family_of(task: Task) -> Family:
 
 
 def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -> PolicySpec:
-    """Return a controller, with the parameters tuned on the family or its base, or the oracle, as it plays a family's task.
-
-    Raises:
-        KeyError, ValueError: there is none, it cannot play the family, it has no such variant, or it is not tuned.
-    """
+    """Return a controller, tuned on the family or its base, or the oracle, as it plays a family; ValueError if it cannot."""
     family = family_of(task)
     first, own = family.job(0).scenario, tuned.on_family(family, name)
     if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):
@@ -118,14 +103,11 @@ def _split(task: Task) -> str:
 class FamilyPlay:
     """Plays episodes of a family: the ``compute`` of a ``PolicySpec``."""
 
-    family: Family
-    """The family, with the nominal models that the policy knows."""
+    family: Family  # the family, with the nominal models that the policy knows
     split: str
-    policy: str | PolicySpec
-    """A controller's name, or an agent that plays all jobs."""
+    policy: str | PolicySpec  # a controller's name, or an agent that plays all jobs
     forgets: bool
-    own: Parameters = field(default_factory=dict)
-    """Parameters that a controller has on this family alone."""
+    own: Parameters = field(default_factory=dict)  # parameters that a controller has on this family alone
 
     @property
     def context(self) -> Context:
@@ -155,11 +137,7 @@ class FamilyPlay:
 
 
 class FixedNominalOptimum(Policy):
-    """The nominal model's best set point on a half-worn edge; edges are changed by nominal wear.
-
-    Args:
-        jobs: the job of each environment.
-    """
+    """The nominal model's best set point of each job on a half-worn edge; edges are changed by nominal wear."""
 
     def __init__(self, jobs: Sequence[Job]) -> None:
         self._scenarios: Any = columns_of([job.scenario for job in jobs])

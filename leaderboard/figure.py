@@ -28,11 +28,7 @@ MAX_POLICIES = 8
 
 
 def write(leaderboard: Leaderboard, path: Path) -> None:
-    """Draw a leaderboard, whole or not at all: at most eight policies, and two of them on the same bar.
-
-    Raises:
-        ResultError: fewer than two trajectories were recorded, or the suffix names no format.
-    """
+    """Draw a leaderboard, whole or not at all: at most eight policies, and two of them on the same bar."""
     recorded = leaderboard.trajectories.episodes if leaderboard.trajectories else []
     episodes = [episode for episode in recorded if episode.seed == recorded[0].seed]
     if len(episodes) < 2:

@@ -56,12 +56,9 @@ CLASSES = {
 class Information:
     """The inputs of an agent in training and at run time; None: not stated."""
 
-    given: tuple[str, ...] | None
-    """Names in ``GIVEN`` of its inputs in training."""
-    seen: tuple[str, ...] | None
-    """Names in ``SEEN`` of its inputs at run time."""
-    steps: int | None
-    """Environment steps of the training."""
+    given: tuple[str, ...] | None  # names in GIVEN of its inputs in training
+    seen: tuple[str, ...] | None  # names in SEEN of its inputs at run time
+    steps: int | None  # environment steps of the training
 
 
 def class_of(policy: PolicySpec) -> str:

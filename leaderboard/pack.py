@@ -26,17 +26,11 @@ from leaderboard.result import (
 from turning_env import FAMILY_ID, IDS
 from turning_env.scoring.score import FAMILY, FOLDER, unpacked
 
-DIGITS = 2
-"""Decimals of the times [s] in the wheel."""
+DIGITS = 2  # decimals of the times [s] in the wheel
 
 
 def pack(folder: Path, without: Collection[str] = ()) -> bool:
-    """Move the results on a folder's ranked task into its one file of many; return whether anything changed.
-
-    Args:
-        folder: a ``result_folder`` with a manifest.
-        without: names of policies whose results are deleted.
-    """
+    """Move the results on a folder's ranked task, but not of some policies, into one file; return whether anything changed."""
     task = read_part(Manifest, folder / MANIFEST_FILE).task
     ranked = (each for each in read_results(folder).values() if each.task.digest == task.digest)
     packed = [each for each in ranked if each.policy.name not in without]

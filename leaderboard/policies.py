@@ -23,8 +23,7 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
-CLAIRVOYANT = "clairvoyant"
-"""Name of the bound."""
+CLAIRVOYANT = "clairvoyant"  # name of the bound
 AGENTS = Path(__file__).parents[1] / "agents"
 """Agents that come with the project: one's own stand beside them under names of their own."""
 
@@ -128,11 +127,7 @@ def named(
 def one_named(
     name: str, task: Task, tuned_on: Scenario | None = None, knows: str = "nominal", forgets: bool = False
 ) -> PolicySpec:
-    """Return a controller or an oracle: see ``named``.
-
-    Raises:
-        ResultError: there is none of that name, it cannot play the scenario, or it is not tuned for it (from ``NotTuned``).
-    """
+    """Return a controller or an oracle, see ``named``; ResultError if it cannot play or is not tuned (from ``NotTuned``)."""
     try:
         if task.of_family:
             return family.rule(name, task, knows, forgets)
@@ -187,12 +182,7 @@ def agents(
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a training run's folder, whatever it can play: see ``agents``.
-
-    Raises:
-        TooSlow: it gives no actions in time.
-        OSError, ValueError: there is none.
-    """
+    """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``TooSlow`` if it gives no actions in time)."""
     if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
     from train.training import load_agent  # imports torch, which takes seconds
@@ -201,11 +191,7 @@ def agent(path: Path, seconds: int | None = None) -> PolicySpec:
 
 
 def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
-    """Return an agent, or a policy of one's own code, as it plays a task.
-
-    Raises:
-        ValueError: it cannot play it.
-    """
+    """Return an agent, or a policy of one's own code, as it plays a task. Raise ValueError if it cannot play it."""
     if task.of_family:
         return family.agent(spec, task, forgets)
     check_fits(spec, task.scenario)
@@ -215,15 +201,8 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
 
-    It ranks among the agents, without a digest, as versions of the code cannot be distinguished.
-
-    Args:
-        source: the module and the object.
-        task: what it is made for.
-        name: its name; None: that of the object.
-
-    Raises:
-        ResultError: there is no such object, it is no policy, or another policy has its name.
+    It ranks among the agents, without a digest, as versions of the code cannot be distinguished. Without a ``name`` it has the
+    object's. Raise ResultError if there is no such policy, or another has its name.
     """
     try:
         as_factory(source)

@@ -30,8 +30,7 @@ class Leaderboard:
     results: list[Result]
     standings: list[Standing]
     trajectories: Trajectories | None
-    left_out: list[str]
-    """Results on other tasks, as folder and label."""
+    left_out: list[str]  # results on other tasks, as folder and label
 
     @property
     def names(self) -> dict[str, str]:

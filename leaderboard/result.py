@@ -40,10 +40,8 @@ PACK_FILE = "results.json.xz"
 TRAJECTORIES_FILE = "trajectories.json.xz"
 MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
-RESULTS = Path(__file__).parent / "results"
-"""The results that come with the project."""
-MAX_BYTES = 200_000_000
-"""Largest size of a file, uncompressed."""
+RESULTS = Path(__file__).parent / "results"  # the results that come with the project
+MAX_BYTES = 200_000_000  # largest size of a file, uncompressed
 FAMILY_FIELDS = ("return", "reward_metal", "steps", "engaged_time", "overload_time", "severe_overload_time")
 """The fields of an episode that results on a family keep: volumes and edges of different jobs do not add up."""
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
@@ -80,11 +78,9 @@ Seeds = Annotated[list[int], BeforeValidator(_expanded), PlainSerializer(_compac
 class FamilySplit(Part):
     """The split of a family whose jobs are played."""
 
-    family: ScenarioId
-    """Name, and SHA-256 of the values."""
+    family: ScenarioId  # name, and SHA-256 of the values
     split: str
-    loaded: Family | None = Field(default=None, exclude=True, repr=False)
-    """The family, unless it was read from a file."""
+    loaded: Family | None = Field(default=None, exclude=True, repr=False)  # the family, unless it was read from a file
 
 
 class Task(Part):
@@ -92,12 +88,10 @@ class Task(Part):
 
     env_id: str
     model_version: int = MODEL_VERSION
-    scenario: PortableScenario
-    """Scenario; for a family, the values that all jobs share, under the name of family and split."""
+    scenario: PortableScenario  # scenario; for a family, the values that all jobs share, under the name of family and split
     seeds: Seeds
     """Seeds, one per episode; for a family, job numbers. Private seeds are named by their places."""
-    private: str | None = None
-    """SHA-256 of private seeds, which a key determines; None: they are public."""
+    private: str | None = None  # SHA-256 of private seeds, which a key determines; None: they are public
     of_family: FamilySplit | None = None
 
     @model_validator(mode="after")
@@ -128,12 +122,9 @@ class Result(Part):
 
     task: Task
     policy: PolicySpec
-    episodes: dict[str, list[float]]
-    """Values by name in ``task.fields``, one per seed."""
-    versions: dict[str, str]
-    """Versions of packages that played it; they do not identify the result."""
-    checksum: str
-    """SHA-256 of task, policy and episodes."""
+    episodes: dict[str, list[float]]  # values by name in task.fields, one per seed
+    versions: dict[str, str]  # versions of packages that played it; they do not identify the result
+    checksum: str  # SHA-256 of task, policy and episodes
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -189,18 +180,12 @@ class Entry(Part):
     """One policy's result in a manifest: means over episodes."""
 
     version: int
-    return_: float = Field(alias="return")
-    """Mean over episodes [s], as are the next three."""
-    time: float | None = None
-    """Machine time [s]."""
-    removed: float | None = None
-    """Metal [cm3]."""
-    edges: float | None = None
-    """Edges used up."""
-    severe_share: float
-    """Share of cutting time beyond a limit by more than the tolerance."""
-    sha256: str
-    """The result's checksum."""
+    return_: float = Field(alias="return")  # mean over episodes [s], as are the next three
+    time: float | None = None  # machine time [s]
+    removed: float | None = None  # metal [cm3]
+    edges: float | None = None  # edges used up
+    severe_share: float  # share of cutting time beyond a limit by more than the tolerance
+    sha256: str  # the result's checksum
 
     @classmethod
     def of(cls, result: Result) -> Self:
@@ -218,8 +203,7 @@ class Manifest(Part):
     """The task that is ranked in a folder, and a summary of each policy's result."""
 
     task: Task
-    results: dict[str, Entry]
-    """Entries by the policy's label."""
+    results: dict[str, Entry]  # entries by the policy's label
 
     def text(self) -> str:
         """Return the manifest as JSON, a line per policy."""
@@ -240,11 +224,7 @@ def result_path(folder: Path, policy: PolicySpec) -> Path:
 
 
 def read_file(path: Path) -> list[Result]:
-    """Read a file of results; its folders, and a policy's own file, must have the names of its content.
-
-    Raises:
-        ResultError: the file holds no results, or not those of this environment, scenario and policy.
-    """
+    """Read a file of results; ResultError unless folders, and a policy's own file, have the names of its content."""
     file = read_part(ResultFile, path)
     folder = result_folder(Path(), file.task.env_id, file.task.scenario.name)
     for each in file.results:
@@ -264,9 +244,7 @@ def result_files(folder: Path) -> list[Path]:
 def read_results(folder: Path, complain: Callable[[str], None] | None = None) -> dict[str, Result]:
     """Return the results of one ``result_folder`` by the policies' labels; files that cannot be used are left out.
 
-    Args:
-        folder: the folder.
-        complain: receives the faults of such files; None: they go to standard error.
+    ``complain`` receives their faults; None: they go to standard error.
     """
     results: dict[str, Result] = {}
     for path in result_files(folder):
@@ -314,11 +292,7 @@ PartType = TypeVar("PartType", bound=Part)
 
 
 def read_part(kind: type[PartType], path: Path) -> PartType:
-    """Read a file written by ``write_part``; floats come back bit for bit.
-
-    Raises:
-        ResultError: the file cannot be read, or something in it is not allowed.
-    """
+    """Read a file written by ``write_part``, floats bit for bit; ResultError if something in it is not allowed."""
     try:
         with path.open("rb") as file:
             part: PartType = _parsed(kind, file.read(MAX_BYTES + 1), path.name.endswith(".xz"))

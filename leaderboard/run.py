@@ -48,8 +48,7 @@ class TaskRun:
     task: Task
     policies: Sequence[PolicySpec]
     folder: Path
-    private: Sequence[int] | None = None
-    """The seeds, if the task hides them."""
+    private: Sequence[int] | None = None  # the seeds, if the task hides them
 
     @property
     def seeds(self) -> Sequence[int]:

@@ -22,10 +22,8 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, interqua
 class Comparators:
     """The policies with which all others are compared on a task."""
 
-    fixed: str
-    """Fixed parameters: the zero of the score."""
-    published: str
-    """The published controller."""
+    fixed: str  # fixed parameters: the zero of the score
+    published: str  # the published controller
 
 
 SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search")
@@ -43,8 +41,7 @@ def comparators(scenario: Scenario) -> Comparators:
     return SPEED_AND_FEED
 
 
-LARGEST = 3
-"""Number of the largest differences that a mean leaves out, to show whether a few seeds make a lead."""
+LARGEST = 3  # number of the largest differences that a mean leaves out, to show whether a few seeds make a lead
 
 
 @dataclass(frozen=True)
@@ -192,11 +189,7 @@ def highest(returns: Mapping[str, float]) -> str | None:
 
 
 class _Board:
-    """Policies on one task.
-
-    Args:
-        groups: the results of each policy by its name, one per training seed.
-    """
+    """Policies on one task: the results of each by its name, one per training seed."""
 
     def __init__(self, groups: Mapping[str, Sequence[Result]]) -> None:
         self.groups, self.task = groups, next(iter(groups.values()))[0].task

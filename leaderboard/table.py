@@ -10,8 +10,7 @@ from leaderboard.standings import Standing, ranked_by
 from turning_env import SPLITS
 from turning_env.scoring.policy import ScenarioId
 
-COLUMNS = {column.field: column for group in GROUPS.values() for column in group}
-"""All columns by field."""
+COLUMNS = {column.field: column for group in GROUPS.values() for column in group}  # all columns by field
 UNITS = {field: each.unit if each.factor == 1.0 else "share" for field, each in COLUMNS.items() if not isinstance(each, Training)}
 """Units of the numbers of a standing."""
 
@@ -116,8 +115,7 @@ def aligned(rows: Sequence[Sequence[str]], left: int = 0) -> str:
 class Across:
     """Policies over scenarios."""
 
-    tuned_for: str
-    """The scenario to which the rules are tuned and on which the agents are trained: the first column."""
+    tuned_for: str  # the scenario to which the rules are tuned and on which the agents are trained: the first column
     scenarios: list[str]
     rows: dict[str, dict[str, tuple[Cell, bool]]]
     """For each policy by name, its full cost and whether it is feasible, on each scenario on which it has played."""

@@ -24,12 +24,9 @@ SERIES = (
     "roughness_reference",  # [um], likewise
 )
 """Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
-RECORDED_SEEDS = 3
-"""So many of the first seeds of a task are recorded."""
-MAX_RECORDED = 12
-"""So many of the best policies are recorded, beside those that others are compared with and one's own."""
-MAX_STEPS = 300
-"""Steps kept of an episode; a screen does not show more."""
+RECORDED_SEEDS = 3  # so many of the first seeds of a task are recorded
+MAX_RECORDED = 12  # so many of the best policies are recorded, beside those that others are compared with and one's own
+MAX_STEPS = 300  # steps kept of an episode; a screen does not show more
 _DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
 
 
@@ -38,10 +35,8 @@ class Trajectory(Part):
 
     policy: PolicySpec
     seed: int
-    steps: int
-    """Steps played; see ``kept`` for those in ``series``."""
-    series: dict[str, list[float]]
-    """``minutes`` and each of ``SERIES``, one value per step kept."""
+    steps: int  # steps played; see kept for those in series
+    series: dict[str, list[float]]  # minutes and each of SERIES, one value per step kept
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -57,17 +52,12 @@ class Trajectories(Part):
     """Episodes of several policies on a few seeds."""
 
     schema_: Literal["rough-turning/trajectories/4"] = Field(alias="schema", default=SCHEMA)
-    task: str
-    """The task's digest."""
+    task: str  # the task's digest
     episodes: list[Trajectory]
 
 
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
-    """Play one episode and keep its trajectory, thinned.
-
-    Raises:
-        ValueError: an action has the wrong shape or is not finite.
-    """
+    """Play one episode and keep its trajectory, thinned. Raise ValueError if an action has the wrong shape or is not finite."""
     # After a whole part the tool may be in air, so the part's means are recorded.
     reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
     env, policy = RoughTurningEnv(scenario), spec.make(1)

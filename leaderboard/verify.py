@@ -24,8 +24,7 @@ from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
-BOUND_SEEDS = 4
-"""Seeds of a result in a quick look for one of a bound, which takes seconds per seed."""
+BOUND_SEEDS = 4  # seeds of a result in a quick look for one of a bound, which takes seconds per seed
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class Selection:
 
     env_id: str | None = None
     scenario: str | None = None
-    policies: Sequence[str] | None = None
-    """Names, with or without the training seed."""
+    policies: Sequence[str] | None = None  # names, with or without the training seed
 
     def holds(self, path: Path) -> bool:
         """Return whether a result or an agent, ``id/scenario/label``, is selected."""
@@ -47,12 +45,7 @@ class Selection:
 
 
 def verify(
-    results: Path,
-    agents_folder: Path,
-    selection: Selection,
-    memory: Path,
-    seeds: int | None = None,
-    over: Workers | None = None,
+    results: Path, agents_folder: Path, selection: Selection, memory: Path, seeds: int | None = None, over: Workers | None = None
 ) -> list[str]:
     """Play every selected result again.
 
@@ -168,11 +161,7 @@ def _complaint(path: Path, what: object) -> str:
 
 
 def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
-    """Return who plays a result again: the rule or the oracle, or the path of the agent's file (see ``agent_files``).
-
-    Raises:
-        ResultError: the policy is no longer there, or no longer the same, or the task is not.
-    """
+    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again; ResultError if it has changed."""
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
         raise ResultError("was played on private seeds: only the owner of their key can play it again, by run --private-key KEY")

@@ -26,24 +26,13 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
 
-Frame = NDArray[np.uint8]
-"""Shape (height, width, 3), of even height and width."""
+Frame = NDArray[np.uint8]  # shape (height, width, 3), of even height and width
 _CAPTION_HEIGHT = 30
 _GAP = 8
 
 
 class Show:
-    """One policy's episode, seen step by step.
-
-    Args:
-        spec: the policy.
-        task: whose first seed, or job of a family, it plays.
-        render_mode: "rgb_array" or "human".
-
-    Attributes:
-        env: the environment.
-        ended: whether the episode has ended.
-    """
+    """One policy's episode on the first seed or job of a task, seen step by step, until it has ``ended``."""
 
     def __init__(self, spec: PolicySpec, task: Task, render_mode: str) -> None:
         self._label, (seed,) = spec.label, task.seeds
@@ -59,11 +48,7 @@ class Show:
         self.ended = False
 
     def advance(self) -> None:
-        """Play one step.
-
-        Raises:
-            ValueError: the policy's action has the wrong shape or is not finite.
-        """
+        """Play one step. Raise ValueError if the policy's action has the wrong shape or is not finite."""
         self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
         self.ended = terminated or truncated
 
@@ -118,11 +103,7 @@ def _watch(options: argparse.Namespace) -> None:
 
 
 def policy(name: str, task: Task) -> PolicySpec:
-    """Return the rule of a name, or the agent of an ONNX file or a run's folder.
-
-    Raises:
-        ResultError: there is none, it cannot play the scenario, or it is an oracle, which knows more than observations.
-    """
+    """Return the rule of a name, or the agent of a file or a run's folder; ResultError if it needs more than observations."""
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return agents([Path(name)], task)[0]
     (spec,) = named([name], task)

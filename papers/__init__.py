@@ -19,8 +19,7 @@ from turning_env.scoring.policy import Policy
 
 tell_plainly()
 
-DATA = Path(__file__).parent / "data"
-"""Folder of the papers' printed values and items."""
+DATA = Path(__file__).parent / "data"  # folder of the papers' printed values and items
 
 
 def rows(name: str) -> list[dict[str, str]]:

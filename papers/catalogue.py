@@ -18,14 +18,10 @@ class Item:
     """An equation, table, figure or claim of a paper."""
 
     name: str
-    where: str = ""
-    """Files of the project that hold it, separated by commas; empty if none does."""
-    pattern: str = ""
-    """Regular expression that the descriptions of its checks begin with; empty if it has none."""
-    remark: str = ""
-    """The part of the verdict that the checks do not say, as a sentence; all of it if there are no checks."""
-    figure: str = ""
-    """Name in ``FIGURES`` of the figure that draws it anew."""
+    where: str = ""  # files of the project that hold it, separated by commas; empty if none does
+    pattern: str = ""  # regular expression that the descriptions of its checks begin with; empty if it has none
+    remark: str = ""  # the part of the verdict that the checks do not say, as a sentence; all of it if there are no checks
+    figure: str = ""  # name in FIGURES of the figure that draws it anew
 
     def checks(self, checks: Sequence[Check]) -> list[Check]:
         """Return its checks among those of its paper, each description once."""
@@ -53,10 +49,8 @@ class Paper:
 
     title: str
     compare: Callable[[], Iterator[Check]]
-    tables: Callable[[], Iterator[str]] = lambda: iter(())
-    """Lines printed before the checks."""
-    page: str = ""
-    """Name of its page in ``docs/papers``, without suffix."""
+    tables: Callable[[], Iterator[str]] = lambda: iter(())  # lines printed before the checks
+    page: str = ""  # name of its page in docs/papers, without suffix
 
     def checks(self) -> list[Check]:
         """Return all checks; those of ``by_construction.csv`` say from what they follow."""

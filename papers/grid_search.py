@@ -16,8 +16,7 @@ from turning_env import Scenario
 from turning_env.physics.records import parameter_records
 
 Array = NDArray[np.float64]
-FINE = (76, 109)
-"""Cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own."""
+FINE = (76, 109)  # cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own
 
 
 SCENARIO = Scenario.load("paper")

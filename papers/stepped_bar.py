@@ -14,10 +14,8 @@ from papers import changed, record
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
-RIPPLE = 0.02
-"""Amplitude of the ripple of depth in the paper's test, over the depth [-]."""
-STEPS = (1.0, 2.0, 3.0)
-"""Depths of cut of the paper's test [mm]."""
+RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
+STEPS = (1.0, 2.0, 3.0)  # depths of cut of the paper's test [mm]
 SPREADS: dict[str, Any] = {f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")}
 """The spreads of a bar, none."""
 
@@ -57,14 +55,10 @@ def stepped_bar(
 class Trajectory:
     """A bar turned by a policy; arrays over steps, at their ends."""
 
-    time: NDArray[np.float64]
-    """Time since the start [s]."""
-    depth: NDArray[np.float64]
-    """Depth of cut [mm], 0 in air."""
-    override: NDArray[np.float64]
-    """Commanded feed over the programmed one [-]."""
-    load: NDArray[np.float64]
-    """True spindle load [-]."""
+    time: NDArray[np.float64]  # time since the start [s]
+    depth: NDArray[np.float64]  # depth of cut [mm], 0 in air
+    override: NDArray[np.float64]  # commanded feed over the programmed one [-]
+    load: NDArray[np.float64]  # true spindle load [-]
 
     def _where(self, kept: NDArray[np.bool_]) -> "Trajectory":
         return Trajectory(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])

@@ -20,8 +20,7 @@ from papers import changed, rows
 from turning_env import Scenario
 from turning_env.scoring.play import play
 
-STATED_LIFE = 15.0
-"""Life of the grid search's edge in the paper's ratios of metal per edge [min]."""
+STATED_LIFE = 15.0  # life of the grid search's edge in the paper's ratios of metal per edge [min]
 COLLAPSE_TIME, COLLAPSE_FORCE = 6.25, 2690.0
 """Cutting time at which the edge of T9 collapsed [min], and the thrust force then [N]."""
 
@@ -31,16 +30,11 @@ class VerificationTest:
     """One speed and feed for the edge's whole life, and the paper's statements on it."""
 
     name: str
-    cutting_speed: float
-    """Cutting speed [m/min], stated."""
-    feed: float
-    """Feed [mm/rev], from the ratio of rates, at 2.5 mm depth of cut."""
-    rate_ratio: float
-    """Removal rate of the grid search over that of the test, stated."""
-    life: float | None = None
-    """Cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge."""
-    total_ratio: float | None = None
-    """Metal per edge of the grid search over that of the test, stated."""
+    cutting_speed: float  # cutting speed [m/min], stated
+    feed: float  # feed [mm/rev], from the ratio of rates, at 2.5 mm depth of cut
+    rate_ratio: float  # removal rate of the grid search over that of the test, stated
+    life: float | None = None  # cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge
+    total_ratio: float | None = None  # metal per edge of the grid search over that of the test, stated
 
 
 TESTS = tuple(
@@ -48,8 +42,7 @@ TESTS = tuple(
     for row in rows("verification_tests.csv")
 )
 """T5 and T8 by the stated inverse of their ratio of rates, 0.58 and 0.73."""
-MEASURED = tuple(test for test in TESTS if test.life is not None)
-"""The tests with a known life."""
+MEASURED = tuple(test for test in TESTS if test.life is not None)  # the tests with a known life
 
 
 def undisturbed(wear_factor: float = 1.0) -> Scenario:
@@ -72,10 +65,8 @@ def undisturbed(wear_factor: float = 1.0) -> Scenario:
 class Outcome:
     """Result of an edge at fixed speed and feed."""
 
-    rate: float
-    """Removal rate [cm3/min]."""
-    life: float
-    """Cutting time until it was worn out [min]."""
+    rate: float  # removal rate [cm3/min]
+    life: float  # cutting time until it was worn out [min]
 
     @property
     def total(self) -> float:

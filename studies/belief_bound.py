@@ -26,10 +26,8 @@ from turning_env.physics.records import block_records
 
 Array = NDArray[np.float64]
 
-BARS = 24
-"""Length of the row for a nominal insert, which lasts for half of it; the row's end hardly matters then."""
-LIVES = 100
-"""Steps of the used share of life."""
+BARS = 24  # length of the row for a nominal insert, which lasts for half of it; the row's end hardly matters then
+LIVES = 100  # steps of the used share of life
 _POINTS = np.array([0.25, 0.75])  # of a stretch, at which loads are expected
 _SPEEDS = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])  # log steps from the speed at which force and power meet their limits
 _LADDER = 4  # speeds beside them

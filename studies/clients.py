@@ -23,20 +23,17 @@ from studies.wheel import ROOT, built, new_python
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 
-MAX_INSTALL, MAX_RUN = 1800.0, 900.0
-"""Time limit of the installation, and of the recipe [s]."""
+MAX_INSTALL, MAX_RUN = 1800.0, 900.0  # time limit of the installation, and of the recipe [s]
 VERSIONS = "import importlib.metadata as m, json, sys; print(json.dumps([m.version(name) for name in sys.argv[1:]]))"
 
 
 class Client(NamedTuple):
     """The recipe of a library."""
 
-    recipe: str
-    """Module in ``examples``."""
+    recipe: str  # module in examples
     uses: str
     packages: tuple[str, ...]
-    words: str = "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"
-    """Options that make it small."""
+    words: str = "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"  # options that make it small
 
 
 CLIENTS = {
@@ -80,11 +77,7 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
 
 
 def with_row(text: str, library: str, row: str) -> str:
-    """Return a Markdown text in which a library's row of the table is replaced.
-
-    Raises:
-        ValueError: there is not exactly one such row.
-    """
+    """Return a Markdown text with a library's row of the table replaced; ValueError unless there is exactly one."""
     replaced, count = re.subn(rf"^\| {re.escape(library)} \|.*$", lambda _: row, text, flags=re.MULTILINE)
     if count != 1:
         raise ValueError(f"there must be one table row that begins with | {library} |, but there are {count}")

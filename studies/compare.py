@@ -17,7 +17,6 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self
@@ -36,7 +35,7 @@ from train.curves import FILE as CURVES
 from train.curves import Training, Trainings
 from train.export import export
 from train.run import HYPERPARAMETERS, Run, hyperparameters, trained_on
-from train.training import SEEDS, load_agent, train
+from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
@@ -65,22 +64,16 @@ class Variant(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    like: str = ""
-    """Variant that supplies the fields this one lacks, and with which it is compared instead of the first."""
+    like: str = ""  # variant that supplies the fields this one lacks, and with which it is compared instead of the first
     algorithm: str = ""
     policy: str = ""
-    settings: dict[str, Any] = {}
-    """Hyperparameters of the algorithm, or parameters of the controller."""
-    scenario: dict[str, dict[str, Any]] = {}
-    """Values of the scenario that differ in training and in play, by section."""
-    trainings: int = Field(0, ge=0)
-    """Number of training seeds; 0: that of the study."""
+    settings: dict[str, Any] = {}  # hyperparameters of the algorithm, or parameters of the controller
+    scenario: dict[str, dict[str, Any]] = {}  # values of the scenario that differ in training and in play, by section
+    trainings: int = Field(0, ge=0)  # number of training seeds; 0: that of the study
     true_fields: str | tuple[str, ...] | None = None
     """Prefix, or prefixes, of the fields whose true values the controller receives on jobs; None: of none."""
-    family: str | None = None
-    """Family of the jobs; None: the id's own."""
-    hidden: tuple[str, ...] | None = None
-    """Prefixes of the family's hidden fields that the jobs have; None: all."""
+    family: str | None = None  # family of the jobs; None: the id's own
+    hidden: tuple[str, ...] | None = None  # prefixes of the family's hidden fields that the jobs have; None: all
 
 
 class Study(BaseModel):
@@ -93,14 +86,11 @@ class Study(BaseModel):
     seeds: Literal["tuning", "held_out", "training_jobs"] = "tuning"
     episodes: int = Field(ge=1, le=100_000)
     trainings: int = Field(1, ge=1, lt=SEEDS)
-    settings: dict[str, Any] = {}
-    """Hyperparameters of all trainings."""
-    splits: bool = False
-    """Whether the variants also play the splits."""
+    settings: dict[str, Any] = {}  # hyperparameters of all trainings
+    splits: bool = False  # whether the variants also play the splits
     scenarios: dict[str, dict[str, dict[str, Any]]] = {}
     """Values by section of further scenarios on which controllers are ranked; the table then compares these rankings."""
-    overload_prices: tuple[float, ...] = ()
-    """Prices of overload at which the same episodes are charged again."""
+    overload_prices: tuple[float, ...] = ()  # prices of overload at which the same episodes are charged again
     variants: dict[str, Variant] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -126,11 +116,7 @@ class Study(BaseModel):
 
     @classmethod
     def read(cls, name: str) -> Self:
-        """Return the study of a name or of a TOML file.
-
-        Raises:
-            Mistake: there is no such study, or it cannot be read.
-        """
+        """Return the study of a name or of a TOML file. Raise Mistake if there is no such study, or it cannot be read."""
         path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
         if not path.is_file():
             raise Mistake(f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file")
@@ -174,8 +160,7 @@ class Played(NamedTuple):
     """Episodes of a variant by scenario, the task's own first, and the duration of its training."""
 
     episodes: dict[str, Episodes]
-    seconds: float | None
-    """Wall time [s]; None without a training."""
+    seconds: float | None  # wall time [s]; None without a training
 
 
 def home_of(study: Study, variant: Variant) -> Scenario | Family:
@@ -228,9 +213,8 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
     home = home_of(study, variant)
     if variant.algorithm:
-        algorithm = import_module(f"train.{variant.algorithm}").ALGORITHM
         run = run_of(study, name, seed, runs)
-        spec = load_agent(train(run, algorithm).parent)
+        spec = load_agent(train(run, algorithm_of(variant.algorithm)).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         kept.append(run.parameters)
     if isinstance(home, Family):
@@ -406,8 +390,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bar.update()
     if parsed.agents:
         publish(
-            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm],
-            parsed.agents,
+            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm], parsed.agents
         )
     print(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}))
     return 0

@@ -21,8 +21,7 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate
 
 ENV_ID = "RoughTurning-v0"
-MAX_SEEDS = 256
-"""Seeds that shipped results have played."""
+MAX_SEEDS = 256  # seeds that shipped results have played
 
 
 @exits(ValueError)

@@ -45,18 +45,13 @@ from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.console import described, exits
 
-Program = Callable[[Path], int]
-"""A function that fills a folder, or continues to fill it, and returns the exit status."""
+Program = Callable[[Path], int]  # a function that fills a folder, or continues to fill it, and returns the exit status
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
-LOG = ".log"
-"""Output of a program, in its folder."""
-MAX_GROWTH = 8_000_000
-"""Growth of memory that is tolerated [bytes]."""
-MAX_SECONDS = 600.0
-"""Time after which a program counts as hung [s]."""
-MAX_ORPHAN_SECONDS = 30.0
-"""Time within which the processes of a killed program must end [s]."""
+LOG = ".log"  # output of a program, in its folder
+MAX_GROWTH = 8_000_000  # growth of memory that is tolerated [bytes]
+MAX_SECONDS = 600.0  # time after which a program counts as hung [s]
+MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program must end [s]
 
 
 def training(folder: Path) -> int:
@@ -233,8 +228,6 @@ def _read(path: Path) -> bytes:
             json.loads(lzma.decompress(content, format=lzma.FORMAT_XZ))
         case ".json":
             json.loads(content)
-        case ".log":
-            json.loads(b"[" + b",".join(content.splitlines()) + b"]")
         case ".html" if not content.rstrip().endswith(b"</html>"):
             raise ValueError("it has no end")
         case ".csv":
@@ -261,6 +254,8 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
 
     The first ``checked`` environments are compared with single ones of the same seeds and actions, bit for bit, at every step.
     """
+    import psutil  # type: ignore[import-untyped]
+
     env = RoughTurningVectorEnv(num_envs)
     env.reset(seed=0)
     singles = [RoughTurningEnv() for _ in range(checked)]
@@ -269,10 +264,11 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
         single.reset(seed=seed)
     random = np.random.default_rng(0)
     apart: set[int] = set()
-    episodes = num_envs
-
-    def step() -> None:
-        nonlocal episodes
+    steps, episodes, settled = max(1, count // num_envs), num_envs, 0
+    process, start = psutil.Process(), time.perf_counter()
+    for number in tqdm(range(steps), desc=f"{num_envs} environments", disable=None):
+        if number == steps // 10:
+            settled = process.memory_info().rss
         actions = random.uniform(-1.0, 1.0, (num_envs, 2)).astype(np.float32)
         observations, _, terminated, truncated, _ = env.step(actions)
         episodes += int(np.count_nonzero(terminated | truncated))
@@ -284,24 +280,9 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
                 ended[index] = worn or late
             if observation.tobytes() != observations[index].tobytes() or ended[index] != (terminated | truncated)[index]:
                 apart.add(index)
-
-    steps = max(1, count // num_envs)
-    growth, seconds = repeat(step, steps, f"{num_envs} environments")
+    growth, seconds = process.memory_info().rss - settled, time.perf_counter() - start
     env.close()
     return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
-
-
-def repeat(step: Callable[[], None], count: int, what: str) -> tuple[int, float]:
-    """Call ``step`` and return (growth of memory after the first tenth [bytes], duration [s])."""
-    import psutil  # type: ignore[import-untyped]
-
-    process = psutil.Process()
-    start, settled = time.perf_counter(), 0
-    for number in tqdm(range(count), desc=what, disable=None):
-        if number == count // 10:
-            settled = process.memory_info().rss
-        step()
-    return process.memory_info().rss - settled, time.perf_counter() - start
 
 
 @exits(RuntimeError, interrupted="interrupted: a soak begins anew", checks=True)

@@ -1,16 +1,12 @@
-"""Measure environment steps per second, beside other environments or another checkout.
+"""Measure environment steps per second, beside other environments.
 
     python -m studies.throughput
     python -m studies.throughput --training
-    python -m studies.throughput --against ../before
 
 It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
 turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
 used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
 ``--training`` measures trainings by PPO instead, all with the same network and batches.
-
-``--against`` times one environment of RoughTurning-v0 and a batch. A process of this checkout and one of another take turns. It
-prints the ratios of their steps per CPU second.
 """
 
 import argparse
@@ -18,32 +14,117 @@ import importlib
 import os
 import platform
 import statistics
-import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
+import numpy as np
 from matplotlib.ticker import EngFormatter
 from tqdm import tqdm
 
-from studies import timing
-from studies.timing import MAIN, NUM_ENVS, Case, Timing, many, measure, one, single, vector
 from turning_env import FAMILY_ID, IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.console import Mistake, described, exits
+from turning_env.console import described, exits
 
-SIZES = (1, 16, 256, 4096, 65536)
-"""Numbers of environments side by side."""
-REFERENCE = "Gymnasium Pendulum, unwrapped"
-"""The case that ratios refer to."""
-_TURNS = "import runpy, sys; runpy.run_path(sys.argv.pop(1))['main']()"
+MAIN = "RoughTurning-v0"
+NUM_ENVS = 1024  # number of environments of a batch, unless stated
+SIZES = (1, 16, 256, 4096, 65536)  # numbers of environments side by side
+REFERENCE = "Gymnasium Pendulum, unwrapped"  # the case that ratios refer to
+_ACTIONS = 16  # batches of random actions, drawn beforehand and used in turn
 _SCAN = 64  # steps in one call of a compiled loop
+
+
+class Case(NamedTuple):
+    """Something to time: ``step`` makes ``steps`` environment steps per call."""
+
+    name: str
+    num_envs: int
+    steps: int
+    step: Callable[[], object]
+
+
+class Timing(NamedTuple):
+    """Environment steps of one turn per second of wall time, and per second of CPU time of all threads."""
+
+    rate: float
+    cpu_rate: float
+
+
+def one(name: str, env: gymnasium.Env[Any, Any]) -> Case:
+    """Return the case of a single environment, reset whenever its episode ends."""
+    env.reset(seed=0)
+    action = _actions_of(env.action_space)
+
+    def step() -> None:
+        _, _, terminated, truncated, _ = env.step(action())
+        if terminated or truncated:
+            env.reset()
+
+    return Case(name, 1, 1, step)
+
+
+def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any]) -> Case:
+    """Return the case of a vector environment, which starts its next episodes itself."""
+    action = _actions_of(space, num_envs)
+    return Case(name, num_envs, num_envs, lambda: env.step(action()))
+
+
+def single(env_id: str) -> Case:
+    """Return the case of one environment without wrappers."""
+    return one(f"{env_id}, unwrapped", gymnasium.make(env_id).unwrapped)
+
+
+def vector(env_id: str, num_envs: int = NUM_ENVS) -> Case:
+    """Return the case of a batch of one of the project's ids, on one thread."""
+    env = gymnasium.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point")
+    env.reset(seed=0)
+    return many(f"{env_id}, vector", env, num_envs, env.single_action_space)
+
+
+def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any]:
+    r"""Return a function that returns random actions of a space, shape (\*num_envs, \*space.shape)."""
+    rng = np.random.default_rng(0)
+    if isinstance(space, gymnasium.spaces.Discrete):
+        drawn: Any = rng.integers(0, space.n, (_ACTIONS, *num_envs))
+    else:
+        assert isinstance(space, gymnasium.spaces.Box)
+        drawn = rng.uniform(space.low, space.high, (_ACTIONS, *num_envs, *space.shape)).astype(space.dtype)
+    return cycle(drawn).__next__
+
+
+def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
+    """Time every case (first index) in every turn (second), each for about ``seconds`` of wall time."""
+    counts = [calls_within(case, seconds) for case in cases]
+    turns = [
+        [timed(case, count) for case, count in zip(cases, counts, strict=True)]
+        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None)
+    ]
+    return [list(timings) for timings in zip(*turns, strict=True)]
+
+
+def calls_within(case: Case, seconds: float) -> int:
+    """Return the number of calls of a case that take about ``seconds``."""
+    case.step()  # compiles, or loads compiled code
+    count = 1
+    # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
+    while (taken := count * case.steps / max(timed(case, count).rate for _ in range(3))) < 0.2 * seconds:
+        count *= 2
+    return max(1, round(count * seconds / taken))
+
+
+def timed(case: Case, count: int) -> Timing:
+    """Time ``count`` calls of a case."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    for _ in range(count):
+        case.step()
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    return Timing(count * case.steps / wall, count * case.steps / max(cpu, 1e-9))
 
 
 def our_cases() -> Iterator[Case]:
@@ -158,15 +239,10 @@ def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[st
     rounded = EngFormatter(places=1, sep=" ")
     for case, turns in zip(cases, timings, strict=True):
         rate, cpu_rate = (rounded(statistics.median(rates)) for rates in zip(*turns, strict=True))
-        ratio = text(turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True))
+        ratios = sorted(turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True))
+        ratio = f"{statistics.median(ratios):.3g} ({ratios[0]:.3g} to {ratios[-1]:.3g})"
         lines.append(f"| {case.name} | {case.num_envs} | {rate} | {cpu_rate} | {ratio} |")
     return lines
-
-
-def text(ratios: Iterable[float]) -> str:
-    """Return the median and the range of ratios."""
-    found = sorted(ratios)
-    return f"{statistics.median(found):.3g} ({found[0]:.3g} to {found[-1]:.3g})"
 
 
 def machine() -> str:
@@ -178,35 +254,6 @@ def machine() -> str:
     return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
 
 
-def against(other: Path, repeats: int, seconds: float) -> list[str]:
-    """Return a line per case: this checkout's steps per CPU second over another's, median and range over the turns.
-
-    Raises:
-        Mistake: the folder holds no environment, or it cannot be timed.
-    """
-    if not (other / "turning_env").is_dir():
-        raise Mistake(f"--against {other}: there is no folder turning_env")
-    with ExitStack() as stack:
-        checkouts: list[Any] = []
-        for folder in (Path(__file__).parents[1], other.resolve()):
-            command = [sys.executable, "-P", "-c", _TURNS, timing.__file__, str(seconds)]
-            variables = os.environ | {"PYTHONPATH": str(folder)}
-            pipe = subprocess.PIPE
-            process = subprocess.Popen(command, cwd=folder, env=variables, stdin=pipe, stdout=pipe, text=True, bufsize=1)
-            checkouts.append(stack.enter_context(process))
-        turns = []
-        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
-            rates = []
-            for process in checkouts:
-                process.stdin.write("\n")
-                rates.append([float(rate) for rate in process.stdout.readline().split()])
-            if not all(rates):
-                raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
-            turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
-    names = (f"one {MAIN}", f"{NUM_ENVS} environments")
-    return [f"{name}: {text(ratios)} times {other}" for name, ratios in zip(names, zip(*turns, strict=True), strict=True)]
-
-
 @exits()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and draw; return the exit status."""
@@ -214,13 +261,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--training", action="store_true", help="measure trainings by PPO instead of environments")
-    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or not options.seconds > 0:
         parser.error("--repeats must be at least 1, and --seconds above 0")
-    if options.against is not None:
-        print(*against(options.against, options.repeats, options.seconds), sep="\n")
-        return 0
     cases, remarks = runnable_cases({"stable_baselines3": training_cases} if options.training else PEERS)
     timings = measure(cases, options.repeats, options.seconds)
     print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")

@@ -23,8 +23,7 @@ from studies.smoke import DIGEST, digest_of_plays
 from turning_env.console import described, exits
 
 ROOT = Path(__file__).resolve().parents[1]
-GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")
-"""The oldest and the newest Gymnasium that pyproject.toml allows."""
+GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")  # the oldest and the newest Gymnasium that pyproject.toml allows
 SMOKE = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
 """Code that runs a file without adding its folder to the module search path."""
 TRAIN = """
@@ -42,11 +41,7 @@ print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "
 
 
 def built(folder: Path) -> Path:
-    """Build the wheel into a folder and return its path.
-
-    Raises:
-        subprocess.CalledProcessError: it cannot be built.
-    """
+    """Build the wheel into a folder and return its path. Raise subprocess.CalledProcessError if it cannot be built."""
     subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder], cwd=ROOT, check=True)
     (wheel,) = folder.glob("*.whl")
     return wheel
@@ -59,11 +54,7 @@ def new_python(folder: Path, python: str = sys.executable) -> str:
 
 
 def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str]) -> set[str]:
-    """Install the wheel for a Python, with pinned requirements and other versions of Gymnasium; return the digests of plays.
-
-    Raises:
-        subprocess.CalledProcessError: something cannot be installed, or fails.
-    """
+    """Install the wheel for a Python, with pinned requirements and other versions of Gymnasium; return the digests of plays."""
     with TemporaryDirectory() as name:
         folder, empty = Path(name), Path(name) / "empty"
         empty.mkdir()

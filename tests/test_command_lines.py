@@ -73,7 +73,7 @@ studies.headroom: --seeds 0 | --seeds 257
 studies.audit: --constraints nothing
 studies.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
-studies.throughput: --repeats 0 | --against nothing
+studies.throughput: --repeats 0
 studies.wheel: --constraints nothing | --constraints file
 """
 SAID = """

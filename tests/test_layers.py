@@ -104,17 +104,17 @@ def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries
 
 
 LINES = {
-    "turning_env": 7241,
-    "turning_render": 1238,
-    "turning_shop": 2779,
-    "turning_nc": 4071,
-    "turning_control": 1693,
-    "baselines": 4578,
-    "train": 4278,
-    "leaderboard": 3355,
-    "papers": 2565,
-    "studies": 2092,
-    "tests": 13590,
+    "turning_env": 6714,
+    "turning_render": 1197,
+    "turning_shop": 2600,
+    "turning_nc": 4034,
+    "turning_control": 1500,
+    "baselines": 4553,
+    "train": 3883,
+    "leaderboard": 3198,
+    "papers": 2487,
+    "studies": 1960,
+    "tests": 13390,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
 

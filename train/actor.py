@@ -17,8 +17,7 @@ class Actor(torch.nn.Module):
     observation.
     """
 
-    memory_size: int = 0
-    """Size of the memory; 0: the action is a function of the present observation."""
+    memory_size: int = 0  # size of the memory; 0: the action is a function of the present observation
 
     def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the action and the next memory."""

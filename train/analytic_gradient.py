@@ -43,26 +43,20 @@ Tensor = torch.Tensor
 class Rollout(NamedTuple):
     """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
 
-    memory: Tensor
-    """Memory before the first step, shape (num_envs, memory_size)."""
-    begins: Tensor
-    """1 at the first step of an episode."""
+    memory: Tensor  # memory before the first step, shape (num_envs, memory_size)
+    begins: Tensor  # 1 at the first step of an episode
     observations: Tensor
-    hidden: list[NDArray[Any]]
-    """Arguments of ``Truth`` after the scenario; their last axis is num_envs."""
+    hidden: list[NDArray[Any]]  # arguments of Truth after the scenario; their last axis is num_envs
 
 
 class HindsightVecEnv(RoughTurningVecEnv):
     """Environments that keep the hidden states of the last step for a teacher; the agent never sees them."""
 
-    before: NDArray[np.float64]
-    """``FIELDS`` at the start of the step, shape (len(FIELDS), num_envs)."""
+    before: NDArray[np.float64]  # FIELDS at the start of the step, shape (len(FIELDS), num_envs)
     after: NDArray[np.float64]
     """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
-    changed: NDArray[np.bool_]
-    """Whether the edge was changed in the step, shape (num_envs,)."""
-    failed: NDArray[np.bool_]
-    """Whether it was changed because it was worn out or broken, shape (num_envs,)."""
+    changed: NDArray[np.bool_]  # whether the edge was changed in the step, shape (num_envs,)
+    failed: NDArray[np.bool_]  # whether it was changed because it was worn out or broken, shape (num_envs,)
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations: the tool is in the air before the first bar, with a fresh edge."""
@@ -72,7 +66,7 @@ class HindsightVecEnv(RoughTurningVecEnv):
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Keep the hidden states, and return the rewards unchanged."""
-        commands_changes = self.vector_env.scenario.control.edge_changes == "commanded"
+        commands_changes = self.vector_env.unwrapped.scenario.control.edge_changes == "commanded"
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
         stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
@@ -113,7 +107,7 @@ class AnalyticGradient(BaseAlgorithm):
         self.set_random_seed(self.seed)
         entries = self.observation_space.shape[0]  # type: ignore[index]
         settings = self.settings
-        self.policy = GruActor(self.scenario, entries, settings.cells, settings.position, settings.memory)
+        self.policy = GruActor(self.scenario, entries, settings.cells, settings.memory)
         self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
 
     def _excluded_save_params(self) -> list[str]:
@@ -147,18 +141,6 @@ class AnalyticGradient(BaseAlgorithm):
             self.logger.dump(self.num_timesteps)
         callbacks.on_training_end()
         return self
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Return actions for observations of shape (num_envs, entries), and the memory to pass as ``state`` in the next call."""
-        seen = torch.as_tensor(observation)
-        memory = torch.zeros(len(seen), self.policy.memory_size) if state is None else torch.as_tensor(state)
-        if episode_start is not None:
-            memory = memory * (1.0 - torch.as_tensor(episode_start).float().unsqueeze(-1))
-        with torch.no_grad():
-            actions, memory = self.policy(seen, memory)
-        return actions.numpy(), memory.numpy()
 
     def collect(self, callbacks: BaseCallback) -> Rollout:
         """Play a rollout with the agent."""
@@ -241,8 +223,8 @@ def plays(scenario: Scenario) -> bool:
 ALGORITHM = Algorithm(
     *("analytic_gradient", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
     vec_env=HindsightVecEnv,
-    own_terms=True,
     plays=plays,
+    families=False,
 )
 
 main = partial(command_line, ALGORITHM)

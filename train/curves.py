@@ -32,8 +32,7 @@ from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 from turning_render import plot_style as style
 
-FILE = "learning_curves.json"
-"""Name of the file of learning curves beside agents."""
+FILE = "learning_curves.json"  # name of the file of learning curves beside agents
 POINTS = 100
 _DIGITS = 4  # significant ones, enough to draw
 
@@ -45,19 +44,13 @@ class Training(BaseModel):
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
-    first: float
-    """Environment steps of its first value."""
+    first: float  # environment steps of its first value
     last: float
-    mean_return: list[float] = Field(min_length=1)
-    """Mean return [s] at equal distances from ``first`` to ``last``."""
+    mean_return: list[float] = Field(min_length=1)  # mean return [s] at equal distances from first to last
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """Return the learning curve of a run.
-
-        Raises:
-            ValueError: the folder holds none.
-        """
+        """Return the learning curve of a run. Raise ValueError if the folder holds none."""
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
@@ -76,18 +69,12 @@ class Trainings(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     env_id: str
-    scenario: ScenarioId
-    """The scenario or the family."""
-    trainings: dict[str, Training]
-    """Curves by name and training seed, such as ``ppo-seed0``."""
+    scenario: ScenarioId  # the scenario or the family
+    trainings: dict[str, Training]  # curves by name and training seed, such as ppo-seed0
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a file.
-
-        Raises:
-            ValueError: it cannot be read, or holds no learning curves.
-        """
+        """Read a file. Raise ValueError if it cannot be read, or holds no learning curves."""
         try:
             return cls.model_validate_json(path.read_bytes())
         except (OSError, ValidationError) as error:
@@ -104,23 +91,15 @@ class Trainings(BaseModel):
 class Curve(NamedTuple):
     """Learning curve of one algorithm: arrays of shape (POINTS,)."""
 
-    seeds: int
-    """Number of training seeds."""
-    steps: Floats
-    """Environment steps."""
-    mean: Floats
-    """Mean return over training seeds [s]."""
-    low: Floats
-    """Lower end of its interval [s]; with one training seed, the mean."""
+    seeds: int  # number of training seeds
+    steps: Floats  # environment steps
+    mean: Floats  # mean return over training seeds [s]
+    low: Floats  # lower end of its interval [s]; with one training seed, the mean
     high: Floats
 
 
 def read(sources: Sequence[Path]) -> Trainings:
-    """Return the learning curves of files and of run folders, which take the place of curves of the same name in the files.
-
-    Raises:
-        ValueError: a source holds no learning curve, or they cannot be compared. The message names them.
-    """
+    """Return the curves of files and of run folders, which replace those of the same name; ValueError if not comparable."""
     in_files, in_runs = dict[str, Training](), dict[str, Training]()
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
@@ -145,11 +124,7 @@ def read(sources: Sequence[Path]) -> Trainings:
 
 
 def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
-    """Return the mean curve of each algorithm over the common steps of its trainings, with its bootstrap interval over seeds.
-
-    Raises:
-        ValueError: those of an algorithm do not overlap.
-    """
+    """Return each algorithm's mean curve over the common steps of its trainings, with its bootstrap interval over seeds."""
     groups: dict[str, list[Training]] = {}
     for label, training in trainings.items():
         groups.setdefault(label.rpartition("-seed")[0], []).append(training)

@@ -46,10 +46,8 @@ from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
-NUM_ENVS, STEPS = 50, 100
-"""Numbers of environments and steps in each of the two comparisons of agent and file."""
-MAX_DIFFERENCE = 2e-5
-"""Largest difference between an agent's action and its file's in episodes: rounding in single precision."""
+NUM_ENVS, STEPS = 50, 100  # numbers of environments and steps in each of the two comparisons of agent and file
+MAX_DIFFERENCE = 2e-5  # largest difference between an agent's action and its file's in episodes: rounding in single precision
 MAX_SAMPLED_DIFFERENCE = 1e-3
 """Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
@@ -61,8 +59,7 @@ class _Agent:
 
     source: str
     about: Metadata
-    actor: Actor | None
-    """The actor; None: the source is itself a network in ONNX."""
+    actor: Actor | None  # the actor; None: the source is itself a network in ONNX
 
     def write(self, path: Path) -> dict[str, Any]:
         """Write the agent's file; see ``export``."""
@@ -95,18 +92,8 @@ class _Agent:
 def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
     """Write the finished agent of one of your own runs to the folder ``out``; the file's name states agent and training seed.
 
-    Args:
-        folder: folder of the run.
-        out: folder of the file.
-        name: the agent's name on leaderboards; None: see ``Run.name``.
-
-    Returns:
-        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file; the ``largest_difference`` between actions of the
-        agent and of the file, and the number of compared ``observations``.
-
-    Raises:
-        ValueError: training is not finished, the network cannot be written as ONNX, or the file does not act as the agent.
-        OSError: the file cannot be written.
+    Return ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file, the ``largest_difference`` of its actions from the
+    agent's, and the number of compared ``observations``. ValueError says why there is no file, OSError that none can be written.
     """
     agent = _of_run(folder, name)
     return agent.write(out / f"{agent.about.label}{ONNX_SUFFIX}")
@@ -173,16 +160,10 @@ def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metada
 
 
 def metadata(run: Run, name: str | None = None) -> Metadata:
-    """Return the metadata of the file of a run's agent.
-
-    Raises:
-        ValueError: the name is not allowed.
-    """
+    """Return the metadata of the file of a run's agent. Raise ValueError if the name is not allowed."""
     name = name or run.name
     if not re.fullmatch(NAME, name):
-        raise ValueError(
-            f"the name is {name!r}, but must be at most 128 letters, digits, '_', '.' or '-', the first no '.' or '-'"
-        )
+        raise ValueError(f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, the first no . or -")
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
@@ -213,7 +194,7 @@ def largest_differences(original: Policy, policy: Policy, about: Metadata, env: 
     Both see the same observations and keep their own memories. The first difference is on observations sampled from the
     observation space, the second in episodes on tuning seeds in which the original acts, if there are environments.
     """
-    generator = np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     space, observations = about.observation_space, np.zeros(0, np.float32)
     if env is not None:
         observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
@@ -221,11 +202,7 @@ def largest_differences(original: Policy, policy: Policy, about: Metadata, env: 
     for played in (False, True) if env is not None else (False,):
         begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
-            seen = (
-                observations
-                if played
-                else generator.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
-            )
+            seen = observations if played else rng.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
             original.reset(begins)
             policy.reset(begins)
             mine, its = original.act(seen), policy.act(seen)
@@ -276,9 +253,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
             agent = _of_file(path, elsewhere, parsed.name, parsed.seed)
         elif not path.is_dir():
-            raise ValueError(
-                f"{path} holds no agent: give a folder of training runs, or a file that ends in .zip or {ONNX_SUFFIX}"
-            )
+            raise ValueError(f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file")
         else:
             agent = _of_run(path, parsed.name)
             if given := [name for name in ("env", "scenario", "seed") if getattr(parsed, name) is not None]:

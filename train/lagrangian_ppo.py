@@ -101,6 +101,7 @@ ALGORITHM = Algorithm(
     vec_env=AllowanceVecEnv,
     callbacks=lambda run: [Adaptation(run)],
     columns=columns,
+    families=False,
 )
 
 main = partial(command_line, ALGORITHM)

@@ -33,15 +33,12 @@ FIELDS = ("path", "depth_of_cut", "hardness", "used_life", "thrust_force")
 """Hidden quantities at the start and the end of every step, in the units of ``info``; depth, hardness and force are 0 in air. The
 force is the highest one at the end of a step of the same edge."""
 USED_LIFE, FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
-POINTS = 5
-"""Number of points in time at which a step's costs are evaluated."""
+POINTS = 5  # number of points in time at which a step's costs are evaluated
 WINDOW_EDGE = 0.05
 """Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost of tangled chips. The cost is
 a step there, so its gradient is 0; this line has one."""
-MIN_LOAD = 1e-3
-"""Smallest force over its limit, and probability to survive [-]."""
-MIN_USED_LIFE = 1e-6
-"""Used life of a fresh edge [-]: the laws are not defined at 0."""
+MIN_LOAD = 1e-3  # smallest force over its limit, and probability to survive [-]
+MIN_USED_LIFE = 1e-6  # used life of a fresh edge [-]: the laws are not defined at 0
 
 
 class Truth:
@@ -50,14 +47,10 @@ class Truth:
     def __init__(
         self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
     ) -> None:
-        """Interpolate the records of a ``HindsightVecEnv``.
+        """Interpolate the records of a ``HindsightVecEnv`` of the scenario.
 
-        Args:
-            scenario: scenario of the environments.
-            before: ``FIELDS`` at the starts of the steps, shape (steps, len(FIELDS), num_envs).
-            after: ``FIELDS`` at their ends, likewise.
-            changed: whether the edge was changed, shape (steps, num_envs).
-            failed: whether it was changed because it was worn out or broken, likewise.
+        ``before`` and ``after`` are ``FIELDS`` at the starts and ends of steps, shape (steps, len(FIELDS), num_envs). The edge
+        was changed where ``changed``, because it was worn out or broken where also ``failed``, shape (steps, num_envs).
         """
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
@@ -104,11 +97,9 @@ def flat_prices(scenario: Scenario) -> Worth:
 
 
 class ModelGain:
-    """The gain of steps as a function of the commanded cutting speeds and feeds, if the aim is removal.
+    """The gain of steps as a function of the commanded cutting speeds and feeds on the true scenario, if the aim is removal.
 
-    Args:
-        scenario: the true scenario of all environments.
-        prices: prices of time and life, with life at evenly spaced used shares up to 1; None: those of the scenario.
+    ``prices`` of life are at evenly spaced used shares up to 1; None: the scenario's.
     """
 
     def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:
@@ -143,14 +134,8 @@ class ModelGain:
     def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
 
-        Both have shape (steps, num_envs). For a changed edge, the earnings assume a nominal bar.
-
-        Args:
-            log_speed: commanded cutting speed [log m/min], shape (steps, num_envs).
-            log_feed: commanded feed [log mm/rev], likewise.
-            speed: actual cutting speed at the step's start [m/min], likewise.
-            feed: actual feed at the step's start [mm/rev], likewise.
-            truth: the hidden states.
+        All have shape (steps, num_envs): the logarithms of commanded cutting speed [m/min] and feed [mm/rev], and the actual ones
+        at the step's start. For a changed edge, the earnings assume a nominal bar.
         """
         scenario = self._scenario
         speeds, feeds = self._follow(log_speed.exp(), speed, 0), self._follow(log_feed.exp(), feed, 1)

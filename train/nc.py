@@ -27,10 +27,8 @@ from turning_nc.simulate import Totals
 from turning_nc.words import NcError
 
 PROGRAM = "python -m train.export --nc"
-MAX_DIFFERENCE = 0.02
-"""Largest relative difference of removed metal, time and wear between a program read back and its original."""
-MAX_OVERRIDE_DIFFERENCE = 0.5
-"""Largest difference between a law read back and its controller [percentage points of override]."""
+MAX_DIFFERENCE = 0.02  # largest relative difference of removed metal, time and wear between a program read back and its original
+MAX_OVERRIDE_DIFFERENCE = 0.5  # largest difference between a law read back and its controller [percentage points of override]
 REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
     "machine."

@@ -45,10 +45,7 @@ MAX_SUB_STEPS = 10_000
 def law_program(name: str, scenario: Scenario) -> Program:
     """Return a program of one cut along one bar at the programmed speed and feed, under a controller's override law.
 
-    Raises:
-        KeyError: there is no such controller.
-        NcError: the controller is not one of ``LAWS``, or the scenario does not set the override of a programmed feed.
-        ValueError: the controller cannot play the scenario, or has not been tuned for it.
+    Raise KeyError or ValueError if there is no such controller on the scenario, NcError if it is not one of ``LAWS``.
     """
     entry = catalogue.spec(name, scenario)
     if name not in LAWS:
@@ -144,11 +141,7 @@ LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
 
 
 def table_scenarios(scenario: Scenario, interval: float | None) -> tuple[Scenario, Scenario]:
-    """Return a scenario without spreads and model mismatch, and the same with another control interval [min].
-
-    Raises:
-        NcError: the interval is out of range, or no program can be written for the scenario.
-    """
+    """Return a scenario without spreads and model mismatch, and the same with another control interval [min]."""
     with_bars(scenario, 1)  # raises if no program can be written
     control = scenario.control
     step = control.interval / control.sub_steps  # [s]

@@ -32,11 +32,7 @@ def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
-    """Parse hyperparameters ``KEY=VALUE``, with values as in the algorithm's file.
-
-    Raises:
-        ValueError: the algorithm has no such hyperparameter, or the value has another type. The message says what is allowed.
-    """
+    """Parse hyperparameters ``KEY=VALUE``; ValueError if the algorithm's file has no such, or one of another type."""
     tables = _tables(algorithm)
     default = tables.pop("default")
     examples = {name: value for table in tables.values() for name, value in table.items()} | default
@@ -95,30 +91,20 @@ class Run:
 
     algorithm: str
     env_id: str
-    scenario: Scenario
-    """Scenario; for a family, its first training job."""
+    scenario: Scenario  # scenario; for a family, its first training job
     seed: int
-    parameters: dict[str, Any]
-    """The algorithm's hyperparameters; for a family also its values and the names of its context."""
-    command: str
-    """The command line that started it."""
+    parameters: dict[str, Any]  # the algorithm's hyperparameters; for a family also its values and the names of its context
+    command: str  # the command line that started it
     folder: Path
 
     @classmethod
     def plan(
-        cls,
-        algorithm: str,
-        env_id: str,
-        scenario: Scenario | Family,
-        seed: int,
-        runs: Path,
-        command: str,
-        overrides: dict[str, Any],
+        cls, algorithm: str, env_id: str, scenario: Scenario | Family, seed: int, runs: Path, command: str, given: dict[str, Any]
     ) -> "Run":
-        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with ``overrides``."""
+        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with those given."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
         job, family = _described(scenario)
-        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | overrides | family, command, folder)
+        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | given | family, command, folder)
 
     @classmethod
     def elsewhere(cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str) -> "Run":
@@ -128,11 +114,7 @@ class Run:
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
-        """Return the run that a folder holds.
-
-        Raises:
-            ValueError: the folder holds no run, or its description cannot be read.
-        """
+        """Return the run that a folder holds. Raise ValueError if the folder holds no run, or its description cannot be read."""
         path = folder / "run.json"
         if not path.is_file():
             raise ValueError(f"{folder} holds no training run: there is no run.json")
@@ -176,11 +158,7 @@ class Run:
         return self.algorithm if own else f"{self.algorithm}_{self.task.name}"
 
     def read_learning_curve(self) -> list[dict[str, float]]:
-        """Return the rows of the learning curve in order of time.
-
-        Raises:
-            ValueError: the folder holds no learning curve, or a damaged one.
-        """
+        """Return the rows of the learning curve in order of time; ValueError if there is none, or a damaged one."""
         path = self.learning_curve
         if not path.is_file():
             raise ValueError(f"{self.folder} holds no {path.name}: train it anew")
@@ -194,11 +172,7 @@ class Run:
                 raise ValueError(f"{path} holds a row that is not numbers: {error}") from error
 
     def begin(self) -> None:
-        """Make the folder and write ``run.json``.
-
-        Raises:
-            ValueError: the folder holds a run with other settings, which must not be resumed or overwritten.
-        """
+        """Make the folder and write ``run.json``; ValueError if it holds a run with other settings."""
         if (self.folder / "run.json").exists():
             found = Run.read(self.folder)
             if (found.scenario, found.parameters) != (self.scenario, self.parameters):

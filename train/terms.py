@@ -3,7 +3,7 @@
 The same hyperparameters mean the same for every algorithm that has them:
 
     belief = true            # what the optimisers' filter has estimated from the observations (baselines/belief.py)
-    position = true          # readings of the tool's position along the bar (DistanceTracker in train/analytic_actor.py)
+    position = true          # readings of the tool's position along the bar (DistanceTracker)
     frames = 4               # number of successive observations, with their positions
     life_price = "marginal"  # "flat": the environment's; "marginal": p(D); "end": the whole edge at its end
 
@@ -11,6 +11,7 @@ Position and earlier observations are part of the trained agent and of its file.
 for it, from nominal models and observations (``train.agents.agent_file.informed``).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -27,12 +28,15 @@ from baselines.belief import VectorBeliefObservation
 from baselines.models.edge_value import USED_LIVES, worth
 from train.actor import Actor
 from train.agents.agent_file import seen_space
-from train.analytic_actor import DistanceTracker, NoTracker, TargetCommands
+from train.analytic_actor import ACTUAL, COMMANDED, TargetCommands, Tensor
 from train.model_gain import edge_price
 from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
+from turning_env.physics.quantities import OBS
 from turning_env.vector_env import info_at_end_of_step
+
+MAX_TIME = 4.0  # time to the end of the bar [s] beyond which the reading is constant
 
 
 class ShapedVecEnv(RoughTurningVecEnv):
@@ -73,6 +77,60 @@ class ShapedVecEnv(RoughTurningVecEnv):
         return rewards + np.where(ended, self._at_end, self.potential(used)) - self.potential(before)
 
 
+class DistanceTracker:
+    """A tracker of the tool's position along the bar, which observations determine but do not contain.
+
+    The travelled distance is a sum of cutting speed times feed over sub-steps, and both follow their commands with known lags.
+    So two observations and the drawing's geometry give the position exactly, as in ``baselines/models/kalman_steps.py``. If the
+    position contradicts the entry ``cutting``, it is corrected.
+
+    The state, shape (num_envs, 3), is 0 before an episode's first observation. Its columns are the position from the start of
+    the approach [mm], and cutting speed [m/min] and feed [mm/rev] at the last observation.
+    """
+
+    STATES = 3
+    READINGS = 2
+
+    def __init__(self, scenario: Scenario) -> None:
+        control, machine, work = scenario.control, scenario.machine, scenario.workpiece
+        self._commands = TargetCommands(scenario)
+        self._pitch, self._approach = work.bar_length + work.approach, work.approach
+        self._per_second = 1000.0 / (60.0 * math.pi * work.diameter)  # mm per s, m/min and mm/rev
+        step = control.interval / control.sub_steps
+        times = [step * (number + 1) for number in range(control.sub_steps)]
+        speeds, feeds = (
+            [math.exp(-time / lag) if lag > 0.0 else 0.0 for time in times]
+            for lag in (machine.spindle_time_constant, machine.feed_time_constant)
+        )
+        # Sums over a control interval's sub-steps of the remaining deviation in speed, in feed, and in both [s].
+        self._speed_left, self._feed_left = step * sum(speeds), step * sum(feeds)
+        self._both_left = step * sum(speed * feed for speed, feed in zip(speeds, feeds, strict=True))
+        self._interval = control.interval
+
+    def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
+        """Return readings of order one, shape (num_envs, READINGS), and the next state.
+
+        The first is the position, from -1 at the start of the approach to 1 at the end of the bar. The second is the time to that
+        end at the present speed and feed, from -1 for 0 to 1 for ``MAX_TIME`` or more.
+        """
+        along, last_speed, last_feed = state.unbind(dim=-1)
+        speed, feed = self._commands.speed_and_feed(observation, ACTUAL)
+        commanded_speed, commanded_feed = self._commands.speed_and_feed(observation, COMMANDED)
+        late, slow = last_speed - commanded_speed, last_feed - commanded_feed
+        travel = self._interval * commanded_speed * commanded_feed + commanded_feed * late * self._speed_left
+        travel = travel + commanded_speed * slow * self._feed_left + late * slow * self._both_left
+        along = along + torch.where(last_speed > 0.0, travel * self._per_second, 0.0)
+        along = torch.where(along >= self._pitch, along - self._pitch, along)
+        cutting = observation[..., OBS.cutting] > 0.5
+        # In metal, take the nearer of the bars behind and ahead.
+        nearest = torch.where(along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach)
+        along = torch.where(cutting & (along < self._approach), nearest, along)
+        along = torch.where(~cutting & (along > self._approach), 0.5 * self._approach, along)
+        left = (self._pitch - along) / (speed * feed * self._per_second)
+        readings = torch.stack([2.0 * along / self._pitch - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0], dim=-1)
+        return readings, torch.stack([along, speed, feed], dim=-1)
+
+
 class View:
     """A function from observations to the agent's inputs: also its position, and earlier observations, latest last.
 
@@ -82,17 +140,20 @@ class View:
 
     def __init__(self, scenario: Scenario, entries: int, position: bool, frames: int) -> None:
         """``entries``: number of entries of one observation."""
-        self._tracker = DistanceTracker(scenario, TargetCommands(scenario)) if position else NoTracker()
-        self._entries = entries + self._tracker.READINGS
+        self._tracker = DistanceTracker(scenario) if position else None
+        self._states = position * DistanceTracker.STATES
+        self._entries = entries + position * DistanceTracker.READINGS
         self.entries = frames * self._entries
         """Number of entries that the agent sees."""
-        self.memory_size = self._tracker.STATES + (frames - 1) * self._entries
+        self.memory_size = self._states + (frames - 1) * self._entries
 
-    def __call__(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def __call__(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """Return the agent's inputs, shape (num_envs, entries), and the next memory."""
-        states = self._tracker.STATES
-        readings, state = self._tracker(observation, memory[:, :states])
-        seen = torch.cat([memory[:, states:], observation, readings], dim=1)
+        state, frames = memory[:, : self._states], memory[:, self._states :]
+        if self._tracker:
+            readings, state = self._tracker(observation, state)
+            observation = torch.cat([observation, readings], dim=1)
+        seen = torch.cat([frames, observation], dim=1)
         return seen, torch.cat([state, seen[:, self._entries :]], dim=1)
 
 
@@ -138,28 +199,22 @@ class ViewActor(Actor):
         self.actor, self._view = actor, view
         self.memory_size = view.memory_size + actor.memory_size
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         size = self._view.memory_size
         seen, next_memory = self._view(observation, memory[:, :size])
         action, own = self.actor(seen, memory[:, size:])
         return action, torch.cat([next_memory, own], dim=1)
 
 
-LIFE_PRICES = ("flat", "marginal", "end")
-"""Charges for the edge's life."""
+LIFE_PRICES = ("flat", "marginal", "end")  # charges for the edge's life
 
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of one training. Hyperparameters that an algorithm lacks have the values below.
-
-    Raises:
-        ValueError: a value is not allowed.
-    """
+    """The terms of one training. Hyperparameters that an algorithm lacks have the values below."""
 
     scenario: Scenario
-    entries: int
-    """Number of entries of an observation, with those of a family's nominal model and of a belief."""
+    entries: int  # number of entries of an observation, with those of a family's nominal model and of a belief
     of_family: bool = False
     belief: bool = False
     position: bool = False
@@ -182,8 +237,9 @@ class Terms:
         return cls(run.scenario, entries, run.family is not None, **known)
 
     def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
-        """Return the function that makes training environments, from that of the algorithm."""
-        return vec_env if self.life_price == "flat" else partial(ShapedVecEnv, self.life_price)
+        """Return the function that makes training environments; an algorithm with environments of its own charges life itself."""
+        plain = self.life_price == "flat" or vec_env is not RoughTurningVecEnv
+        return vec_env if plain else partial(ShapedVecEnv, self.life_price)
 
     @property
     def _view(self) -> View | None:

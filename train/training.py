@@ -38,14 +38,10 @@ from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
-SEED_STRIDE = 1_000_000
-"""Environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars."""
-SEEDS = TUNING_START // SEED_STRIDE
-"""Training seeds are below this number."""
-VALIDATION = "validation"
-"""Split of a family on which agents are compared during development."""
-CURVE_ROWS = 200
-"""Approximate number of rows of a learning curve."""
+SEED_STRIDE = 1_000_000  # environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars
+SEEDS = TUNING_START // SEED_STRIDE  # training seeds are below this number
+VALIDATION = "validation"  # split of a family on which agents are compared during development
+CURVE_ROWS = 200  # approximate number of rows of a learning curve
 
 ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 
@@ -54,29 +50,19 @@ ACTIVATIONS: dict[str, type[torch.nn.Module]] = {"relu": torch.nn.ReLU, "tanh": 
 class Algorithm:
     """A learning algorithm as training, tuning and export use it."""
 
-    name: str
-    """Name of its Python file, of its hyperparameter file, and in ``run.json``."""
+    name: str  # name of its Python file, of its hyperparameter file, and in run.json
     model: type[BaseAlgorithm]
-    new_model: Callable[[Run, VecEnv], BaseAlgorithm]
-    """Function that returns an untrained model for a run on given environments."""
-    network: Callable[[Any], Actor]
-    """Function that returns the agent of a trained policy of Stable-Baselines3."""
-    search: Mapping[str, BaseDistribution]
-    """Hyperparameters to tune, with their ranges."""
+    new_model: Callable[[Run, VecEnv], BaseAlgorithm]  # function that returns an untrained model for a run on given environments
+    network: Callable[[Any], Actor]  # function that returns the agent of a trained policy of Stable-Baselines3
+    search: Mapping[str, BaseDistribution]  # hyperparameters to tune, with their ranges
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
-    own_terms: bool = False
-    """Whether it applies the hyperparameters of ``train/terms.py`` itself."""
-    extra_state: tuple[str, ...] = ()
-    """Attributes that a checkpoint holds besides those that Stable-Baselines3 saves."""
-    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []
-    """Further callbacks during training."""
-    columns: Callable[[Any], dict[str, float]] = lambda model: {}
-    """Further columns of the learning curve."""
-    plays: Callable[[Scenario], bool] = lambda scenario: True
-    """Whether it can learn on a scenario."""
-    log_interval: int = 5
-    """Rollouts (off-policy: episodes) between entries in the TensorBoard logs."""
+    families: bool = True  # whether it can learn on the jobs of a family
+    extra_state: tuple[str, ...] = ()  # attributes that a checkpoint holds besides those that Stable-Baselines3 saves
+    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []  # further callbacks during training
+    columns: Callable[[Any], dict[str, float]] = lambda model: {}  # further columns of the learning curve
+    plays: Callable[[Scenario], bool] = lambda scenario: True  # whether it can learn on a scenario
+    log_interval: int = 5  # rollouts (off-policy: episodes) between entries in the TensorBoard logs
 
     def actor(self, path: Path) -> Actor:
         """Load the finished agent from a ``policy.zip`` of your own."""
@@ -152,11 +138,7 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
 
 
 def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
-    """Return the model of the last checkpoint; training continues exactly as without the interruption.
-
-    Raises:
-        ValueError: the checkpoint is damaged.
-    """
+    """Return the model of the last checkpoint; training continues exactly. Raise ValueError if it is damaged."""
     warn_of_pickle(run.checkpoint)
     try:
         model: Any = algorithm.model.load(run.checkpoint, device="cpu")
@@ -172,19 +154,11 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
 
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
-    """Return an untrained model on freshly seeded environments.
-
-    Raises:
-        ValueError: the hyperparameters cannot be used.
-    """
+    """Return an untrained model on freshly seeded environments. Raise ValueError if the hyperparameters cannot be used."""
     try:
-        terms = None if algorithm.own_terms else Terms.of(run)
-        vec_env = (terms.charged(algorithm.vec_env) if terms else algorithm.vec_env)(
-            run.family or run.scenario,
-            run.parameters["num_envs"],
-            run.parameters["reward_scale"],
-            *([terms.shown] if terms else []),
-        )
+        terms, p = Terms.of(run), run.parameters
+        make = terms.charged(algorithm.vec_env)
+        vec_env = make(run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown)
         model: Any = algorithm.new_model(run, vec_env)
         model.terms = terms
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
@@ -196,20 +170,12 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
 def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False) -> Path:
     """Train or resume, unless training is finished; return the path of the finished agent.
 
-    Args:
-        run: run to train; its folder is made if it is missing.
-        algorithm: its algorithm.
-        checkpoint_every: environment steps between checkpoints.
-        wait: whether to wait while another process trains in the run's folder, instead of raising an error.
-
-    Raises:
-        ValueError: the folder holds a run with other settings or unreadable files, another process trains in it, the algorithm
-            cannot learn on the scenario or with the hyperparameters, or the seed is not for training.
-        OSError: a file cannot be written; files written before remain.
+    Checkpoints are ``checkpoint_every`` environment steps apart. If another process trains in the run's folder, ``wait`` or raise
+    ValueError. ValueError also says what cannot be trained, or that the folder holds a training with other settings.
     """
     if not algorithm.plays(run.scenario):
         raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
-    if run.family and algorithm.vec_env is not RoughTurningVecEnv and not run.parameters.get("guide"):
+    if run.family and not algorithm.families:
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
         apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"
@@ -238,20 +204,21 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         return run.policy
 
 
-def load_actor(run: Run) -> Actor:
-    """Return the actor of one of your own finished trainings. It is a pickle, which can run code: never load a stranger's.
+def algorithm_of(name: str) -> Algorithm:
+    """Return the algorithm with a name."""
+    algorithm: Algorithm = importlib.import_module(f"train.{name}").ALGORITHM
+    return algorithm
 
-    Raises:
-        ValueError: the training is not finished, or of no known algorithm.
-    """
+
+def load_actor(run: Run) -> Actor:
+    """Return the actor of a finished training of your own. It is a pickle, which can run code: never load a stranger's."""
     if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
         known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
         raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
     warn_of_pickle(run.policy)
-    actor: Actor = importlib.import_module(f"train.{run.algorithm}").ALGORITHM.actor(run.policy)
-    return actor
+    return algorithm_of(run.algorithm).actor(run.policy)
 
 
 def load_agent(folder: Path) -> PolicySpec:
@@ -263,11 +230,7 @@ def load_agent(folder: Path) -> PolicySpec:
 
 
 def play_agent(folder: Path, episodes: int) -> Episodes:
-    """Play the finished agent of a run's folder on the first tuning seeds, or on all jobs of its family's split ``VALIDATION``.
-
-    Raises:
-        ValueError: as ``load_actor``, or the family has no such split.
-    """
+    """Play a run's finished agent on the first tuning seeds, or on all jobs of its family's split ``VALIDATION``."""
     run, agent = Run.read(folder), load_agent(folder)
     if run.family is None:
         return play(informed(agent, run.scenario), run.scenario, tuning_seeds(episodes))

@@ -15,36 +15,28 @@ The command prints the table; copy it to the hyperparameter file yourself, with 
 """
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import import_module
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-import optuna
 import tomli_w
-from optuna.samplers import TPESampler
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend, JournalFileOpenLock
-from optuna.trial import FrozenTrial, TrialState
 from tqdm import tqdm
 
+from baselines.tune import Played, Trial, trials
 from train.run import Run, hyperparameters, overrides, trained_on
-from train.training import SEEDS, Algorithm, add_task, play_agent, train
+from train.training import SEEDS, add_task, algorithm_of, play_agent, train
 from turning_env import Family, Scenario
 from turning_env.console import described, exits
 from turning_env.files import digest_of, file_lock
-from turning_env.scoring.statistics import severe_limit
 from turning_env.scoring.workers import Workers, cluster, processes
 
 ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
-NUM_EPISODES = 64
-"""Number of tuning seeds that each agent plays; of a family, it plays all jobs for validation."""
-_OVERLOAD = "severe_overload"
-_ENDED = (TrialState.COMPLETE, TrialState.PRUNED)
+NUM_EPISODES = 64  # number of tuning seeds that each agent plays; of a family, it plays all jobs for validation
 
 
 @dataclass(frozen=True)
@@ -54,13 +46,10 @@ class Task:
     algorithm: str
     env_id: str
     scenario: Scenario | Family
-    steps: int
-    """Environment steps of each training."""
-    seeds: int
-    """Trainings per trial, with the training seeds 0, 1, ..."""
+    steps: int  # environment steps of each training
+    seeds: int  # trainings per trial, with the training seeds 0, 1, ...
     runs: Path
-    overrides: dict[str, Any] = field(default_factory=dict)
-    """Hyperparameters of all trials in place of the file's."""
+    overrides: dict[str, Any] = field(default_factory=dict)  # hyperparameters of all trials in place of the file's
 
     @property
     def known(self) -> dict[str, Any]:
@@ -75,28 +64,19 @@ class Task:
         return digest_of([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])[:16]
 
     @property
+    def allowance(self) -> float:
+        """Allowance of severe overload [-]."""
+        scenario = self.scenario if isinstance(self.scenario, Scenario) else self.scenario.job(0).scenario
+        return scenario.limits.overload_allowance
+
+    @property
     def folder(self) -> Path:
         """Folder of the trials."""
         return self.runs / "tuning" / self.algorithm
 
 
-class Evaluation(NamedTuple):
-    """Result of a setting on the tuning seeds."""
-
-    mean_return: float
-    """Mean return over tuning seeds and training seeds [s]."""
-    severe_limit: float
-    """Upper confidence limit of the severely overloaded share of cutting time [-], see ``turning_env/scoring/overload.py``."""
-
-
-def algorithm_of(name: str) -> Algorithm:
-    """Return the algorithm with a name."""
-    algorithm: Algorithm = import_module(f"train.{name}").ALGORITHM
-    return algorithm
-
-
-def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
-    """Train with a setting and play the agents; if training fails, for example because it diverges, return the reason."""
+def evaluate(task: Task, setting: dict[str, Any]) -> Played:
+    """Train with a setting and play the agents; a training may fail, for example because it diverges."""
     algorithm = algorithm_of(task.algorithm)
     runs = task.folder / digest_of([task.name, setting])[:16]
     command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
@@ -106,83 +86,33 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Evaluation | str:
         try:
             episodes.append(play_agent(train(run, algorithm, wait=True).parent, NUM_EPISODES))
         except ValueError as error:
-            return str(error)
-    returns, severe, engaged = (
-        np.concatenate([each[name] for each in episodes]) for name in ("return", "severe_overload_time", "engaged_time")
-    )
-    return Evaluation(float(returns.mean()), severe_limit(severe, engaged))
+            return Played(-math.inf, 1.0, 1.0, 0, str(error))
+    return Played.of(*episodes)
 
 
 def search(
     task: Task,
-    trials: int,
-    over: Workers,
+    count: int,
+    over: Workers | None = None,
     parallel: int = 1,
-    evaluate: Callable[[Task, dict[str, Any]], Evaluation | str] = evaluate,
-) -> FrozenTrial:
-    """Return the best trial of a study, after resuming or extending it to ``trials`` trials.
-
-    Args:
-        task: task of tuning.
-        trials: number of ended trials.
-        over: workers that train.
-        parallel: number of trials at a time, each of one worker.
-        evaluate: function that trains and plays.
-
-    Raises:
-        ValueError: all trainings failed, there are no workers, or another process works on this study.
-    """
-    path = task.folder / f"{task.name}.log"
-    with file_lock(path):
-        content = path.read_bytes()  # Optuna would append to half a line that a killed process left
-        path.write_bytes(content[: content.rfind(b"\n") + 1])
-        storage = JournalStorage(JournalFileBackend(str(path), JournalFileOpenLock(str(path))))
-        study = optuna.create_study(storage=storage, study_name=task.name, direction="maximize", load_if_exists=True)
-        distributions = dict(algorithm_of(task.algorithm).search)
-        for unfinished in study.get_trials(states=[TrialState.RUNNING]):
-            study.tell(unfinished.number, state=TrialState.FAIL)  # killed; the sampler must ignore it
-        if not study.get_trials(states=[*_ENDED, TrialState.WAITING]):
-            study.enqueue_trial({name: task.known[name] for name in distributions})
-        ended = len(study.get_trials(states=_ENDED))
-        running: list[optuna.Trial] = []
-        bar = tqdm(total=max(trials, ended), initial=ended, desc=f"tuning {task.algorithm}", unit="trial", disable=None)
-        try:
-            while running or ended < trials:
-                while len(running) < min(parallel, trials - ended):
-                    # A sampler per trial: its random numbers must not depend on interruptions.
-                    study.sampler = TPESampler(seed=ended + len(running), n_startup_trials=5)
-                    running.append(study.ask(distributions))
-                    over.start(running[-1], evaluate, task, running[-1].params)
-                trial, evaluation = over.finished()
-                running.remove(trial)
-                _tell(study, trial, evaluation, task)
-                ended = len(study.get_trials(states=_ENDED))
-                bar.update(ended - bar.n)
-        finally:
-            bar.close()
-            for trial in running:
-                study.tell(trial, state=TrialState.FAIL)  # interrupted
-    complete = study.get_trials(states=[TrialState.COMPLETE])
-    if not complete:
-        raise ValueError(f"all {ended} trials failed")
-    return max(complete, key=lambda trial: (feasible(trial), trial.value))
-
-
-def _tell(study: optuna.Study, trial: optuna.Trial, evaluation: Evaluation | str, task: Task) -> None:
-    if isinstance(evaluation, str):
-        study.tell(trial, state=TrialState.PRUNED)
-        tqdm.write(f"trial {trial.number}: failed with {trial.params}: {evaluation}", sys.stderr)
-        return
-    scenario = task.scenario if isinstance(task.scenario, Scenario) else task.scenario.job(0).scenario
-    trial.set_constraint(_OVERLOAD, evaluation.severe_limit - scenario.limits.overload_allowance)
-    study.tell(trial, evaluation.mean_return)
-    share = f"severely overloaded for at most {100 * evaluation.severe_limit:.2f} % of cutting time"
-    tqdm.write(f"trial {trial.number}: mean return {evaluation.mean_return:.1f} s, {share}, with {trial.params}", sys.stderr)
-
-
-def feasible(trial: FrozenTrial) -> bool:
-    """Return whether a trial's setting is feasible."""
-    return trial.constraints[_OVERLOAD] <= 0.0
+    evaluate: Callable[[Task, dict[str, Any]], Played] = evaluate,
+) -> tuple[int, Trial]:
+    """Return number and trial of the best, after resuming or extending a study to ``count`` trials; ValueError if all failed."""
+    log, ranges = task.folder / f".{task.name}.log", algorithm_of(task.algorithm).search
+    first = {name: task.known[name] for name in ranges}
+    ended: list[Trial] = []
+    with file_lock(log):
+        found = trials(ranges, first, count, log, [], task.allowance, partial(evaluate, task), over, parallel, n_startup_trials=5)
+        for trial in tqdm(found, f"tuning {task.algorithm}", count, unit="trial", disable=None):
+            played = trial.played
+            share = f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
+            said = f"failed: {played.failed}" if played.failed else f"mean return {played.mean_return:.1f} s, {share}"
+            tqdm.write(f"trial {len(ended)}: {said}, with {trial.setting}", sys.stderr)
+            ended.append(trial)
+    number, best = max(enumerate(ended), key=lambda each: each[1].merit(task.allowance))
+    if best.played.failed:
+        raise ValueError(f"all {count} trials failed")
+    return number, best
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
@@ -199,7 +129,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=1, help="number of trials in parallel (default: 1)")
     parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
     parsed = parser.parse_args(arguments)
-    optuna.logging.set_verbosity(optuna.logging.ERROR)
     for name, largest in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= largest:
@@ -211,10 +140,11 @@ def main(arguments: list[str] | None = None) -> int:
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
     task.folder.mkdir(parents=True, exist_ok=True)  # find out whether it can be written before workers start
     with cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers) as over:
-        best = search(task, parsed.trials, over, parsed.workers)
+        number, best = search(task, parsed.trials, over, parsed.workers)
+    feasible, mean_return = best.merit(task.allowance)
     print(f"# {command}")
-    print(f"# trial {best.number}: mean return {best.value:.1f} s, {'' if feasible(best) else 'not '}feasible")
-    print(tomli_w.dumps({parsed.env: best.params}), end="")
+    print(f"# trial {number}: mean return {mean_return:.1f} s, {'' if feasible else 'not '}feasible")
+    print(tomli_w.dumps({parsed.env: best.setting}), end="")
     return 0
 
 

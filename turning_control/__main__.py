@@ -19,8 +19,7 @@ from turning_env import IDS
 from turning_env.console import described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
-TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
-"""Tasks with an action per interval, which the shield guards."""
+TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]  # with an action per interval, which the shield guards
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -34,9 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
         return made
 
     guard = command("shield", _shield, "measure the shield in simulation")
-    guard.add_argument(
-        "--episodes", type=int, default=1000, metavar="N", help="held-out seeds of every task (default: %(default)s)"
-    )
+    guard.add_argument("--episodes", type=int, default=1000, metavar="N", help="held-out seeds per task (default: %(default)s)")
     guard.add_argument("--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)")
     guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
@@ -103,8 +100,7 @@ def _serve(options: argparse.Namespace) -> int:
 
     python -m turning_control serve --policy programmed --scenario override
     """
-    _log_to(options.log)
-    scenario = Scenario.load(options.scenario)
+    scenario = _logged(options)
     linuxcnc.serve(on_control(scenario), find_policy(options.policy, scenario))
     return 0
 
@@ -114,17 +110,18 @@ def _opcua(options: argparse.Namespace) -> int:
 
     python -m turning_control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
     """
-    _log_to(options.log)
-    scenario = Scenario.load(options.scenario)
+    scenario = _logged(options)
     controller = Controller(on_control(scenario), find_policy(options.policy, scenario))
     opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
 
 
-def _log_to(path: Path | None) -> None:
-    if path:
-        logging.basicConfig(filename=path, format="%(asctime)s %(message)s")
+def _logged(options: argparse.Namespace) -> Scenario:
+    """Log every decision to a file, if one is given, and return the scenario."""
+    if options.log:
+        logging.basicConfig(filename=options.log, format="%(asctime)s %(message)s")
         LOG.setLevel(logging.DEBUG)
+    return Scenario.load(options.scenario)
 
 
 def _plant(options: argparse.Namespace) -> int:

@@ -1,7 +1,7 @@
 """The controller core: readings of a machine in, commands out, through the observation on which policies are trained.
 
 ``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it ``Readings`` once per control interval and carries out its
-``Commands``. The observation is computed by the functions of the simulation, so it cannot drift from that of the training.
+``Commands``. The simulation's own functions compute the observation.
 """
 
 import math
@@ -23,88 +23,56 @@ from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
-STUCK = 0.5
-"""Time in metal without any change of a reading after which its sensor counts as stuck [s]; 5 control intervals at least."""
-COMMAND_DELAY = 0.006
-"""Time from readings until LinuxCNC follows the command [s], if the scenario gives none: measured in the demo."""
-FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")
-"""Readings that only some scenarios need."""
+STUCK = 0.5  # time in metal without any change of a reading after which a sensor is stuck [s]; 5 control intervals at least
+COMMAND_DELAY = 0.006  # time from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo
+FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")  # readings that only some scenarios need
 
 
 @dataclass(frozen=True)
 class Readings:
     """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
 
-    spindle_speed: float
-    """Spindle speed [rev/min]."""
-    feed_velocity: float
-    """Feed velocity [mm/min]."""
-    in_feed: bool
-    """Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop."""
-    cutting: bool
-    """Whether the tool is in metal."""
-    engaged_time: float
-    """Time in metal since the readings before [s]."""
-    power: float = math.nan
-    """Spindle power [kW]."""
-    thrust_force: float = math.nan
-    """Thrust force [N]."""
-    servo_current: float = math.nan
-    """Servo current [A]."""
-    position: float = math.nan
-    """Tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed."""
-    new_edge: bool = False
-    """Whether the edge has been changed since the readings before."""
-    spindle_heat: float = math.nan
-    """Spindle heat [-]."""
-    roughness_reference: float = math.nan
-    """Roughness reference [um]."""
-    removed_wear: float = math.nan
-    """Measured flank wear of the edge that was taken out last, 0 before the first change [mm]"""
+    spindle_speed: float  # [rev/min]
+    feed_velocity: float  # [mm/min]
+    in_feed: bool  # whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop
+    cutting: bool  # whether the tool is in metal
+    engaged_time: float  # time in metal since the readings before [s]
+    power: float = math.nan  # [kW]
+    thrust_force: float = math.nan  # [N]
+    servo_current: float = math.nan  # [A]
+    position: float = math.nan  # tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed
+    new_edge: bool = False  # whether the edge has been changed since the readings before
+    spindle_heat: float = math.nan  # [-]
+    roughness_reference: float = math.nan  # [um]
+    removed_wear: float = math.nan  # measured flank wear of the edge that was taken out last, 0 before the first change [mm]
 
 
 class Status(IntEnum):
     """State of the controller."""
 
-    IDLE = 0
-    """No feed motion: the policy is not asked."""
-    POLICY = 1
-    """The policy's command holds."""
-    SHIELD = 2
-    """The shield has changed the policy's command."""
-    SAFE = 3
-    """The safe feed holds: no valid answer, or a sensor is lost or stuck."""
-    OPERATOR = 4
-    """Feed hold: the operator must decide."""
+    IDLE = 0  # no feed motion: the policy is not asked
+    POLICY = 1  # the policy's command holds
+    SHIELD = 2  # the shield has changed the policy's command
+    SAFE = 3  # the safe feed holds: no valid answer, or a sensor is lost or stuck
+    OPERATOR = 4  # feed hold: the operator must decide
 
 
 @dataclass(frozen=True)
 class Commands:
     """Commands to a machine, which hold until the next."""
 
-    adaptive_feed: float
-    """Share of the highest feed, which the program holds, 0 to 1 [-]."""
-    spindle_override: float
-    """Cutting speed over the programmed one [-]."""
+    adaptive_feed: float  # share of the highest feed, which the program holds, 0 to 1 [-]
+    spindle_override: float  # cutting speed over the programmed one [-]
     status: Status
-    reason: str
-    """One word or a few for the operator's display and the log."""
+    reason: str  # one word or a few for the operator's display and the log
 
 
 class Controller:
-    """A shielded policy for one machine.
-
-    Args:
-        scenario: scenario of the policy's training, calibrated for the machine.
-        make_policy: makes the policy (``turning_env.scoring.adapt.as_factory``).
-        settings: settings of the shield.
+    """A policy behind a shield for one machine, for which the scenario of its training is calibrated.
 
     Attributes:
         safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
         observation: the last observation, float32 of shape (1, entries).
-
-    Raises:
-        ValueError: the scenario's actions command whole parts.
     """
 
     def __init__(self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = Settings()) -> None:  # noqa: B008
@@ -119,13 +87,9 @@ class Controller:
     def start(self) -> None:
         """Start anew with a fresh edge: after the operator's release of a hand-over, or a new job."""
         control = self._scenario.control
-        self._set(
-            commanded_cutting_speed=control.initial_cutting_speed,
-            commanded_feed=control.initial_feed,
-            log_nominal_depth=math.log(self._scenario.workpiece.depth_of_cut),
-            cutting_time=0.0,
-            nominal_used_life=0.0,
-        )
+        self._set(commanded_cutting_speed=control.initial_cutting_speed, commanded_feed=control.initial_feed)
+        depth = math.log(self._scenario.workpiece.depth_of_cut)
+        self._set(log_nominal_depth=depth, cutting_time=0.0, nominal_used_life=0.0)
         self._shield.reset(np.ones(1, np.bool_))
 
     def lacks(self, readings: Readings) -> list[str]:
@@ -138,15 +102,11 @@ class Controller:
         machine, diameter = self._scenario.machine, self._scenario.workpiece.diameter
         if readings.new_edge:
             self._set(cutting_time=0.0, nominal_used_life=0.0)
-        self._set(
-            cutting_speed=max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min),
-            feed=max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min),
-            cutting=int(readings.cutting),
-            measured_power=readings.power,
-            measured_thrust_force=readings.thrust_force,
-            measured_servo_current=readings.servo_current,
-            **{name: getattr(readings, name) for name in FURTHER},
-        )
+        speed = max(readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min)
+        feed = max(readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min)
+        self._set(cutting_speed=speed, feed=feed, cutting=int(readings.cutting))
+        self._set(**{f"measured_{name}": getattr(readings, name) for name in ("power", "thrust_force", "servo_current")})
+        self._set(**{name: getattr(readings, name) for name in FURTHER})
         observe_readings(self._states, self._parameters, self._scratches, readings.engaged_time / 60.0, self.observation)
         return self.observation
 

@@ -34,39 +34,19 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv
 
-PYTHON = "/usr/bin/python3"
-"""The Python that has LinuxCNC's modules."""
+PYTHON = "/usr/bin/python3"  # the Python that has LinuxCNC's modules
 PACKAGE = "linuxcnc-uspace"
-FEED_MOTION = 2
-"""``motion.motion-type`` of a move at feed."""
-NOBODY = 65534
-"""User to whom LinuxCNC's motion falls back if root starts it."""
+FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
+NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
+# Spindle speed [rev/min], feed velocity [mm/s], position along the bar [mm], power [kW], force [N], the controller's delay [s].
+_MOTION = {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "position": "float"}
+_LOADS = {"power": "float", "thrust-force": "float", "edge": "u32"}
 CONTROLLER_PINS = {
-    "in": {
-        "spindle-speed": "float",  # [rev/min]
-        "feed-velocity": "float",  # [mm/s]
-        "motion-type": "s32",
-        "in-position": "bit",
-        "power": "float",  # [kW]
-        "thrust-force": "float",  # [N]
-        "cutting": "bit",
-        "position": "float",  # [mm] along the bar
-        "edge": "u32",
-    },
+    "in": _MOTION | _LOADS | {"in-position": "bit", "cutting": "bit"},
     "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
 }
-PLANT_PINS = {
-    "in": {
-        "spindle-speed": "float",
-        "feed-velocity": "float",
-        "motion-type": "s32",
-        "position": "float",
-        "adaptive-feed": "float",
-        "delay": "float",  # of the controller [s]
-    },
-    "out": {"power": "float", "thrust-force": "float", "edge": "u32"},
-}
+PLANT_PINS = {"in": _MOTION | {"adaptive-feed": "float", "delay": "float"}, "out": _LOADS}
 
 
 class LinuxCncError(RuntimeError):
@@ -74,14 +54,9 @@ class LinuxCncError(RuntimeError):
 
 
 def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
-    """Return the policy of a name or file that a user gives.
+    """Return the policy that a user names, or raise ValueError.
 
-    Args:
-        name: ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
-        scenario: scenario that it plays.
-
-    Raises:
-        ValueError: there is no such policy.
+    It is ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
     """
     if name == "programmed":
         control = scenario.control
@@ -94,8 +69,7 @@ def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
     if name.endswith(".onnx") or ":" in name:
         return as_factory(name)
     for catalogue in provided("rules"):
-        factory: PolicyFactory = catalogue.spec(name, scenario).make
-        return factory
+        return catalogue.spec(name, scenario).make  # type: ignore[no-any-return]
     raise ValueError(f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone")
 
 
@@ -168,13 +142,9 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
 class Fault(NamedTuple):
     """A fault to cause while the program runs."""
 
-    name: str
-    """One of those in ``lathe/panel.py``: ``kill`` or ``freeze`` the policy's process, ``pause``, ``e-stop``, ``feed hold``,
-    ``spindle stopped``, ``sensor stuck``, ``sensor lost``; ``policy`` lets a faulty policy run until then."""
-    after: float
-    """Time after the program's start [s]."""
-    lasts: float = 2.0
-    """Duration [s]."""
+    name: str  # one of those in ``lathe/panel.py``
+    after: float  # time after the program's start [s]
+    lasts: float = 2.0  # [s]
 
 
 def program(scenario: Scenario, bars: int) -> str:
@@ -197,11 +167,7 @@ G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}"""
 
 
 def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
-    """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
-
-    Raises:
-        LinuxCncError: LinuxCNC is not installed, or it stopped before the program's end.
-    """
+    """Run a policy through LinuxCNC; return the plant's log, one row per cycle. LinuxCncError if it did not run to its end."""
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
@@ -238,14 +204,10 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration: accelerations ten times those that the drive's lag needs, so that the lag decides."""
     turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
     velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
-    values = {
-        "PYTHON": PYTHON,
-        "FOLDER": str(folder),
-        "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}",
-        "LAG_SHARE": f"{lag_share(0.001, lag):.9f}",  # in a servo cycle
-        "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
-        "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
-    }
+    values = {"PYTHON": PYTHON, "FOLDER": str(folder), "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}"}
+    values |= {"LAG_SHARE": f"{lag_share(0.001, lag):.9f}"}  # in a servo cycle
+    power = scenario.limits.power
+    values |= {"METAL_POWER": f"{0.02 * power:.4f}", "METAL_HYSTERESIS": f"{0.01 * power:.4f}"}
     for source in (files("turning_control") / "lathe").iterdir():
         if source.is_file():
             text = source.read_text()
@@ -294,18 +256,12 @@ def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
 class Figures(NamedTuple):
     """Times, loads and edges of a policy on bars."""
 
-    time: float
-    """Time at feed per bar [s]."""
-    mean_power: float
-    """Mean power [kW]."""
-    severe: float
-    """Share of cutting time with an excess above the tolerance [-]."""
-    edges: float
-    """Edges used."""
-    safe: float
-    """Share of the time at feed in which the safe feed held, because an answer was late [-]."""
-    delay: float
-    """Mean time from the controller's readings to its command; in the simulation, until drives follow [s]."""
+    time: float  # time at feed per bar [s]
+    mean_power: float  # [kW]
+    severe: float  # share of cutting time with an excess above the tolerance [-]
+    edges: float  # used
+    safe: float  # share of the time at feed in which the safe feed held, because an answer was late [-]
+    delay: float  # mean time from the controller's readings to its command; in the simulation, until drives follow [s]
 
 
 def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:

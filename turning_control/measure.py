@@ -7,11 +7,11 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from turning_control.shield import Settings, Shield
+from turning_env import IDS
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
@@ -27,20 +27,15 @@ class Result(NamedTuple):
     env_id: str
     policy: str
     shielded: bool
-    severe: float
-    """Share of cutting time with an excess above the tolerance, 5 % [-]."""
+    severe: float  # share of cutting time with an excess above the tolerance, 5 % [-]
     edges_broken: int
-    removal_rate: float
-    """Removal rate [cm3/min]."""
-    overridden: float
-    """Share of decisions in which the shield changed the action [-]."""
-    handed_over: int
-    """Episodes that ended early because the shield handed over to the operator; the figures count until then."""
+    removal_rate: float  # [cm3/min]
+    overridden: float  # share of decisions in which the shield changed the action [-]
+    handed_over: int  # episodes that ended early because the shield handed over to the operator; the figures count until then
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
-REPORTED = 10.0
-"""Time between lines of progress [s]."""
+REPORTED = 10.0  # time between lines of progress [s]
 
 
 class UniformRandom(Policy):
@@ -55,27 +50,22 @@ class UniformRandom(Policy):
 
 def best_agent(env_id: str, agents: Path) -> Path | None:
     """Return the file of the shipped agent with the highest mean return on a task; None if there is none in the folder."""
-    preset = gymnasium.spec(env_id).kwargs["scenario"]
     found = []
     for each in shipped(env_id):
         seed = int(each.returns.mean(axis=1).argmax())
-        path = agents / env_id / preset / f"{each.name}-seed{seed}.onnx"
+        path = agents / env_id / IDS[env_id] / f"{each.name}-seed{seed}.onnx"
         if each.kind == "agent" and path.is_file():
             found.append((each.returns[seed].mean(), path))
     return max(found)[1] if found else None
 
 
 def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Result]:
-    """Yield the figures of uniform random actions and of the best agent, each with and without the shield.
+    """Yield the figures of uniform random actions and of the best agent in a folder, each with and without the shield.
 
-    Args:
-        env_ids: tasks.
-        episodes: held-out seeds of each.
-        agents: folder of the agents.
-        settings: settings of the shield.
+    Each plays as many held-out seeds of each task as ``episodes``.
     """
     for env_id in env_ids:
-        scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
+        scenario = Scenario.load(IDS[env_id])
         policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
         if (best := best_agent(env_id, agents)) is not None:
             policies[best.stem] = as_factory(best)
@@ -107,16 +97,10 @@ def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episod
         if time.monotonic() > reported + REPORTED:
             reported, shield = time.monotonic(), ", shielded" if settings else ""
             print(f"{env_id}: {name}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
-    return Result(
-        env_id,
-        name,
-        settings is not None,
-        severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
-        edges_broken=int(sums["edges_broken"]),
-        removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),
-        overridden=changed / max(decisions, 1),
-        handed_over=handed_over,
-    )
+    severe = sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9)
+    rate = 60.0 * sums["removed"] / max(sums["time"], 1e-9)
+    overridden, broken = changed / max(decisions, 1), int(sums["edges_broken"])
+    return Result(env_id, name, settings is not None, severe, broken, rate, overridden, handed_over)
 
 
 def table(measured: Iterable[Result]) -> str:

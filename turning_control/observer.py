@@ -1,16 +1,13 @@
 """The shield's load observer: estimates of a bar and an edge beyond the nominal model, and the feeds that the limits allow.
 
-The observer (assumption: the nominal exponents hold) is an extended Kalman filter. Power P and force F follow depth, hardness and
-edge:
+It is an extended Kalman filter (assumption: the nominal exponents hold). Power P and force F follow depth, hardness and edge:
 
     log P = log P_0(vc, f, ap, VB) + c_P log(1 + d / ap) + h_P (b + m) + (w_P / w_F) s
     log F = log F_0(vc, f, ap, VB) + c_F log(1 + d / ap) + h_F (b + m) + s
 
 P_0 and F_0 are nominal, at the depth ap of the drawing. The exponents are c of depth, h of hardness and w of wear; d is the
 excess of depth [mm]. The logarithms are b of the bar's hardness, m of all bars' hardness, and s of the edge's force over
-nominal. The scenario's spreads and correlation lengths are the prior, and set how fast d and b change along the bar. So the
-filter's variance is large for a new bar, and small for the next section of the same bar.
-
+nominal. The scenario's spreads and correlation lengths are the prior, and set how fast d and b change along the bar.
 Pairs of loads or feeds have power first and force second, along the first axis.
 """
 
@@ -21,38 +18,24 @@ from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
-MARGIN = 2.2
-"""Margin of expected loads to the tolerance above their limits [standard deviations]."""
-ENTRY = 1.6
-"""Margin at the start of a bar, whose hardness and depth are unknown; this lasts a second or two [standard deviations]."""
-MODEL_NOISE = 0.005
-"""Standard deviation of readings that the sensors' noise does not explain [-]."""
-MODEL_SPREAD = 0.05
-"""Standard deviation of the nominal model's errors in hardness and in force [-]."""
-EDGE_DRIFT = 0.001
-"""Drift of force over nominal as the edge wears [1/sqrt(mm)]."""
-SPEED_CHANGE = 0.3
-"""Largest change of the asked speed, natural logarithm [-]."""
-SETTLED = 0.02
-"""Time before a deeper section at which the feed must fit it [s]."""
-LAG_ERROR = 0.2
-"""Standard deviation of a correction for a sensor's lag, over that correction [-]."""
-MIN_WEAR = 0.05
-"""Nominal wear over the criterion below which predictions hold it constant [-]."""
+MARGIN = 2.2  # margin of expected loads to the tolerance above their limits [standard deviations]
+ENTRY = 1.6  # likewise for a second or two at the start of a bar, whose hardness and depth are unknown
+MODEL_NOISE = 0.005  # standard deviation of readings that the sensors' noise does not explain [-]
+MODEL_SPREAD = 0.05  # standard deviation of the nominal model's errors in hardness and in force [-]
+EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
+SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
+SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
+LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
+MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 
-EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)
-"""The filter's states: d [mm], its slope along the bar [-], b, s and m."""
+EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
 OF_A_BAR = slice(EXCESS, EDGE)
 
 Values = NDArray[np.float64]
 
 
 class Observer:
-    """An extended Kalman filter of the nominal model's errors in each environment.
-
-    Attributes:
-        known: whether the present bar has been measured, shape (num_envs,).
-    """
+    """An extended Kalman filter of the nominal model's errors in each environment; ``known`` tells which bars are measured."""
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
@@ -66,13 +49,10 @@ class Observer:
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
         self._slope_length = 0.5 * work.depth_correlation_length
         self._hardness_drift = harder**2 * work.hardness_correlation_length  # [1/mm]
-        self._prior = np.diag([
-            work.depth_bar_spread**2 + work.depth_along_spread**2,
-            slope**2,
-            work.hardness_bar_spread**2 + work.hardness_along_spread**2,
-            (force.wear * scenario.tool.wear_factor_spread) ** 2 + MODEL_SPREAD**2,
-            MODEL_SPREAD**2,
-        ])  # fmt: skip
+        depth = work.depth_bar_spread**2 + work.depth_along_spread**2
+        hardness = work.hardness_bar_spread**2 + work.hardness_along_spread**2
+        sharpness = (force.wear * scenario.tool.wear_factor_spread) ** 2 + MODEL_SPREAD**2
+        self._prior = np.diag([depth, slope**2, hardness, sharpness, MODEL_SPREAD**2])
         profile = np.array(work.depth_profile or (work.depth_of_cut,))
         lengths = work.section_lengths or (work.bar_length / len(profile),) * len(profile)
         self._profile = np.maximum(profile, 0.01 * profile.max())
@@ -96,9 +76,7 @@ class Observer:
     def follow(self, reading: Reading, place: Values | None) -> None:
         """Take the readings at the end of a step into the estimates.
 
-        Args:
-            reading: the readings.
-            place: tool position along the bar [mm], below 0 before it; None: unknown, so integrated over the time in metal.
+        ``place`` is the tool position along the bar [mm], below 0 before it; None: integrated over the time in metal.
         """
         scenario, interval = self._scenario, self._scenario.control.interval
         fresh = reading.cutting_time < self._cutting_time - 1e-5
@@ -214,13 +192,8 @@ class Observer:
     def speed(self, asked: Values, feed: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
         """Return the speed [m/min] nearest to the asked one at which the removal rate can be the asked one, or else is highest.
 
-        Args:
-            asked: asked speed [m/min].
-            feed: asked feed [mm/rev].
-            free: whether the speed may be changed.
-
-        Returns:
-            The speed; and whether no speed near and no feed keep the limits.
+        ``feed`` is asked [mm/rev]; ``free``: whether the speed may be changed. Also return whether no speed near and no feed
+        keep the limits.
         """
         machine = self._scenario.machine
         self._feed = np.maximum(self._feed, feed)
@@ -241,10 +214,7 @@ def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values
 
 
 def feeds_of(scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values) -> Values:
-    """Return the feeds [mm/rev] at which power and force reach their limits; unlimited if feed has no effect.
-
-    ``loads`` are expected over nominal cutting power and thrust force [-].
-    """
+    """Return the feeds [mm/rev] at which loads, expected over nominal [-], reach their limits; infinite if feed has no effect."""
     limits, material = scenario.limits, scenario.material
     nominal = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
     per_power, per_force = (load * each for load, each in zip(loads, nominal, strict=True))

@@ -1,16 +1,8 @@
 """OPC UA: an adapter for controls that serve their readings, and take an override, as nodes (extra ``opcua``).
 
-A file in TOML names the nodes:
-
-    [readings]
-    spindle_speed = "ns=2;s=Spindle.Speed"
-    [commands]
-    adaptive_feed = "ns=2;s=Override.Feed"
-
-Readings are the fields of ``core.Readings`` but ``engaged_time``; in place of ``new_edge`` there may be ``edge``, a counter of
-edge changes. Commands are ``adaptive_feed``, ``spindle_override``, ``status`` and ``alive``, a counter of this program's cycles.
-The control must fall back to the safe feed itself when ``alive`` stops changing, because nothing else tells it that this program
-has died or hangs.
+A TOML file names the nodes (``docs/connect_a_lathe.md``). Readings are the fields of ``core.Readings`` but ``engaged_time``; in
+place of ``new_edge`` there may be ``edge``, a counter of edge changes. ``alive`` counts this program's cycles: the control must
+fall back to the safe feed itself when it stops changing, as nothing else tells it that this program has died or hangs.
 """
 
 import math
@@ -30,11 +22,7 @@ COMMANDS = {"adaptive_feed", "spindle_override", "status", "alive"}
 
 
 def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the node ids of readings and of commands by name.
-
-    Raises:
-        ValueError: a name is unknown, or one that is needed is missing.
-    """
+    """Return the node ids of readings and of commands by name; ValueError if one is unknown or missing."""
     plan = tomllib.loads(path.read_text())
     readings, commands = plan.get("readings", {}), plan.get("commands", {})
     for kind, names, allowed in (("readings", readings, READINGS), ("commands", commands, COMMANDS)):
@@ -46,17 +34,10 @@ def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: Callable[[], bool] = lambda: True) -> None:
-    """Read, decide and command once per control interval until ``runs`` returns false; then leave the safe feed.
+    """Read, decide and command once per control interval [s] until ``runs`` returns false; then leave the safe feed.
 
-    Args:
-        controller: the policy behind its shield.
-        url: the server's, such as ``opc.tcp://127.0.0.1:4840``.
-        nodes: file that names the nodes.
-        interval: control interval [s].
-        runs: asked once per interval.
-
-    Raises:
-        OSError: the connection cannot be made, or is lost.
+    ``url`` is the server's, such as ``opc.tcp://127.0.0.1:4840``, and ``nodes`` the file that names the nodes. OSError if the
+    connection cannot be made, or is lost.
     """
     from asyncua import ua
     from asyncua.sync import Client
@@ -70,12 +51,8 @@ def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: 
         types = {name: node.read_data_type_as_variant_type() for name, node in targets.items()}
 
         def send(commands: Commands, alive: int) -> None:
-            values = {
-                "adaptive_feed": commands.adaptive_feed,
-                "spindle_override": commands.spindle_override,
-                "status": int(commands.status),
-                "alive": alive,
-            }
+            values = {"adaptive_feed": commands.adaptive_feed, "spindle_override": commands.spindle_override}
+            values |= {"status": int(commands.status), "alive": alive}
             client.write_values(list(targets.values()), [ua.Variant(values[name], types[name]) for name in targets])
 
         before, edge, alive, due = time.monotonic(), None, 0, time.monotonic()
@@ -98,10 +75,6 @@ def _readings(values: dict[str, Any], seconds: float, edge: Any) -> Readings:
     """Return readings of the values that are good; others count as lost."""
     number = {name: float(value) for name, value in values.items() if name not in ("in_feed", "cutting", "edge")}
     in_feed, cutting = bool(values.get("in_feed")), bool(values.get("cutting"))
-    return Readings(
-        **({"spindle_speed": math.nan, "feed_velocity": math.nan} | number),
-        in_feed=in_feed,
-        cutting=cutting,
-        engaged_time=seconds if in_feed and cutting else 0.0,
-        new_edge=edge is not None and values.get("edge", edge) != edge,
-    )
+    number = {"spindle_speed": math.nan, "feed_velocity": math.nan, "engaged_time": seconds * (in_feed and cutting)} | number
+    new_edge = edge is not None and values.get("edge", edge) != edge
+    return Readings(**number, in_feed=in_feed, cutting=cutting, new_edge=new_edge)

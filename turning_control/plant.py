@@ -13,32 +13,19 @@ from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.records import block_records
 from turning_env.scenario import Scenario
 
-STILL = 1e-6
-"""Feed in place of a standstill [mm/rev]; it removes nothing worth mentioning."""
+STILL = 1e-6  # feed in place of a standstill [mm/rev]; it removes nothing worth mentioning
+# Sums over a call, from the transition's report, and values at its end, from the state.
 REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")
-"""Sums over a call, from the transition's report."""
-STATES = (
-    *("thrust_force", "power", "depth_of_cut", "edge"),
-    *("measured_power", "measured_thrust_force", "measured_servo_current"),
-)
-"""Values at the end of a call, from the transition's state."""
+STATES = ("thrust_force", "power", "depth_of_cut", "edge", "measured_power", "measured_thrust_force", "measured_servo_current")
 
 
 class Plant:
-    """A lathe's process. Bars follow one another as in the simulation; every pass of the program is the next bar.
-
-    Args:
-        scenario: scenario of the bars.
-        seed: determines bars and edges.
-    """
+    """A lathe's process. Bars, as of a seed in the simulation, follow one another; every pass of the program is the next."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         one_step = {"action": "incremental", "edge_changes": "automatic", "sub_steps": 1, "time_limit": 1e5}
-        endless = {
-            "control": scenario.control.model_copy(update=one_step),
-            "workpiece": scenario.workpiece.model_copy(update={"bars": 0}),
-        }
-        self._scenario = scenario.model_copy(update=endless)
+        control, endless = scenario.control.model_copy(update=one_step), scenario.workpiece.model_copy(update={"bars": 0})
+        self._scenario = scenario.model_copy(update={"control": control, "workpiece": endless})
         self._records = self._states, self._parameters, self._scratches = block_records(self._scenario)
         self._states["seed"][0, 0] = seed
         start_plant(*self._records)
@@ -48,14 +35,10 @@ class Plant:
         self._bar, self._along, self._returns = 0, 0.0, False
 
     def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
-        """Move the tool, and return its sensors' readings and the hidden values.
+        """Move the tool for some seconds [s], and return its sensors' readings and the hidden values.
 
-        Args:
-            seconds: time since the last call [s].
-            along: tool position from the beginning of the approach [mm].
-            spindle_speed: [rev/min]
-            velocity: feed velocity [mm/s]
-            in_feed: whether the tool moves at feed; a return to the beginning of the approach brings the next bar.
+        ``along`` is its position from the beginning of the approach [mm], with spindle speed [rev/min] and feed velocity [mm/s];
+        ``in_feed``: whether it moves at feed. A return to the beginning brings the next bar.
         """
         p, sensors = self._parameters, self._scenario.sensors
         if self._along - along > 0.5 * self._scenario.workpiece.bar_length:

@@ -4,10 +4,9 @@ It knows observations and the nominal model, as the policy does, and works in th
 
 1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
    share of the programmed one.
-2. **Limits.** A load observer (``observer.py``) compares measured with nominal loads. Cutting speed and feed are limited so
-   that the expected loads keep their limits. This holds in the worst case between the actual and the commanded speed, at the
-   next step of depth, and at the start of the next bar. If a nearby speed allows the requested removal rate, that speed is
-   taken.
+2. **Limits.** Cutting speed and feed are limited so that the loads that an observer expects (``observer.py``) keep their limits
+   between the actual and the commanded speed, at the next step of depth, and at the start of the next bar. If a nearby speed
+   allows the requested removal rate, that speed is taken.
 3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
 """
 
@@ -28,28 +27,20 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_control")
 
-HOPELESS = 2.0
-"""Time without any cutting speed that keeps both limits, after which the operator takes over [s]."""
-MIN_SHARE = 0.2
-"""Smallest share of a change of feed that the drive is assumed to complete in a step; its inverse limits the gain [-]."""
-PATIENCE = 10
-"""Refused answers in a row after which the operator takes over."""
-REFUSALS = ("late", "error", "shape", "not finite")
-"""Reasons for which an answer is refused."""
+HOPELESS = 2.0  # time without any cutting speed that keeps both limits, after which the operator takes over [s]
+MIN_SHARE = 0.2  # smallest share of a change of feed that the drive completes in a step; its inverse limits the gain [-]
+PATIENCE = 10  # refused answers in a row after which the operator takes over
+REFUSALS = ("late", "error", "shape", "not finite")  # reasons for which an answer is refused
 
 
 @dataclass(frozen=True)
 class Settings:
     """Settings of the shield that an operator may choose."""
 
-    safe_share: float = 0.5
-    """Safe over programmed feed [-]."""
-    target: float = 1.02
-    """Expected load over its limit that the shield allows [-]."""
-    rise: float = 20.0
-    """Largest rise of the commanded feed over its range [1/s]."""
-    deadline: float | None = None
-    """Time in which a policy must answer [s]; None: not measured, so that simulations are reproducible."""
+    safe_share: float = 0.5  # safe over programmed feed [-]
+    target: float = 1.02  # expected load over its limit that the shield allows [-]
+    rise: float = 20.0  # largest rise of the commanded feed over its range [1/s]
+    deadline: float | None = None  # time in which a policy must answer [s]; None: not measured, as in simulations
 
 
 class Shield(Policy):
@@ -57,11 +48,7 @@ class Shield(Policy):
 
         shielded = Shield(policy, scenario, num_envs)
 
-    Args:
-        policy: policy to guard.
-        scenario: scenario that it plays; the shield uses its nominal model.
-        num_envs: number of environments.
-        settings: see ``Settings``.
+    It uses the nominal model of the scenario that the policy plays; ValueError if its actions command whole parts.
 
     Attributes:
         handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
@@ -69,9 +56,6 @@ class Shield(Policy):
             ``REFUSALS`` or ``handed over``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
             None: the shield integrates the feed.
-
-    Raises:
-        ValueError: the scenario's actions command whole parts.
     """
 
     place: Values | None = None
@@ -100,9 +84,8 @@ class Shield(Policy):
         safe = refused | self.handed_over
         actions[safe] = self._safe_actions(reading)[safe]
         actions, limited_by = self._limited(actions, reading)
-        self.reasons = np.select(
-            [refused, self.handed_over, limited_by != ""], [why, "handed over", limited_by], "passed"
-        ).tolist()
+        causes = [refused, self.handed_over, limited_by != ""]
+        self.reasons = np.select(causes, [why, "handed over", limited_by], "passed").tolist()
         return actions
 
     def _answers(self, observations: Observations) -> tuple[Actions, NDArray[np.str_]]:

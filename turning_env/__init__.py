@@ -50,52 +50,29 @@ def __getattr__(name: str) -> Any:
     return value
 
 
-__all__ = [
-    "IDS",
-    "MODEL_VERSION",
-    "OBS",
-    "SPLITS",
-    "Family",
-    "FamilyEnv",
-    "FamilyVectorEnv",
-    "PowerLaw",
-    "Reading",
-    "RoughTurningEnv",
-    "RoughTurningVectorEnv",
-    "Scenario",
-    "ScenarioError",
-    "Score",
-    "__version__",
-    "presets",
-    "read",
-    "score",
-]
+__all__ = ["IDS", "MODEL_VERSION", "OBS", "SPLITS", "__version__", "presets", "read", "score"]
+__all__ += ["Family", "FamilyEnv", "FamilyVectorEnv", "PowerLaw", "Reading", "RoughTurningEnv", "RoughTurningVectorEnv"]
+__all__ += ["Scenario", "ScenarioError", "Score"]
 
 _ENTRY_POINTS = {
-    "RoughTurning-v0": ("turning_env.env:RoughTurningEnv", "rough_turning"),
-    "RoughTurning-Paper-v0": ("turning_env.tasks:PaperEnv", "paper"),
-    "RoughTurning-Override-v0": ("turning_env.tasks:OverrideEnv", "override"),
-    "RoughTurning-Surface-v1": ("turning_env.tasks:SurfaceEnv", "surface"),
-    "RoughTurning-Shift-v0": ("turning_env.tasks:ShiftEnv", "shift"),
-    "RoughTurning-Batch-v0": ("turning_env.tasks:BatchEnv", "batch_casting"),
+    "RoughTurning-v0": ("env:RoughTurningEnv", "rough_turning"),
+    "RoughTurning-Paper-v0": ("tasks:PaperEnv", "paper"),
+    "RoughTurning-Override-v0": ("tasks:OverrideEnv", "override"),
+    "RoughTurning-Surface-v1": ("tasks:SurfaceEnv", "surface"),
+    "RoughTurning-Shift-v0": ("tasks:ShiftEnv", "shift"),
+    "RoughTurning-Batch-v0": ("tasks:BatchEnv", "batch_casting"),
 }
 
 IDS = {env_id: preset for env_id, (_, preset) in _ENTRY_POINTS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
-
-for _id, (_entry_point, _preset) in _ENTRY_POINTS.items():
-    gymnasium.register(
-        _id,
-        entry_point=_entry_point,
-        vector_entry_point="turning_env.vector_env:RoughTurningVectorEnv",
-        kwargs={"scenario": _preset},
-    )
-
 FAMILY_ID = "RoughTurning-Family-v0"
-gymnasium.register(
-    FAMILY_ID,
-    entry_point="turning_env.family_env:FamilyEnv",
-    vector_entry_point="turning_env.family_env:FamilyVectorEnv",
-    kwargs={"family": "shop"},
-)
+
+
+def _register(env_id: str, single: str, batch: str, **kwargs: str) -> None:
+    gymnasium.register(env_id, f"turning_env.{single}", vector_entry_point=f"turning_env.{batch}", kwargs=kwargs)
+
+
+for _id, (_single, _preset) in _ENTRY_POINTS.items():
+    _register(_id, _single, "vector_env:RoughTurningVectorEnv", scenario=_preset)
+_register(FAMILY_ID, "family_env:FamilyEnv", "family_env:FamilyVectorEnv", family="shop")
 gymnasium.register("RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv")  # needs a program

@@ -114,10 +114,8 @@ def _score(options: argparse.Namespace) -> int:
 def _warm_up(_: argparse.Namespace) -> int:
     """Compile everything that environments, batches and windows call, and print where the machine code is kept.
 
-    Run it when you build a container image, or before you start many processes that cannot write to the folder.
-
-    The folder is the package's own, or the user's cache folder if the package's is read-only.
-    Set NUMBA_CACHE_DIR to use another folder; set it to the same folder when the environments run.
+    Run it when you build a container image, or before you start many processes that cannot write to the folder: the package's
+    own, or the user's cache folder if the package's is read-only. Set NUMBA_CACHE_DIR to use another folder, then and later.
 
     python -m turning_env warm-up
     """

@@ -45,15 +45,11 @@ def towards(
     """
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":
-        columns = [
-            log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step,
-            log(feed / reading.commanded_feed) / control.feed_step,
-        ]
+        columns = [log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step]
+        columns += [log(feed / reading.commanded_feed) / control.feed_step]
     elif control.action == "set_point":
-        columns = [
-            set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
-            set_point_action(feed, machine.feed_min, machine.feed_max),
-        ]
+        columns = [set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)]
+        columns += [set_point_action(feed, machine.feed_min, machine.feed_max)]
     else:
         columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]
     if control.edge_changes == "commanded":

@@ -32,8 +32,7 @@ _P = ParamSpec("_P")
 def described(text: str | None) -> dict[str, Any]:
     """Return argparse's keyword arguments for a docstring: its prose as description, its examples as epilog.
 
-    Args:
-        text: Paragraphs; one that begins with ``python -m`` holds examples, one command per line.
+    A paragraph that begins with ``python -m`` holds examples, one command per line.
     """
     paragraphs = inspect.cleandoc(text or "").split("\n\n")
     commands = [paragraph for paragraph in paragraphs if paragraph.lstrip().startswith("python -m ")]
@@ -50,12 +49,10 @@ class _Help(argparse.HelpFormatter):
     """Wraps each paragraph to the terminal, except those with an indented line or a list item."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        paragraphs = [
-            paragraph
-            if any(line.startswith((" ", "- ")) for line in paragraph.splitlines())
-            else textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False)
-            for paragraph in text.split("\n\n")
-        ]
+        paragraphs = text.split("\n\n")
+        for i, paragraph in enumerate(paragraphs):
+            if not any(line.startswith((" ", "- ")) for line in paragraph.splitlines()):
+                paragraphs[i] = textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False)
         return textwrap.indent("\n\n".join(paragraphs), indent)
 
 
@@ -86,14 +83,11 @@ def exits(
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
     """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
 
-    Args:
-        mistakes: Exceptions that a user's mistake raises, printed as ``error: ...``, beside Mistake, OSError and the
-            ModuleNotFoundError of an optional package.
-        interrupted: Printed if the user interrupts the command: what is kept, and how to continue.
-        checks: Whether the status is the result of a check. If the reader of the output leaves early, the status is then 1;
-            otherwise it is 0.
+    ``mistakes`` are a user's, printed as ``error: ...``, beside Mistake, OSError and the ModuleNotFoundError of an optional
+    package. If the user interrupts, ``interrupted`` tells what is kept, and how to continue. ``checks``: whether the status is
+    the result of a check; if the reader of the output leaves early, it is then 1, otherwise 0.
     """
-    caught: tuple[type[Exception], ...] = (*mistakes, Mistake, OSError)
+    caught: tuple[type[Exception], ...] = (*mistakes, Mistake, OSError, ModuleNotFoundError)
 
     def decorated(command: Callable[_P, int]) -> Callable[_P, int]:
         @functools.wraps(command)
@@ -109,9 +103,8 @@ def exits(
                 print(interrupted, file=sys.stderr)
                 return INTERRUPTED
             except caught as error:
-                print(f"error: {_message(error)}", file=sys.stderr)
-            except ModuleNotFoundError as error:
-                if (message := missing(error)) is None:
+                message = missing(error) if isinstance(error, ModuleNotFoundError) else _message(error)
+                if message is None:
                     raise
                 print(f"error: {message}", file=sys.stderr)
             return MISTAKE
@@ -129,8 +122,8 @@ def _message(error: Exception) -> str:
 
 def print_json(value: object) -> None:
     """Print mappings, lists, arrays, data classes, numbers and texts as JSON; write numbers that are not finite as null."""
-    print(to_json(value, indent=1, inf_nan_mode="null", fallback=_plain).decode())
 
+    def plain(value: Any) -> object:
+        return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
 
-def _plain(value: Any) -> object:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+    print(to_json(value, indent=1, inf_nan_mode="null", fallback=plain).decode())

@@ -22,11 +22,7 @@ _ONLY = np.ones(1, np.bool_)
 
 
 def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
-    """Refuse options of ``reset`` that are not allowed; options with Minari's prefix pass.
-
-    Raises:
-        ValueError: an option is not allowed.
-    """
+    """Raise ValueError if an option of ``reset`` is not allowed; options with Minari's prefix pass."""
     for name in options or ():
         if name not in allowed and not str(name).startswith("minari_"):
             instead = names_instead(str(name), allowed, "") if allowed else "there are none; pass the scenario to gymnasium.make"
@@ -36,8 +32,7 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
 def portable(spec: EnvSpec | None, batch: Batch) -> EnvSpec | None:
     """Return a spec that serialises to JSON, makes the same environment anywhere and states an episode's largest length.
 
-    Values replace a path or an object. If an episode ends with its job, the spec states no length: with one,
-    ``gymnasium.make(spec)`` would report that end as a truncation.
+    If an episode ends with its job, it states no length: ``gymnasium.make(spec)`` would report that end as a truncation.
     """
     if spec is None:
         return None
@@ -80,8 +75,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation space
 
-    `Box(float32)` with 11 entries of order one (12 in some scenarios): the readings of a CNC control. True wear, hardness and
-    depth are hidden.
+    `Box(float32)` with 11 entries of order one: the readings of a CNC control. True wear, hardness and depth are hidden.
 
     | Index | Entry                   | Meaning                                                    | Range    |
     | ----- | ----------------------- | ---------------------------------------------------------- | -------- |
@@ -141,47 +135,33 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `scenario`: the name of a preset (`turning_env.presets()`), the path of a TOML file, a dict of the values that differ from
     the defaults or from its `base`, or a `Scenario`. It sets every number named above.
 
-        gymnasium.make("turning_env:RoughTurning-v0", scenario="forging")
         gymnasium.make("turning_env:RoughTurning-v0", scenario={"base": "forging", "limits": {"power": 9.0}})
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
     every step without a call of `render`); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs
-    `pip install pillow pygame-ce`. A frame shows the bar, the tool, loads of the last steps, and power, force and wear against
-    their limits. It also shows the bar's true hardness and allowance, which are hidden from the policy. The operating map shows
-    speed and feed, contours of the removal rate, the region within limits at the present wear, and the last steps.
-    Recording begins with an episode's first frame. If you do not draw one right after `reset`, loads and map begin later, and
-    return and metal are left out. Rendering does not change the episode.
-
-        gymnasium.wrappers.RecordVideo(gymnasium.make("RoughTurning-v0", render_mode="rgb_array"), "videos")
+    `pip install pillow pygame-ce`. A frame shows the bar with its true hardness and allowance, which are hidden from the policy,
+    the tool, power, force and wear against their limits, and the operating map of speed and feed. Loads, return and map begin
+    with an episode's first frame. Rendering does not change the episode.
 
     ## Spec
 
-    Store `env.spec` with `to_json`; it makes the same environment anywhere. It holds a preset's name or the values that
-    differ from the defaults, never a path. `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The
-    environment truncates episodes itself; `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass
-    `max_episode_steps=-1` if you make the spec with another scenario.
+    Store `env.spec` with `to_json`; it makes the same environment anywhere, as it holds a preset's name or values, never a path.
+    `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The environment truncates episodes itself;
+    `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass `max_episode_steps=-1` if you make the spec with
+    another scenario.
 
     ## Registered ids
 
-    * `RoughTurning-v0`: preset `rough_turning`, as described above.
-    * `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0`, `-Batch-v0`: see `turning_env.tasks`.
-    * `RoughTurning-Family-v0`: many lathes with wrong nominal models, see `turning_env.FamilyEnv`.
-    * `RoughTurning-Program-v1`: a part program of your own, see `turning_nc.environment.ProgramEnv`.
-
-    `turning_env.SPLITS` names presets that show how well a policy generalises: harder bars, skins, worn edges, biased sensors,
-    another diameter and another steel.
-
-    ## Version history
-
-    * v0: initial version.
+    `RoughTurning-v0`, as described above; `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0` and `-Batch-v0`
+    (`turning_env.tasks`); `RoughTurning-Family-v0`, many lathes with wrong nominal models (`turning_env.FamilyEnv`); and
+    `RoughTurning-Program-v1`, a part program of your own (`turning_nc.environment.ProgramEnv`). `turning_env.SPLITS` names
+    presets that show how well a policy generalises.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: an action is not finite, a seed is not a whole number from 0 to 2**64 - 1, `reset` is given an option, or
-            the render mode is unknown.
-        gymnasium.error.ResetNeeded: `step` or `render` before the first `reset`, or `step` after the episode has ended.
-        gymnasium.error.DependencyNotInstalled: a package that rendering needs is not installed.
-        gymnasium.error.Error: there is no display for a window; ClosedEnvironmentError: the window was closed by hand.
+        ValueError: an action is not finite, a seed is not a whole number from 0 to 2**64 - 1, or an option is not allowed.
+        gymnasium.error.Error: `step` or `render` before `reset`, `step` after the episode has ended (ResetNeeded); rendering
+            lacks a package (DependencyNotInstalled) or a display; the window was closed by hand (ClosedEnvironmentError).
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 - declared so by Gymnasium
@@ -189,13 +169,11 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     _PRESET = "rough_turning"
 
     def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
-        batch = Batch(self._PRESET if scenario is None else scenario, 1, single=True)
-        self.scenario = batch.scenario
+        self._batch = Batch(self._PRESET if scenario is None else scenario, 1, single=True)
+        self.scenario = self._batch.scenario
         self._spec: EnvSpec | None = None
         self.render_mode = render_mode
-        self.observation_space = batch.observation_space()
-        self.action_space = action_space(self.scenario)
-        self._batch = batch
+        self.observation_space, self.action_space = self._batch.observation_space(), action_space(self.scenario)
         self._under_way = False
         self._viewer: Any = None  # turning_render's
         if render_mode is not None:
@@ -214,10 +192,8 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""
         check_options(options)
-        if seed is not None:
-            seed = checked_seed(seed, 0)
+        seed, batch = None if seed is None else checked_seed(seed, 0), self._batch
         super().reset(seed=seed)
-        batch = self._batch
         if seed is None and not batch.seeded:
             seed = int(self.np_random.integers(2**63))
         if seed is None:

@@ -28,9 +28,7 @@ def provided(what: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
 
     Nothing here imports the packages that lean on it. Rules are declared by every installation, but only a clone has them.
-
-    Raises:
-        ModuleNotFoundError: an optional package is not installed.
+    ModuleNotFoundError if an optional package is not installed.
     """
     found = []
     for entry in entry_points(group=f"turning_env.{what}"):
@@ -71,13 +69,12 @@ def tell_plainly() -> None:
     A package whose modules run with ``python -m`` calls this before it imports optional packages. It does nothing in a program
     that only imports the package.
     """
-    if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
-        sys.excepthook = _print_missing
 
-
-def _print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    if (message := missing(error)) is None:
+    def print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+        if message := missing(error):
+            print(f"error: {message}", file=sys.stderr)
+            sys.exit(2)
         sys.__excepthook__(kind, error, traceback)
-        return
-    print(f"error: {message}", file=sys.stderr)
-    sys.exit(2)
+
+    if sys.argv[:1] == ["-m"]:  # set while the interpreter looks for the module to run
+        sys.excepthook = print_missing

@@ -86,21 +86,11 @@ class FamilyEnv(RoughTurningEnv):
 class FamilyVectorEnv(RoughTurningVectorEnv):
     """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed; see ``RoughTurningVectorEnv``."""
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        family: FamilySource = "shop",
-        split: str = "train",
-        context: Context = "told",
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: str | None = None,
-        threads: int = 1,
-        rendered_envs: int | None = None,
-        max_episode_steps: int | None = None,
-    ) -> None:
+    def __init__(self, num_envs: int = 1, family: FamilySource = "shop", split: str = "train", context: Context = "told",
+                 *args: Any, **kwargs: Any) -> None:  # fmt: skip
         jobs = _jobs(family, split, context)
         self.family, self.split = jobs.family, split
-        super().__init__(num_envs, jobs, autoreset_mode, render_mode, threads, rendered_envs, max_episode_steps)
+        super().__init__(num_envs, jobs, *args, **kwargs)
 
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""

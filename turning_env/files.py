@@ -20,13 +20,8 @@ _PARTIAL = ".partial-"
 def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a hidden file beside ``target``, then rename it to ``target``; make the folder if it is missing.
 
-    If anything fails, the target is unchanged and the hidden file is removed. The hidden file keeps the target's suffix, because
-    some writers choose the format by it. Its contents are on the disk before it is renamed: a power failure leaves the old file
-    or the new one.
-
-    Raises:
-        OSError: The folder or the file cannot be written; the error names the target.
-        Exception: Whatever ``write`` raises.
+    If anything fails, the target is unchanged, the hidden file is removed, and OSError names the target. The hidden file keeps
+    the target's suffix, because some writers choose the format by it. Its contents are on the disk before it is renamed.
     """
     # Named by process, so that two processes that write the same target do not fill the same file.
     partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")
@@ -65,14 +60,10 @@ class FolderTaken(ValueError):
 
 @contextmanager
 def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a folder against all other processes, and remove hidden files that killed processes left there.
+    """Lock a folder, made if missing, and remove hidden files that killed processes left; FolderTaken if another has a lock.
 
-    A missing folder is made. The operating system releases the lock when the process ends, also if it is killed. On file systems
-    without locks, nothing is locked. ``wait``: wait for other processes instead of raising an error.
-
-    Raises:
-        FolderTaken: Another process holds a lock.
-        OSError: The folder cannot be made or opened.
+    The operating system releases the lock when the process ends, also if it is killed. On file systems without locks, nothing is
+    locked. ``wait``: wait for other processes instead of raising an error.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with _opened(folder, os.O_RDONLY) as handle:
@@ -84,11 +75,7 @@ def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
 
 @contextmanager
 def shared_lock(folder: Path) -> Iterator[None]:
-    """Lock a folder against ``exclusive_lock`` only; the first process removes hidden files that killed processes left there.
-
-    Raises:
-        OSError: The folder cannot be made or opened.
-    """
+    """Lock a folder against ``exclusive_lock`` only; the first process removes hidden files that killed processes left there."""
     folder.mkdir(parents=True, exist_ok=True)
     with _opened(folder, os.O_RDONLY) as handle:
         if _lock(handle, shared=False, wait=False):

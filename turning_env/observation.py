@@ -2,9 +2,8 @@
 
 If the servo current is sensed, it replaces the thrust force. It is compared with the current at the force limit without feed,
 and with the predicted current. With parts, an observation describes the last pass: mean power and force, speed and feed.
-Predictions use the actual speed and feed, nominal depth and hardness, and the nominal model's wear. In air, measured power and
-force are near 0 (servo current: near no load; power: near idle power), and the four entries that compare them are near -5. If the
-load reading is a share of torque (``spindle.reading``), the power limit below the base speed is that of the available torque.
+Predictions use the actual speed and feed, nominal depth and hardness, and the nominal model's wear. If the load reading is a
+share of torque (``spindle.reading``), the power limit below the base speed is that of the available torque.
 """
 
 from functools import cache
@@ -24,10 +23,9 @@ from turning_env.physics.wear import log_wear
 from turning_env.scenario import Scenario
 
 
-def bounds(scenario: Scenario) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the lowest and highest values of the entries in ``layout(scenario)``, each of shape (entries,)."""
-    low, high = zip(*((entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)), strict=True)
-    return np.array(low, np.float32), np.array(high, np.float32)
+def bounds(scenario: Scenario) -> NDArray[np.float32]:
+    """Return the lowest and highest values of the entries in ``layout(scenario)``, shape (2, entries)."""
+    return np.array([(entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)], np.float32).T
 
 
 @compiled
@@ -151,6 +149,7 @@ def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     return deviation / DEVIATION_SCALE + 1.0
 
 
+_parameters = cache(parameter_records)
 _CONTROLLED = slice(OBS.cutting_speed, OBS.commanded_feed + 1)
 
 
@@ -167,7 +166,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     power = _ratio(columns["power"]) * limits.power
     thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown
     if scenario.sensors.force == "servo_current":
-        p = _parameters(scenario)
+        p = _parameters(scenario)[0]
         feed_velocity = cutting_speed * p.revolutions_per_metre[0] * feed
         servo_current = _ratio(columns["thrust_force"]) * steady_current(p, 0, limits.thrust_force, 0.0)
         thrust_force = np.maximum(force_from_current(p, 0, servo_current, feed_velocity), 0.0)
@@ -186,15 +185,8 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
         power_ratio=_ratio(columns["power_ratio"]),
         force_ratio=_ratio(columns["force_ratio"]),
         cutting=columns["cutting"] > 0.5,
-        roughness_reference=_in_range(reference, surface.reference_min, surface.reference_max)
-        if reference is not unknown
-        else unknown,
+        roughness_reference=_in_range(reference, surface.reference_min, surface.reference_max),
         probed_depth=_ratio(columns.get("probed_depth", unknown)) * scenario.workpiece.depth_of_cut,
         spindle_heat=columns.get("spindle_heat", unknown),
         removed_wear=columns.get("removed_wear", unknown) * scenario.tool.wear_criterion,
     )
-
-
-@cache
-def _parameters(scenario: Scenario) -> Any:
-    return parameter_records(scenario)[0]

@@ -71,10 +71,7 @@ class SurfaceEnv(RoughTurningEnv):
     `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. In air no surface is
     made, and the deviation is 1. Metal is worth next to nothing, and all episodes take the same time. Truncated after 15 s.
 
-    ## Version history
-
-    * v1: the deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
-    * v0: initial version.
+    v1: the deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
     """
 
     _PRESET = "surface"

@@ -45,12 +45,8 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on from a spec.
 
     Raises:
-        ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
-        ValueError: ``num_envs`` or ``threads`` is below 1; ``rendered_envs`` is not 1 to ``num_envs``; the render mode is
-            unknown; an action is not finite or not of shape (num_envs, action size); seeds or reset mask are invalid; ``reset``
-            is given another option; ``max_episode_steps`` is not the scenario's.
+        ValueError: an argument, a seed or the reset mask is not allowed, or an action not of shape (num_envs, action size).
         gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
-        gymnasium.error.DependencyNotInstalled: a package that rendering needs is not installed.
     """
 
     def __init__(
@@ -63,10 +59,9 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         rendered_envs: int | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
-        if threads < 1:
-            raise ValueError(f"threads is {threads}, but must be at least 1")
+        for name, number in (("num_envs", num_envs), ("threads", threads)):
+            if number < 1:
+                raise ValueError(f"{name} is {number}, but must be at least 1")
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
@@ -78,8 +73,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
-        self.single_observation_space = self._batch.observation_space()
-        self.single_action_space = action_space(self.scenario)
+        self.single_observation_space, self.single_action_space = self._batch.observation_space(), action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._viewer: Any = None  # turning_render's
@@ -145,8 +139,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if self._viewer is None:
             logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
             return None
-        frames: tuple[NDArray[np.uint8], ...] = self._viewer.frames()
-        return frames
+        return tuple(self._viewer.frames())
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the threads."""

@@ -103,12 +103,16 @@ class _Search:
         self.wear = wear
         self.before = play(situation, wear)
         self.text = s.moves.program.text
-        self.keys: list[Key] = []
-        self.scales: list[float] = []
+        scales: dict[Key, float] = {}
         slices = s.removal.slices
         self.feed_of, self.speed_of = np.full((2, len(slices.move)), -1)
         self.ends = {move.line: move.line_end for move in s.moves.moves}
         words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
+
+        def index(key: Key, scale: float) -> int:
+            scales.setdefault(key, scale)
+            return list(scales).index(key)
+
         for number, move in enumerate(s.moves.moves):
             mine = slices.move == number
             feed = "F", move.feed, move.per_revolution, self.feed_of
@@ -119,9 +123,10 @@ class _Search:
                 written = any(word.address in ("CYCLE95", address) for word in words.get(move.line, ()))
                 if where == "words" or line == move.line or written:
                     key = (address, line, setting.span)
-                    of[mine] = -1 if setting.span is None else self._index(key, setting.scale)
+                    of[mine] = -1 if setting.span is None else index(key, setting.scale)
                 elif s.engaged[mine].any():  # nothing is put into blocks in air
-                    of[mine] = self._index((address, move.line, None), setting.scale)
+                    of[mine] = index((address, move.line, None), setting.scale)
+        self.keys, self.scales = list(scales), list(scales.values())
         # A speed that cuts nothing in metal, as in an approach, stays as it is.
         self.speed_of[~np.isin(self.speed_of, self.speed_of[s.engaged])] = -1
         if not self._used:
@@ -137,14 +142,6 @@ class _Search:
         """Indices of the keys that set a feed or a speed."""
         return {int(key) for of in (self.feed_of, self.speed_of) for key in np.unique(of[of >= 0])}
 
-    def _index(self, key: Key, scale: float) -> int:
-        """Return the index of a key."""
-        if key not in self.keys:
-            self.keys.append(key)
-            self.scales.append(scale)
-            return len(self.keys) - 1
-        return self.keys.index(key)
-
     def within_life(self, share: Values) -> Values:
         """Return the values that make the program shortest while no tool uses more than a share of what it used before.
 
@@ -156,7 +153,7 @@ class _Search:
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
             while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[mine] = price
-                if self._used_life(self._best(prices))[mine].sum() > allowed:
+                if play(self.situation, self.wear, *self.settings(self._best(prices))).used_life[mine].sum() > allowed:
                     low = max(price, low)
                 else:
                     high = price
@@ -252,10 +249,6 @@ class _Search:
     def settings(self, values: Values) -> tuple[Values, Values]:
         """Return feed and speed of every slice, as programmed where no value sets them."""
         return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self._speed(values)
-
-    def _used_life(self, values: Values) -> Values:
-        """Return the share of an edge's life that every slice would use [-]."""
-        return play(self.situation, self.wear, *self.settings(values)).used_life
 
     def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
         """Return the text with the values in its words, and the words that changed."""

@@ -93,6 +93,7 @@ def program(options: argparse.Namespace) -> int:
 
 
 def _check_out(options: argparse.Namespace) -> None:
+    refuse_existing(options.overwrite, options.out, options.figure)
     if options.out is None:
         return
     if not options.adapt:
@@ -101,7 +102,6 @@ def _check_out(options: argparse.Namespace) -> None:
         wanted = options.program.with_suffix(f"{MARK}{options.program.suffix}").name
         reason = "so that nobody takes it for a tried program"
         raise NcError(f"--out {options.out}: its name must hold {MARK}, such as {wanted}, {reason}")
-    refuse_existing(options.overwrite, options.out)
 
 
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
@@ -141,7 +141,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
         add(option, type=number_within(low, high, unit), default=default, metavar="X", help=text)
     add("--out", type=Path, metavar="FILE", help=f"adapted program to write; its name must hold {MARK}")
     add("--force", action="store_true", help="adapt a program that is implausible")
-    add("--overwrite", action="store_true", help="replace an existing file")
+    add("--overwrite", action="store_true", help="replace existing files")
     add("--figure", type=picture_path, metavar="FILE", help="picture of stock, passes and load: PNG, SVG or PDF")
     add("--json", action="store_true", help="print all results as JSON")
 

@@ -6,7 +6,6 @@ All values are nominal: they ignore model mismatch and the spread of edges and b
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +21,7 @@ from turning_shop.whatif import NO_LIMIT
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
 
-FINISHING_DEPTH = 0.5
-"""Depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)."""
+FINISHING_DEPTH = 0.5  # depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,7 @@ class Machine:
 
 
 class Situation:
-    """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed.
-
-    Attributes:
-        kinds, tool, line: Kind of move, tool and line of the file of every slice.
-        feed: As programmed [mm/rev], or [mm/min] where ``per_revolution`` is false.
-        speed: As programmed [m/min], or [rev/min] where ``constant_speed`` is false.
-        max_spindle: Highest spindle speed of program and machine [rev/min].
-        evidence: Evidence for the scenario's laws.
-        other_time: Time that feed and speed do not change: rapid moves, dwells, tool changes [s].
-    """
+    """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed."""
 
     def __init__(
         self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal, evidence: "Evidence | None" = None
@@ -60,8 +49,8 @@ class Situation:
         self.kinds = of(move.kind for move in all_moves)
         self.tool = of(move.tool for move in all_moves)
         self.line = of(move.line for move in all_moves)
-        self.feed = of(move.feed.value for move in all_moves)
-        self.speed = of(move.speed.value for move in all_moves)
+        self.feed = of(move.feed.value for move in all_moves)  # as programmed [mm/rev], or [mm/min] if not per revolution
+        self.speed = of(move.speed.value for move in all_moves)  # as programmed [m/min], or [rev/min] if not constant
         self.per_revolution = of(move.per_revolution for move in all_moves)
         self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
         self.spindle_on = of(move.spindle_on for move in all_moves)
@@ -69,34 +58,14 @@ class Situation:
         changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
         waits = of(move.time + machine.tool_change * change for move, change in zip(all_moves, changed, strict=True))
         rapid = np.where(self.kinds == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
-        self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)
-
-    @cached_property
-    def fed(self) -> NDArray[np.bool_]:
-        """Whether a slice is run at feed."""
-        return np.isin(self.kinds, ("feed", "thread"))
-
-    @cached_property
-    def engaged(self) -> NDArray[np.bool_]:
-        """Whether a slice turns metal."""
-        drills = [tool for tool, kind in self.removal.tools.items() if kind.startswith(DRILL)]
-        return np.asarray((self.kinds == "feed") & (self.removal.slices.depth > MIN_DEPTH) & ~np.isin(self.tool, drills))
-
-    @cached_property
-    def without_limit(self) -> list[bool]:
-        """Whether thrust force and power have no limit."""
-        return [getattr(self.scenario.limits, name) == none for name, none in NO_LIMIT.items()]
-
-    @cached_property
-    def feed_range(self) -> tuple[float, float]:
-        """Lowest and highest feed that may be chosen [mm/rev]."""
-        machine = self.scenario.machine
-        return machine.feed_min, max(min(machine.feed_max, self.machine.max_feed), machine.feed_min)
-
-    @cached_property
-    def by_tool(self) -> dict[str, NDArray[np.bool_]]:
-        """The slices of each tool, in the order of its first use."""
-        return {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}
+        self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)  # of rapids, dwells, changes [s]
+        self.fed = np.isin(self.kinds, ("feed", "thread"))  # slices that are run at feed
+        drills = [tool for tool, kind in removal.tools.items() if kind.startswith(DRILL)]
+        self.engaged = (self.kinds == "feed") & (slices.depth > MIN_DEPTH) & ~np.isin(self.tool, drills)  # slices that turn metal
+        self.without_limit = [getattr(scenario.limits, name) == none for name, none in NO_LIMIT.items()]  # thrust force, power
+        low = scenario.machine.feed_min
+        self.feed_range = low, max(min(scenario.machine.feed_max, machine.max_feed), low)  # of feeds to choose [mm/rev]
+        self.by_tool = {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}  # slices, by first use of tools
 
     def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
         """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""

@@ -11,8 +11,7 @@ from turning_shop.advise import life_margin, whole_parts
 from turning_shop.prediction import Evidence
 from turning_shop.whatif import CHANGES
 
-BRIEF = 0.1
-"""Share of a line's time in metal up to which cuts outside the measured range do not count [-]."""
+BRIEF = 0.1  # share of a line's time in metal up to which cuts outside the measured range do not count [-]
 
 
 def factors(situation: Situation, played: Play) -> dict[str, Values]:

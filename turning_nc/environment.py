@@ -37,23 +37,14 @@ class ToolPath:
     def __init__(
         self,
         program: str | os.PathLike[str],
-        scenario: Source = "rough_turning",
-        stock: str | None = None,
-        tools: Mapping[str, str] = {},
-        tool: str | None = None,
-        max_spindle_speed: float = Machine.max_spindle_speed,
-        parts: int = 20,
+        scenario: Source = "rough_turning",  # bars, edge changes, time limit and reference removal rate are replaced
+        stock: str | None = None,  # see ``stock.read_stock``; by default a bar that the program fits in
+        tools: Mapping[str, str] = {},  # kinds, as for ``stock.remove``
+        tool: str | None = None,  # whose edge is played; by default the one that removes most metal
+        max_spindle_speed: float = Machine.max_spindle_speed,  # of the machine [rev/min]
+        parts: int = 20,  # of an episode
     ) -> None:
         """Read a program and sweep its tools.
-
-        Args:
-            program: path of the program.
-            scenario: laws, limits, machine and prices; bars, edge changes, time limit and reference removal rate are replaced.
-            stock: see ``stock.read_stock``; by default a bar that the program fits in.
-            tools: kinds of tools, as for ``stock.remove``.
-            tool: the tool whose edge is played; by default the one that removes most metal.
-            max_spindle_speed: the machine's highest spindle speed [rev/min].
-            parts: number of parts of an episode.
 
         Raises:
             NcError: the program, the stock or a tool is refused, the tool cuts nothing, or there are no parts.
@@ -89,13 +80,8 @@ class ToolPath:
         lengths, depths, limits = _merged(self.lengths, depth, limits)
         cut = depths > 0.0
         removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
-        workpiece: dict[str, Any] = {
-            "bars": parts,
-            "bar_length": float(lengths.sum()),
-            "approach": 0.0,
-            "diameter": self.diameter,
-        }
-        workpiece |= {"depth_of_cut": float(np.average(depths[cut], weights=lengths[cut]))}
+        workpiece: dict[str, Any] = {"bars": parts, "bar_length": float(lengths.sum()), "approach": 0.0}
+        workpiece |= {"diameter": self.diameter, "depth_of_cut": float(np.average(depths[cut], weights=lengths[cut]))}
         profile = {"depth_profile": depths, "section_lengths": lengths, "section_speeds": limits}
         workpiece |= {name: tuple(values.tolist()) for name, values in profile.items()}
         job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}

@@ -36,19 +36,16 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
                 above.fill(*hole.xy, color="white", linewidth=0)
     slices = removal.slices
     segments = list(np.stack((slices.start, slices.end), axis=1)[situation.fed])
-    lines = LineCollection(
-        segments, array=100.0 * played.load[situation.fed], cmap=_LOADS, norm=Normalize(0.0, 100.0 * _TOP), linewidths=1.6
-    )
+    percent, norm = 100.0 * played.load[situation.fed], Normalize(0.0, 100.0 * _TOP)
+    lines = LineCollection(segments, array=percent, cmap=_LOADS, norm=norm, linewidths=1.6)
     above.add_collection(lines)
     rapid = [move.path for move in situation.moves.moves if move.kind == "rapid"]
     above.add_collection(LineCollection([(path.start, path.end) for path in rapid], colors=GREY, linewidths=0.4, linestyles=":"))
     low_z, low_x, high_z, high_x = shapely.total_bounds([removal.stock, removal.part])
     margin = 0.04 * (high_z - low_z)
-    above.set_xlim(low_z - margin, high_z + 3 * margin)
-    above.set_ylim(max(low_x - margin, 0.0) if low_x > 0 else 0.0, high_x + 2 * margin)
-    above.set_aspect("equal")
-    above.set_xlabel("Z [mm]")
-    above.set_ylabel("X, radius [mm]")
+    bottom = max(low_x - margin, 0.0) if low_x > 0 else 0.0
+    above.set(xlim=(low_z - margin, high_z + 3 * margin), ylim=(bottom, high_x + 2 * margin), aspect="equal")
+    above.set(xlabel="Z [mm]", ylabel="X, radius [mm]")
     figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
     rapid_mark = Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid")
     above.legend(handles=[Patch(color=LIGHT, label="stock"), Patch(color=_PART, label="part"), rapid_mark], **_ABOVE)
@@ -58,10 +55,8 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     for name, share, colour in (("thrust force", played.force_share, ORANGE), ("power", played.power_share, BLUE)):
         below.plot(times, 100.0 * np.repeat(share, 2), color=colour, linewidth=1.0, label=name)
     below.axhline(100.0, **LIMIT, label="limit")
-    below.set_xlim(0.0, max(ends[-1], 1e-3))
+    below.set(xlim=(0.0, max(ends[-1], 1e-3)), xlabel="time [s]", ylabel="load [% of its limit]")
     below.set_ylim(bottom=0.0)
-    below.set_xlabel("time [s]")
-    below.set_ylabel("load [% of its limit]")
     below.legend(**_ABOVE)
     below.spines[["top", "right"]].set_visible(False)
     return figure

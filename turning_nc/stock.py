@@ -4,6 +4,7 @@ Polygons lie in the half plane of Z and X, X as a radius. The tool is a sharp co
 as a control with tool radius compensation makes it; its nose radius is neglected (assumption).
 """
 
+import bisect
 import itertools
 import math
 import re
@@ -20,7 +21,8 @@ from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
-from turning_nc.words import NcError
+from turning_nc.words import MAX_BYTES, NcError
+from turning_shop import regular_file
 
 with needed():
     import shapely
@@ -28,9 +30,11 @@ with needed():
 Values = NDArray[np.float64]
 
 MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
+STEP, TOUCH = 0.02, 1e-3  # accuracy of the places where a move meets and leaves metal [mm], and the area that counts [mm2]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
+MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
 MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
@@ -135,7 +139,7 @@ def read_stock(text: str) -> Any:
     if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
         bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
         outer = bar or tube
-        if not (inner < outer <= 10_000.0 and 0.0 < length <= 100_000.0):
+        if not (inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH):
             raise NcError(f"stock {text!r}: sizes must be above 0, and the inner diameter below the outer")
         return shapely.box(-length, inner / 2.0, face, outer / 2.0)
     path = Path(text)
@@ -146,7 +150,7 @@ def read_stock(text: str) -> Any:
 
 def _csv_points(path: Path) -> list[Point]:
     points: list[Point] = []
-    for number, line in enumerate(path.read_text("utf-8-sig").splitlines(), 1):
+    for number, line in enumerate(regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace").splitlines(), 1):
         if not line.strip(" ,") or line.lstrip().startswith("#"):
             continue
         try:
@@ -154,9 +158,9 @@ def _csv_points(path: Path) -> list[Point]:
         except ValueError:
             if number == 1:  # a header
                 continue
-            raise NcError(f"{path}: line {number}: {line!r} is not Z and the diameter in mm") from None
-        if not (math.isfinite(z) and 0.0 <= diameter <= 10_000.0):
-            raise NcError(f"{path}: line {number}: the diameter is {diameter:g} mm, but must be 0 to 10000")
+            raise NcError(f"{path}: line {number}: {line[:40]!r} is not Z and the diameter in mm") from None
+        if not (abs(z) <= MAX_LENGTH and 0.0 <= diameter <= MAX_DIAMETER):
+            raise NcError(f"{path}: line {number}: Z must be within {MAX_LENGTH:g} mm, the diameter 0 to {MAX_DIAMETER:g} mm")
         points.append((z, diameter / 2.0))
     return points
 
@@ -166,7 +170,8 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     with needed():
         import ezdxf
         import ezdxf.path
-    path.stat()
+        from ezdxf.lldxf.tagwriter import TagCollector
+    regular_file(path, MAX_BYTES)
     try:
         drawing = ezdxf.readfile(path)
     except (ezdxf.DXFError, OSError) as error:
@@ -179,10 +184,14 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     for entity in drawing.modelspace():
         if entity.dxftype() not in kinds:
             raise NcError(f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}")
-        points = [(units * p.x, units * p.y) for p in ezdxf.path.make_path(entity).flattening(0.005)]
-        if not np.isfinite(points).all():
-            raise NcError(f"{path}: {entity} has a coordinate that is not a finite number")
-        lines.append(points)
+        numbers = [tag.value for tag in TagCollector.dxftags(entity) if isinstance(tag.value, float)]
+        if not all(abs(number) <= MAX_LENGTH for number in numbers):
+            raise NcError(f"{path}: {entity} has a number that is not finite or above {MAX_LENGTH:g}")
+        try:
+            points = list(ezdxf.path.make_path(entity).flattening(0.005))
+        except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
+            raise NcError(f"{path}: {entity} is no curve: {error}") from None
+        lines.append([(units * point.x, units * point.y) for point in points])
     return lines
 
 
@@ -291,12 +300,10 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         shape, mirror = shapes[move.tool], -1.0 if move.tool in beyond else 1.0
         for start, end in itertools.pairwise((move.path.start, *move.path.points())):
             length = max(math.dist(start, end), 1e-9)
-            count = min(math.ceil(length / SLICE), MAX_SLICES) if move.kind == "feed" else 1
-            shares = np.arange(1, count + 1) / count
-            areas = moments = np.zeros(count)
+            shares, areas, moments = np.ones(1), np.zeros(1), np.zeros(1)
             if move.kind in ("feed", "rapid") and shape is not None:
                 ends_of_path = (start[0], mirror * start[1]), (end[0], mirror * end[1])
-                areas, moments, metal, swept = _swept(left, shape, *ends_of_path, shares)
+                shares, areas, moments, metal, swept = _swept(left, shape, *ends_of_path, sliced=move.kind == "feed")
                 if move.kind == "feed" and areas[-1] > 0.0:
                     left = shapely.difference(left, swept)
                     taken.append((move.line, metal))
@@ -305,13 +312,13 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
                     withdraws = start[0] == end[0] and mirror * (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
                     if areas[-1] > COLLISION and move.tool not in threading and not withdraws:
                         rapids[move.line] = max(rapids.get(move.line, 0.0), float(areas[-1]))
-                    areas = moments = np.zeros(count)
+                    areas = moments = np.zeros(1)
             cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
-            middles = start[1] + (shares - 0.5 / count) * (end[1] - start[1])
             ends = np.add(start, shares[:, np.newaxis] * np.subtract(end, start))
             ends[-1] = end
-            columns = np.full(count, index), np.full(count, length / count), abs(middles), cut * count / length
-            rows.append(np.column_stack((*columns, 2.0 * math.pi * moment, np.vstack((start, ends[:-1])), ends)))
+            begins, lengths = np.vstack((start, ends[:-1])), length * np.diff(shares, prepend=0.0)
+            columns = np.full(len(shares), index), lengths, 0.5 * abs(begins + ends)[:, 1], cut / lengths
+            rows.append(np.column_stack((*columns, 2.0 * math.pi * moment, begins, ends)))
     table = np.concatenate(rows)
     lengths, radii, depths, volumes = np.maximum(table[:, 1:5], 0.0).T
     slices = Slices(table[:, 0].astype(np.int64), lengths, radii, depths, volumes, table[:, 5:7], table[:, 7:9])
@@ -355,20 +362,36 @@ def _hull(shape: Any, start: Point, end: Point) -> Any:
     return shapely.convex_hull(shapely.multipoints(shapely.points(np.concatenate((shape + start, shape + end)))))
 
 
-def _swept(stock: Any, shape: Values, start: Point, end: Point, shares: Values) -> tuple[Values, Values, Any, Any]:
-    """Return area and first moment of the metal swept up to each share of a straight move; all of it; and the swept polygon."""
-    corners = shape + start
-    ends = corners + shares[:, np.newaxis, np.newaxis] * np.subtract(end, start)
+def _swept(stock: Any, shape: Values, start: Point, end: Point, sliced: bool) -> tuple[Values, Values, Values, Any, Any]:
+    """Return the shares of a straight move at which slices end, area and first moment of metal up to each, all metal, the sweep.
+
+    Slices are equal between the first metal and the last; the air before and behind is one slice each.
+    """
+    corners, length = shape + start, math.dist(start, end)
     whole = _hull(shape, start, end)
     near = shapely.intersection(stock, whole)
-    if near.area < 1e-9:
-        return np.zeros(len(shares)), np.zeros(len(shares)), near, whole
-    if len(shares) == 1:
-        cut = np.array([near])
-    else:
+    if near.area < 1e-9 or not sliced:
+        moment = near.area * near.centroid.y if near.area else 0.0
+        return np.ones(1), np.array([near.area]), np.array([moment]), near, whole
+
+    def cut(shares: Values) -> Any:
+        ends = corners + shares[:, np.newaxis, np.newaxis] * np.subtract(end, start)
         both = np.concatenate((np.broadcast_to(corners, ends.shape), ends), axis=1)
-        cut = shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
-    areas = shapely.area(cut)
+        return shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
+
+    steps = math.ceil(length / STEP)
+    touch = min(TOUCH, 0.1 * near.area)
+    first, last = (
+        bisect.bisect(range(steps), area, key=lambda step: shapely.area(cut(np.array([step / steps])))[0]) / steps
+        for area in (touch, near.area - touch)
+    )
+    first = max(first - 1.0 / steps, 0.0)
+    count = min(math.ceil((last - first) * length / SLICE), MAX_SLICES)
+    shares = np.unique(np.append(np.linspace(first, last, count + 1), 1.0))
+    shares = shares[shares > 0.0]
+    pieces = cut(shares)
+    areas = shapely.area(pieces)
+    areas[areas <= touch] = 0.0
     moments = np.zeros(len(shares))
-    moments[areas > 0.0] = areas[areas > 0.0] * shapely.get_y(shapely.centroid(cut[areas > 0.0]))
-    return areas, moments, near, whole
+    moments[areas > 0.0] = areas[areas > 0.0] * shapely.get_y(shapely.centroid(pieces[areas > 0.0]))
+    return shares, areas, moments, near, whole

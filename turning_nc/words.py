@@ -15,6 +15,7 @@ from pathlib import Path
 from turning_env.console import Mistake
 from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign
 from turning_nc.expression import parse
+from turning_shop import regular_file
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
 MAX_LISTED = 5  # largest number of lines that a note lists
@@ -137,11 +138,8 @@ class PartProgram:
 
 def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram:
     """Return the program in a file; see ``divide``."""
-    with path.open("rb") as file:  # which may have no end
-        data = file.read(MAX_BYTES + 1)
+    data = regular_file(path, MAX_BYTES).read_bytes()
     with naming(path):
-        if len(data) > MAX_BYTES:
-            raise NcError(f"has more than {MAX_BYTES} bytes, which are the most that are read")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
         return divide(data.decode("latin-1"), dialect)  # every byte is a character, and is written unchanged

@@ -11,18 +11,15 @@ from turning_render import theme as ui
 from turning_render.fields import Array
 from turning_render.history import STEPS, History
 
-_LEFT, _RIGHT = 76, 926
-"""Pixels between which the bar and the chart are drawn."""
+_LEFT, _RIGHT = 76, 926  # pixels between which the bar and the chart are drawn
 _ROOF, _TOP, _SURFACE, _BOTTOM, _AXIS = 74, 88, 174, 206, 16
 """Pixel rows: top of the redrawn area, top of the allowance, finished surface, and bottom of the bar; height of its axis."""
 _CHART_TOP, _CHART_BOTTOM = 230, 287
 _MAX_LOAD = 1.5  # highest load shown, over its limit [-]
-_SOFT, _HARD = 0.75, 1.25
-"""Relative hardness at the ends of the scale of tints."""
+_SOFT, _HARD = 0.75, 1.25  # relative hardness at the ends of the scale of tints
 _PLACES = 212  # along the bar, at which hardness and allowance are computed
 _MARGIN = 8  # pixels on either side of the bar that belong to its axis
-_NODES_IN_VIEW = 80
-"""Number of correlation lengths of hardness shown at a time: more could not be distinguished."""
+_NODES_IN_VIEW = 80  # number of correlation lengths of hardness shown at a time: more could not be distinguished
 
 
 class BarView:

@@ -9,8 +9,7 @@ from turning_render import theme as ui
 from turning_render.history import History
 
 _WIDTH, _HEIGHT = 400, 58
-_TOP, _BOTTOM = 23, 37
-"""Pixel rows of a gauge's bar."""
+_TOP, _BOTTOM = 23, 37  # pixel rows of a gauge's bar
 
 
 class _Gauge(NamedTuple):

@@ -1,16 +1,13 @@
 """The present state and the recorded past of one environment, as frames show them."""
 
 from collections import deque
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from turning_env.batch.driver import REWARD, Batch
 from turning_env.physics.spindle import capacity_at
 from turning_render.fields import Fields
 
-if TYPE_CHECKING:
-    from turning_env.batch.driver import Batch
-
-STEPS = 240
-"""Number of past steps that the chart of loads shows."""
+STEPS = 240  # number of past steps that the chart of loads shows
 _MIN_WEAR = 1e-4  # [mm]: the logarithm of a fresh edge's wear, 0, does not exist
 
 
@@ -44,7 +41,7 @@ class History:
         ended: cause of the episode's end, or an empty text.
     """
 
-    def __init__(self, batch: "Batch", index: int) -> None:
+    def __init__(self, batch: Batch, index: int) -> None:
         self._batch, self._index = batch, index
         self._watched = False
 
@@ -53,7 +50,7 @@ class History:
         if self._watched:
             return
         self._watched = True
-        self.scenario = self._batch.scenario_of(self._index)
+        self.scenario = self._batch.job(self._index).scenario if self._batch.jobs else self._batch.scenario
         self.fields = Fields(self.scenario)
         self._parts = self.scenario.control.action == "part"
         self.key, steps = self._moment()
@@ -77,7 +74,7 @@ class History:
     def _note(self, steps: int) -> None:
         self._steps = steps
         self.now: dict[str, float] = self._batch.info(self._index)
-        self.reward = self._batch.reward(self._index) if steps else 0.0
+        self.reward = float(self._batch.table[REWARD, self._index]) if steps else 0.0
         self.time = 60.0 * float(self._state("clock"))
         self.edge = int(self._state("edge"))
         self.nominal_used_life = float(self._state("nominal_used_life"))
@@ -93,7 +90,7 @@ class History:
             loads = now["thrust_force"] / limits.thrust_force, power
             self.samples.append(Sample(speed, feed, *loads, cutting, now["roughness"], now["roughness_reference"]))
         elif steps:
-            self.passes = self.fields.passes(self._batch.action(self._index))
+            self.passes = self.fields.passes(self._batch.actions[self._index])
             loads = now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power
             self.samples.append(Sample(speed, feed, *loads, True))
 

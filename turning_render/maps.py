@@ -21,8 +21,7 @@ from turning_render import theme as ui
 from turning_render.history import History
 
 _TRAIL = 90  # past steps that the map shows
-_MARGIN = 20.0
-"""Room around the machine's ranges, so that a point at their ends is seen whole [enlarged pixels]."""
+_MARGIN = 20.0  # room around the machine's ranges, so that a point at their ends is seen whole [enlarged pixels]
 _CONTOUR: ui.Colour = (186, 191, 188)
 _RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # of contours [cm3/min]
 

@@ -16,10 +16,8 @@ from turning_env.files import replace_file
 if TYPE_CHECKING:  # imported where a figure is drawn: who needs only a colour need not wait for it
     from matplotlib.figure import Figure
 
-SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4
-"""Widths of one column and of two [inch]."""
-MIN_FONT = 8.0
-"""Smallest font size [pt]."""
+SINGLE, DOUBLE = 89.0 / 25.4, 183.0 / 25.4  # widths of one column and of two [inch]
+MIN_FONT = 8.0  # smallest font size [pt]
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
@@ -52,15 +50,13 @@ _COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#
 OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_COLOURS, LINES, strict=True))
 """Colours and dashes of all other policies."""
 
-LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}
-"""Style of a limit."""
+LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}  # style of a limit
 OURS: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "marker": "o", "markersize": 2.6}
 """Style of data computed by the project."""
 _POINTS: dict[str, Any] = {"linestyle": "none", "markersize": 6.0}
 PRINTED = _POINTS | {"color": BLACK, "marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.7}
 """Style of data printed in a paper."""
-CHOSEN = _POINTS | {"color": ORANGE, "marker": "D", "markeredgecolor": BLACK}
-"""Style of operating points that a policy chooses."""
+CHOSEN = _POINTS | {"color": ORANGE, "marker": "D", "markeredgecolor": BLACK}  # style of operating points that a policy chooses
 
 FORMATS = ("png", "svg", "pdf")
 DPI = 250
@@ -118,12 +114,7 @@ def readable(figure: "Figure") -> "Figure":
 
 
 def save(figure: "Figure", path: Path) -> None:
-    """Write a figure, whole or not at all, in the format that the suffix names; the same figure gives the same bytes.
-
-    Raises:
-        ValueError: The suffix is none of ``FORMATS``.
-        OSError: The file cannot be written.
-    """
+    """Write a figure, whole or not at all, in the format of ``FORMATS`` that the suffix names; it always gives the same bytes."""
     from matplotlib import rc_context
 
     kind = path.suffix.lower().removeprefix(".")

@@ -13,12 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 Colour = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
 Point = tuple[float, float]
-Box = tuple[int, int, int, int]
-"""A rectangle: left, top, right and bottom; the last two are the first pixels outside."""
+Box = tuple[int, int, int, int]  # a rectangle: left, top, right and bottom; the last two are the first pixels outside
 
 WIDTH, HEIGHT = 960, 640
-SCALE = 2
-"""Factor by which moving parts are drawn larger and then reduced, as Pillow's lines are not smooth."""
+SCALE = 2  # factor by which moving parts are drawn larger and then reduced, as Pillow's lines are not smooth
 
 PAPER: Colour = (246, 245, 241)
 CARD: Colour = (255, 255, 255)
@@ -32,16 +30,15 @@ ALLOWED: Colour = (0, 158, 115)
 OVER: Colour = (213, 94, 0)
 SURFACE: Colour = (204, 121, 167)
 """Colours with one meaning in every frame (Okabe and Ito's, which the colour-blind tell apart); ``OVER``: beyond a limit."""
+# Colours of the insert, its wear land and the bar; the last two tint soft and hard metal.
 INSERT: Colour = (232, 190, 66)
 LAND: Colour = (104, 88, 70)
 ALLOWANCE: Colour = (222, 219, 211)
 SOFT_TINT: Colour = (236, 240, 244)
 HARD_TINT: Colour = (96, 122, 150)
-"""Colours of the insert, its wear land and the bar; the last two tint soft and hard metal."""
 
 _PIECES = re.compile("([0-9 ])")
-_SPACE = 0.28
-"""Space between words over the font size: the font's own is too narrow for small letters."""
+_SPACE = 0.28  # space between words over the font size: the font's own is too narrow for small letters
 _face = lru_cache(ImageFont.load_default)
 
 

@@ -20,15 +20,8 @@ class Viewer:
     """A viewer of the first environments of a batch, from an episode's first frame to its end.
 
     Without frames it costs nothing: recording starts with an episode's first frame, which also imports Pillow, and pygame for a
-    window.
-
-    Args:
-        env: the rendered environment; with the mode "human" a window shows every step. Its metadata receive the frame rate.
-        batch: the batch to watch.
-        num_envs: number of its environments to watch, from the first on.
-
-    Raises:
-        ValueError: the environment has no such render mode.
+    window, where one is missing DependencyNotInstalled. With the environment's mode "human" a window shows every step; its
+    metadata receive the frame rate.
     """
 
     def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1) -> None:
@@ -52,12 +45,7 @@ class Viewer:
             self.render()
 
     def frames(self) -> "tuple[Pixels, ...]":
-        """Return a frame of each environment: uint8, shape (height, width, 3).
-
-        Raises:
-            gymnasium.error.ResetNeeded: there is nothing to see yet.
-            gymnasium.error.DependencyNotInstalled: Pillow is missing.
-        """
+        """Return a frame of each environment: uint8, shape (height, width, 3); ResetNeeded if there is nothing to see yet."""
         if not self._batch.seeded:
             raise ResetNeeded("call reset() before render(): no episode is under way")
         with needed(DependencyNotInstalled):
@@ -74,11 +62,7 @@ class Viewer:
         return name if spec is None else f"{spec.id}, {name}"
 
     def render(self) -> "Pixels | None":
-        """Return the first environment's frame; with a window show it there, and return None.
-
-        Raises:
-            gymnasium.error.DependencyNotInstalled: Pillow, or for a window pygame-ce, is missing.
-        """
+        """Return the first environment's frame; with a window show it there, and return None."""
         (frame, *_) = self.frames()
         if self._env.render_mode != "human":
             return frame
@@ -108,12 +92,7 @@ class Window:
         self._screen: Any = None
 
     def show(self, frame: "Pixels", title: str) -> None:
-        """Show a frame, and wait until the next is due.
-
-        Raises:
-            gymnasium.error.Error: There is no display to open a window on.
-            gymnasium.error.ClosedEnvironmentError: The window was closed by hand.
-        """
+        """Show a frame, and wait until the next is due. Raise Gymnasium's errors without a display, or if a hand closed it."""
         if self._screen is None:
             self._open(frame, title)
         pygame = self._pygame

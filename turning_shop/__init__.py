@@ -28,7 +28,26 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def refuse_existing(overwrite: bool, *paths: Path | None) -> None:
-    """Raise an error if one of the files exists that a command is about to write, unless it may be replaced."""
-    for path in paths:
-        if path and path.exists() and not overwrite:
+    """Raise an error if one of the files that a command is about to write exists, unless it may be replaced, or occurs twice."""
+    for path in filter(None, paths):
+        if path.exists() and not path.is_file():
+            raise WorkshopError(f"{path} is a device, a pipe or a folder, which is not replaced")
+        if path.exists() and not overwrite:
             raise WorkshopError(f"{path} exists; --overwrite replaces it")
+        if paths.count(path) > 1:
+            raise WorkshopError(f"{path} is given for two files")
+
+
+def regular_file(path: Path, max_bytes: int) -> Path:
+    """Return the path of a file to read whole, which has an end and is not too large.
+
+    Raises:
+        OSError: There is none.
+        WorkshopError: It is a device, a pipe or a folder, or has more than ``max_bytes``.
+    """
+    size = path.stat().st_size
+    if not path.is_file():
+        raise WorkshopError(f"{path} is a device, a pipe or a folder, but must be a file")
+    if size > max_bytes:
+        raise WorkshopError(f"{path} has {size / 1e6:.3g} MB, but {max_bytes / 1e6:g} MB at most are read")
+    return path

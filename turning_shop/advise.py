@@ -18,27 +18,19 @@ from turning_shop.headers import COLUMNS
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.whatif import CHANGES, Cuts, records, what_if
 
-SPEEDS, FEEDS = 120, 60
-"""Largest number of round cutting speeds, and of round feeds, that are tried."""
+SPEEDS, FEEDS = 120, 60  # largest number of round cutting speeds, and of round feeds, that are tried
 AIMS = ("least cost", "least cost as measured", "most metal")
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
-BINDS = 1e-3
-"""Relative gain of lifting a limit above which it binds [-]."""
+BINDS = 1e-3  # relative gain of lifting a limit above which it binds [-]
 
 
 class Prices(NamedTuple):
-    """Prices of machining.
+    """Prices of machining."""
 
-    Attributes:
-        unit: Currency; "min" of machine time if no hourly rate is known.
-        minute, edge: Price of a minute of machine and operator, and of an edge.
-        change_time: Time to change an edge [min].
-    """
-
-    unit: str
-    minute: float
+    unit: str  # currency; "min" of machine time if no hourly rate is known
+    minute: float  # of machine and operator
     edge: float
-    change_time: float
+    change_time: float  # time to change an edge [min]
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Prices":
@@ -54,28 +46,16 @@ class Prices(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Settings and the edge change that follows from them: numbers, or arrays of one shape.
+    """Settings and the edge change that follows from them: numbers, or arrays of one shape."""
 
-    Attributes:
-        cuts: The cut at the flank wear that the edge reaches at the change at most.
-        prediction: Intervals of the cut.
-        parts: Parts per edge; a share of one if edges do not last a part.
-        minutes: Cutting time of an edge [min].
-        cycle_time: Time from part to part, without edge changes [min].
-        mean_removal_rate: Metal per minute, edge changes included [cm3/min].
-        cost: Cost of a part, edges included.
-        cost_low, cost_high: The 95 % interval of the cost, with as many parts per edge as then last, as far as the law of wear
-            is known; NaN if it was not measured.
-    """
-
-    cuts: Cuts
-    prediction: Prediction
-    parts: Any
-    minutes: Any
-    cycle_time: Any
-    mean_removal_rate: Any
-    cost: Any
-    cost_low: Any
+    cuts: Cuts  # at the flank wear that the edge reaches at the change at most
+    prediction: Prediction  # intervals of the cut
+    parts: Any  # per edge; a share of one if edges do not last a part
+    minutes: Any  # cutting time of an edge [min]
+    cycle_time: Any  # from part to part, without edge changes [min]
+    mean_removal_rate: Any  # metal per minute, edge changes included [cm3/min]
+    cost: Any  # of a part, edges included
+    cost_low: Any  # 95 % interval by the law of wear, with as many parts per edge as then last; NaN if it was not measured
     cost_high: Any
 
     @property
@@ -98,17 +78,11 @@ class Plan(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """A limit that binds an advice.
+    """A limit that binds an advice."""
 
-    Attributes:
-        limit: Its name in the scenario, with value and unit.
-        law: What is known of its law; empty for a range of the machine.
-        without: The advice without it; None for a range of the machine.
-    """
-
-    limit: str
-    law: str
-    without: Plan | None
+    limit: str  # name in the scenario, value and unit
+    law: str  # what is known of its law; empty for a range of the machine
+    without: Plan | None  # the advice without it; None for a range of the machine
 
 
 class Advice(NamedTuple):
@@ -278,17 +252,10 @@ def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iter
         ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),
         *(
             (
-                aim,
-                f"{best.cuts.cutting_speed:g}",
-                f"{best.cuts.feed:g}",
-                f"{best.parts:.3g}",
-                f"{best.cuts.wear:.3g}",
+                *(aim, f"{best.cuts.cutting_speed:g}", f"{best.cuts.feed:g}", f"{best.parts:.3g}", f"{best.cuts.wear:.3g}"),
                 f"{best.cuts.tool_life:.1f}" + _interval(best, "tool_life", ".1f"),
-                f"{best.cuts.thrust_force:.0f}",
-                f"{best.cuts.power:.1f}",
-                f"{best.cycle_time:.2f}",
-                f"{best.mean_removal_rate:.1f}",
-                money(best.cost) + best.mark,
+                *(f"{best.cuts.thrust_force:.0f}", f"{best.cuts.power:.1f}", f"{best.cycle_time:.2f}"),
+                *(f"{best.mean_removal_rate:.1f}", money(best.cost) + best.mark),
             )
             for aim, best, _ in found
         ),

@@ -23,56 +23,37 @@ from turning_shop import WorkshopError, aligned
 from turning_shop.advise import Plan, Prices, money, part_volume, plan
 from turning_shop.prediction import Evidence
 
-FIXED = "fixed parameters"
-"""The advice, whose edge is changed by plan."""
+FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
 RULES = "predictive", "omative", "modified_fuzzy_override"
 """Rules that lead the leaderboards within the limits, of speed and feed and of overrides."""
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the advised feed, of which the first is used that keeps the scenario's limits often enough."""
-LONGEST = 600.0
-"""Largest time of an edge that is played [min]."""
+LONGEST = 600.0  # largest time of an edge that is played [min]
 MAX_STEPS = 50_000
 """Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
-CLOCK_INTERVAL = 1.0
-"""Control interval of fixed parameters [s]; sub-steps stay as long as the scenario's."""
+CLOCK_INTERVAL = 1.0  # control interval of fixed parameters [s]; sub-steps stay as long as the scenario's
 
 
 @dataclass(frozen=True)
 class Result:
-    """One policy's result.
-
-    Attributes:
-        name: The policy.
-        removal_rate: Metal per minute, edge changes included [cm3/min].
-        overload: Share of cutting time in overload [-].
-        feasible: Whether this share is allowed.
-        cost: Cost of a part.
-        saved: Cost of a part less than with fixed parameters.
-    """
+    """One policy's result."""
 
     name: str
-    removal_rate: float
-    overload: float
-    feasible: bool
-    cost: Estimate
-    saved: Estimate
+    removal_rate: float  # metal per minute, edge changes included [cm3/min]
+    overload: float  # share of cutting time in overload [-]
+    feasible: bool  # whether this share is allowed
+    cost: Estimate  # of a part
+    saved: Estimate  # cost of a part less than with fixed parameters
 
 
 @dataclass(frozen=True)
 class Played:
-    """Results of all policies, the fixed parameters first.
+    """Results of all policies, the fixed parameters first."""
 
-    Attributes:
-        unit: Currency, or "min" of machine time.
-        edges: Number of edges played with each policy.
-        results: One per policy.
-        notes: What was played, and policies that were not, with the reasons.
-    """
-
-    unit: str
-    edges: int
+    unit: str  # currency, or "min" of machine time
+    edges: int  # played with each policy
     results: list[Result]
-    notes: list[str]
+    notes: list[str]  # what was played, and policies that were not, with the reasons
 
     def summary(self) -> Iterator[str]:
         """Yield lines of text."""
@@ -84,9 +65,7 @@ class Played:
         for each in self.results:
             cost, saved = each.cost, each.saved
             rows.append((
-                each.name,
-                f"{each.removal_rate:.1f}",
-                f"{100 * each.overload:.1f}" + " !" * (not each.feasible),
+                *(each.name, f"{each.removal_rate:.1f}", f"{100 * each.overload:.1f}" + " !" * (not each.feasible)),
                 f"{money(cost.value)} ({money(cost.low)}-{money(cost.high)})",
                 f"{money(saved.value)} ({money(saved.low)} to {money(saved.high)})" if each is not self.results[0] else "",
             ))  # fmt: skip
@@ -112,15 +91,9 @@ def play_all(
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
 ) -> Played:
-    """Play fixed parameters, agents, and in a clone the best rule, on simulated bars and edges that vary.
+    """Play advised parameters, agents, and in a clone the best rule, on simulated edges, one per seed, and bars that vary.
 
-    Args:
-        scenario: The machine, with the spreads and the model mismatch that it states.
-        evidence: Evidence for its laws.
-        best: The fixed parameters as advised.
-        agents: ONNX files or ``module:object``; they must take the scenario's observations and actions.
-        edges: Number of edges, one per seed.
-        on_play: Called with the name of each policy before it is played.
+    Agents are ONNX files or ``module:object``. ``on_play`` is called with the name of each policy before it is played.
 
     Raises:
         WorkshopError: An agent or no rule can play this scenario.
@@ -131,12 +104,9 @@ def play_all(
     slower, episodes = _with_margin(scenario, evidence, best, seeds)
     played: list[tuple[str, Episodes]] = [(FIXED, episodes)]
     work = scenario.workpiece
-    depth, hardness = (
-        np.hypot(getattr(work, f"{name}_bar_spread"), getattr(work, f"{name}_along_spread")) for name in ("depth", "hardness")
-    )
-    notes = [
-        f"bars vary in depth by {depth:.2g} mm and in hardness by {100 * hardness:.2g} %, the scenario's standard deviations"
-    ]
+    depth = np.hypot(work.depth_bar_spread, work.depth_along_spread)
+    hardness = 100 * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
+    notes = [f"bars vary in depth by {depth:.2g} mm and in hardness by {hardness:.2g} %, the scenario's standard deviations"]
     if slower is not best:
         notes.append(
             f"on such bars, the advised {best.cuts.feed:g} mm/rev is longer in overload than limits.overload_allowance, so fixed "

@@ -29,8 +29,7 @@ from turning_shop.whatif import NO_LIMIT
 
 VAGUE = 1.0
 """Half-width of the interval of the wear law's exponent of speed above which that of catalogues is taken if it lies within."""
-WIDE = 0.5
-"""Half-width of an exponent's interval above which a warning calls the exponent hardly known [-]."""
+WIDE = 0.5  # half-width of an exponent's interval above which a warning calls the exponent hardly known [-]
 
 
 class Implausible(WorkshopError):
@@ -43,23 +42,14 @@ class Implausible(WorkshopError):
 
 @dataclass(frozen=True)
 class Calibration:
-    """A material with laws fitted to measurements.
+    """A material with laws fitted to measurements."""
 
-    Attributes:
-        fits: Fitted laws by predicted response.
-        kept: Laws kept from the base, with the reason.
-        material: The fitted and the kept laws.
-        problems: Implausible values, if the calibration was forced.
-        warnings: Warnings for the use of the laws.
-        readings: How each column of the sheet was read.
-    """
-
-    fits: dict[str, Fit]
-    kept: dict[str, str]
-    material: Material
-    problems: tuple[str, ...]
-    warnings: tuple[str, ...]
-    readings: tuple[str, ...]
+    fits: dict[str, Fit]  # by predicted response
+    kept: dict[str, str]  # laws kept from the base, with the reason
+    material: Material  # the fitted and the kept laws
+    problems: tuple[str, ...]  # implausible values, if the calibration was forced
+    warnings: tuple[str, ...]  # for the use of the laws
+    readings: tuple[str, ...]  # how each column of the sheet was read
 
     @property
     def wear_factor_spread(self) -> float | None:
@@ -71,13 +61,8 @@ class Calibration:
 def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -> Calibration:
     """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
 
-    Args:
-        measurements: Returned by ``read_measurements``.
-        base: Scenario with the laws to start from, and the wear criterion.
-        force: Go on with measurements and laws that cannot be true.
-
     Raises:
-        Implausible: A row, or a fitted law, cannot be true.
+        Implausible: A row, or a fitted law, cannot be true, and ``force`` is not set.
         WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
     """
     problems = list(row_problems(measurements))
@@ -173,13 +158,8 @@ def summary(calibration: Calibration) -> Iterator[str]:
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
     """Write and return a scenario with the fitted laws on a base.
 
-    A limit of force or power that no file states is off if its law was not measured.
-
-    Args:
-        calibration: The fitted laws.
-        base: A preset or a scenario file.
-        source: Name of the measurements' file, for the comment.
-        out: File to write, whole or not at all; its name without the suffix becomes the scenario's name.
+    A limit of force or power that no file states is off if its law was not measured. The base is a preset or a file. The name of
+    ``out`` without its suffix is the scenario's name; ``source`` names the sheet.
 
     Raises:
         WorkshopError: The fitted laws do not suit the base, or the base is no other TOML file.

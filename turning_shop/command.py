@@ -95,6 +95,8 @@ def _calibrate(options: argparse.Namespace) -> int:
     from turning_shop.calibrate import Implausible, calibrate, summary, write_scenario
 
     refuse_existing(options.overwrite, options.out)
+    if options.out.suffix != ".toml":
+        raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     base = Scenario.load(options.base)
     try:
         found = calibrate(read_measurements(options.measurements), base, options.force)
@@ -151,9 +153,8 @@ def _warned(source: str) -> "tuple[Scenario, Evidence]":
     from turning_shop.provenance import load
 
     scenario, evidence = load(source)
-    print(
-        *(f"warning: {warning}" for warning in evidence.warnings), sep="\n", end="\n" * bool(evidence.warnings), file=sys.stderr
-    )
+    for warning in evidence.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     return scenario, evidence
 
 

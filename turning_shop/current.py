@@ -16,10 +16,8 @@ from scipy import signal, stats
 
 from turning_shop import Values, WorkshopError
 
-MIN_SAMPLES, MIN_LOADS = 32, 3
-"""Lowest number of samples of a hold, and of different loads."""
-ORDER = 10
-"""Order of the low-pass, forwards and backwards together."""
+MIN_SAMPLES, MIN_LOADS = 32, 3  # lowest number of samples of a hold, and of different loads
+ORDER = 10  # order of the low-pass, forwards and backwards together
 
 
 class Line(NamedTuple):

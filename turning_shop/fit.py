@@ -32,68 +32,41 @@ FACTORS = {
 """Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
 SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
 """Factors that are equal in all readings of one edge in one bar."""
-MIN_VARIATION = 1e-3
-"""Relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent."""
+MIN_VARIATION = 1e-3  # relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent
 MIN_SHARE = 0.1
 """Share of a factor's variance that must lie within edges for its exponent to be estimated from readings of the same edge [-]."""
-MIN_KEPT = 1e-3
-"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished."""
-SIGNIFICANCE = 0.01
-"""Probability of the F test below which rows at the same settings count as correlated [-]."""
-LEVEL = 0.95
-"""Confidence level of all intervals [-]."""
-MAX_LOG = 700.0
-"""Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
+MIN_KEPT = 1e-3  # lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished
+SIGNIFICANCE = 0.01  # probability of the F test below which rows at the same settings count as correlated [-]
+LEVEL = 0.95  # confidence level of all intervals [-]
+MAX_LOG = 700.0  # largest logarithm of an end of the coefficient's interval; it keeps the end finite
 
 
 @dataclass(frozen=True)
 class EdgeEffect:
-    """The deviation that readings of one edge share.
+    """The deviation that readings of one edge share."""
 
-    Attributes:
-        count: Number of edges.
-        spread: Standard deviation of the logarithm that readings of one edge share [-].
-        degrees: Degrees of freedom of the coefficient and of each fitted exponent.
-        group: Number of each row's edge, from 0, shape (rows,).
-        removed: Share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,).
-    """
-
-    count: int
-    spread: float
-    degrees: tuple[int, ...]
-    group: NDArray[np.int64]
-    removed: Values
+    count: int  # of edges
+    spread: float  # standard deviation of the logarithm that readings of one edge share [-]
+    degrees: tuple[int, ...]  # of freedom, of the coefficient and of each fitted exponent
+    group: NDArray[np.int64]  # number of each row's edge, from 0, shape (rows,)
+    removed: Values  # share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law.
+    """A fitted law; arrays have the shape (rows,)."""
 
-    Attributes:
-        response: Predicted quantity, a key of ``FACTORS``.
-        law: The fitted law.
-        estimates: The coefficient and the fitted exponents, by their names in ``PowerLaw``.
-        assumed: Factors whose exponents are the base law's, with the reason.
-        covariance: Covariance of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``.
-        reading_scatter: Standard deviation of the logarithm of one reading of an edge that was not measured [-].
-        factors: Values of all factors in the units of ``COLUMNS``, each of shape (rows,).
-        measured: Measured response in its unit, shape (rows,).
-        predicted: The law's response in its unit, shape (rows,).
-        lines: Line of each row in the file, shape (rows,).
-        edges: The deviations of edges; None if they are unknown.
-    """
-
-    response: str
+    response: str  # predicted quantity, a key of ``FACTORS``
     law: PowerLaw
-    estimates: dict[str, Estimate]
-    assumed: dict[str, str]
-    covariance: Values
-    reading_scatter: float
-    factors: dict[str, Values]
-    measured: Values
-    predicted: Values
-    lines: NDArray[np.int64]
-    edges: EdgeEffect | None
+    estimates: dict[str, Estimate]  # the coefficient and the fitted exponents, by their names in ``PowerLaw``
+    assumed: dict[str, str]  # factors whose exponents are the base law's, with the reason
+    covariance: Values  # of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``
+    reading_scatter: float  # standard deviation of the logarithm of one reading of an edge that was not measured [-]
+    factors: dict[str, Values]  # in the units of ``COLUMNS``
+    measured: Values  # response in its unit
+    predicted: Values  # response by the law
+    lines: NDArray[np.int64]  # of the file
+    edges: EdgeEffect | None  # None if they are unknown
 
     @property
     def exponents(self) -> list[str]:
@@ -131,13 +104,8 @@ class Fit:
 def fit(response: str, measurements: Measurements, base: PowerLaw, given: Mapping[str, str] = MappingProxyType({})) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
-    Without a hardness column or value, hardness is nominal.
-
-    Args:
-        response: A key of ``FACTORS``.
-        measurements: Returned by ``read_measurements``.
-        base: The law whose exponents replace those that cannot be estimated.
-        given: Further factors whose exponents are the base's, with the reason.
+    Without a hardness column or value, hardness is nominal. Exponents that cannot be estimated, and those of ``given`` factors
+    with the reason, are the base's.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.

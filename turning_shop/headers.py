@@ -15,8 +15,7 @@ class Column(NamedTuple):
     meaning: str
 
 
-EDGE = "edge"
-"""An optional column that holds no numbers: the name of the cutting edge."""
+EDGE = "edge"  # an optional column that holds no numbers: the name of the cutting edge
 
 COLUMNS = {
     "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
@@ -79,12 +78,9 @@ _LETTERS = dict(zip(map(ord, "äöüßµμ·_."), ("ae", "oe", "ue", "ss", "u", 
 class Heading(NamedTuple):
     """The reading of a sheet's header: its column, and the factor to the column's unit."""
 
-    text: str
-    """The header as written in the sheet."""
-    column: str | None
-    """The column that it is; None if it is not understood."""
-    factor: float = 1.0
-    """Size of the sheet's unit in the column's."""
+    text: str  # header as written
+    column: str | None  # of a sheet of cuts; None if it is not understood
+    factor: float = 1.0  # size of the sheet's unit in the column's
 
     def describe(self) -> str:
         """Return how the column is read, for people."""

@@ -17,24 +17,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_shop import WorkshopError
+from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
 """Columns that every sheet of cuts must have."""
-MAX_BYTES = 50_000_000
-"""Largest size of a file, and of all parts of a workbook when unpacked [bytes]."""
-MAX_ROWS, MAX_CELLS = 100_000, 200
-"""Largest number of rows of a sheet, and of cells of a workbook's row."""
-MAX_ABOVE = 20
-"""Number of rows among which the header is looked for."""
+MAX_BYTES = 50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
+MAX_ROWS, MAX_CELLS, MAX_TAGS = 100_000, 200, 3_000_000
+"""Largest number of rows of a sheet, of cells of a row, and of XML tags of a workbook, of which a cell has four."""
+MAX_ABOVE = 20  # number of rows among which the header is looked for
 STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
 STATISTICS |= {"std", "sd", "stdev", "std dev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
 NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.")
 """Cells, in small letters, of numbers that were not measured."""
-MAX_COMPLAINTS = 5
-"""Number of wrong cells that an error lists; it only counts the others."""
+MAX_COMPLAINTS = 5  # number of wrong cells that an error lists; it only counts the others
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d*([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
@@ -46,21 +43,13 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Measurements:
-    """A sheet of measurements.
+    """A sheet of measurements; arrays have the shape (rows,)."""
 
-    Attributes:
-        columns: Values of the columns that the file has, in the units of ``COLUMNS``, shape (rows,); NaN for an empty cell.
-        lines: Line of each row in the file, counted from 1, shape (rows,).
-        ignored: Unknown columns, which are ignored.
-        edges: Number of each row's edge, shape (rows,); None if the file has no column ``EDGE``.
-        readings: How each column of the file was read.
-    """
-
-    columns: dict[str, NDArray[np.float64]]
-    lines: NDArray[np.int64]
-    ignored: tuple[str, ...] = ()
-    edges: NDArray[np.int64] | None = None
-    readings: tuple[str, ...] = ()
+    columns: dict[str, NDArray[np.float64]]  # in the units of ``COLUMNS``; NaN for an empty cell
+    lines: NDArray[np.int64]  # of the file, counted from 1
+    ignored: tuple[str, ...] = ()  # unknown columns
+    edges: NDArray[np.int64] | None = None  # number of each row's edge; None if the file has no column ``EDGE``
+    readings: tuple[str, ...] = ()  # how each column of the file was read
 
 
 def read_measurements(path: str | os.PathLike[str]) -> Measurements:
@@ -74,10 +63,7 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
             is outside its column's range.
     """
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise WorkshopError(f"{path} is larger than {MAX_BYTES // 10**6} MB: a sheet holds {MAX_ROWS} rows at most")
+        data = regular_file(Path(path), MAX_BYTES).read_bytes()
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
             return _parse(_rows_of_workbook(data), str(path), False)
         text = _decoded(data)
@@ -105,7 +91,7 @@ def _decoded(data: bytes) -> str:
 def _rows(text: str, separator: str) -> Iterator[Row]:
     # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    return ((reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells))
+    return ((reader.line_num, cells[:MAX_CELLS]) for cells in reader if any(cell.strip() for cell in cells))
 
 
 def _rows_of_workbook(data: bytes) -> Iterator[Row]:
@@ -115,9 +101,10 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     except ModuleNotFoundError:
         raise WorkshopError("openpyxl reads XLSX, but is not installed: pip install openpyxl, or save the sheet as CSV") from None
     try:
-        unpacked = sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist())
-        if unpacked > MAX_BYTES:
-            raise ValueError(f"it unpacks to {unpacked // 10**6} MB, but may have {MAX_BYTES // 10**6} MB")
+        parts = zipfile.ZipFile(io.BytesIO(data))
+        unpacked = sum(part.file_size for part in parts.infolist())
+        if unpacked > MAX_BYTES or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS:
+            raise ValueError(f"at most {MAX_BYTES // 10**6} MB and {MAX_TAGS // 10**6} million tags are read: save it as CSV")
         sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[0]
         rows = sheet.iter_rows(max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True)
         table = [["" if cell is None else str(cell) for cell in row] for row in rows]
@@ -167,17 +154,10 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
     if summed := [line for line, row in table if _sums_up(row)]:
         notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}")
         table = [each for each in table if each[0] not in summed]
-    complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == len(headings)]
-    complaints = [
-        f"line {line} has {len(row)} cells, but the header has {len(headings)}"
-        for line, row in table
-        if len(row) != len(headings)
-    ]
-    known = [
-        (index, heading, heading.column, COLUMNS[heading.column])
-        for index, heading in enumerate(headings)
-        if heading.column and heading.column != EDGE
-    ]
+    width = len(headings)
+    complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == width]
+    complaints = [f"line {line} has {len(row)} cells, but the header has {width}" for line, row in table if len(row) != width]
+    known = [(at, each, each.column, COLUMNS[each.column]) for at, each in enumerate(headings) if each.column in COLUMNS]
     commas = may_have_commas and any(_DECIMAL_COMMA.fullmatch(row[index]) for _, row in complete for index, *_ in known)
     values = {name: np.empty(len(complete)) for _, _, name, _ in known}
     for number, (line, row) in enumerate(complete):
@@ -258,11 +238,7 @@ def _read_header(header: list[str], source: str) -> list[Heading]:
 def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
     """Return the number in a cell in the column's unit, NaN if it is empty; the ValueError names the fault.
 
-    Args:
-        cell: The cell's text.
-        column: Its quantity and range.
-        factor: Size of the sheet's unit in the column's.
-        commas: Whether decimals have a comma in this sheet.
+    ``factor`` is the size of the sheet's unit in the column's; ``commas`` says whether decimals have a comma in this sheet.
     """
     if cell.casefold() in NOTHING:
         return float("nan")

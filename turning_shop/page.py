@@ -22,13 +22,7 @@ _HERE = Path(__file__).parent
 
 
 def render(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> str:
-    """Return the page as HTML, which needs no other file and no network.
-
-    Args:
-        scenario: The machine, material, limits and prices.
-        evidence: Evidence for the laws, with the warnings.
-        advice: Returned by ``advise``; the page begins with the first.
-    """
+    """Return the page as HTML, which needs no other file and no network; it begins with the first advice."""
     script = (_HERE / "page.js").read_text("utf-8")
     data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
     work = scenario.workpiece

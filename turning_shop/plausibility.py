@@ -17,18 +17,15 @@ from turning_shop.measurements import Measurements
 
 Columns = Mapping[str, Values]
 
-TAYLOR_EXPONENT = 0.1, 0.6
-"""Plausible Taylor exponent n in V T^n = C [-]."""
+TAYLOR_EXPONENT = 0.1, 0.6  # plausible Taylor exponent n in V T^n = C [-]
 POSITIVE = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time"),
     "thrust_force": ("feed", "depth_of_cut", "wear"),
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear"),
 }
 """Factors with which each law must not fall."""
-FEW = 0.5
-"""Share of rows below which implausible ones count as typing errors, not as a wrong unit [-]."""
-MAX_NAMED = 8
-"""Number of lines that a message names."""
+FEW = 0.5  # share of rows below which implausible ones count as typing errors, not as a wrong unit [-]
+MAX_NAMED = 8  # number of lines that a message names
 TYPICAL = {
     "cutting_speed": (130.0, 0.3),
     "feed": (0.25, 0.25),
@@ -55,29 +52,22 @@ WRONG_UNITS = (
     (("wear",), 25.4, "wear looks like inches: multiply by 25.4"),
 )
 """Columns that may be in a wrong unit, their factor to the right one, and the message."""
-SUSPECT = 3.5
-"""Distance from the robust law, in robust standard deviations, from which a row may be an outlier [-]."""
-OUTLIER_SIGNIFICANCE = 1e-3
-"""Probability that a sheet without errors has an outlier in one law [-]."""
-MIN_FAR = 0.4
-"""Distance of logarithms below which no row is an outlier [-]: readings of real wear scatter by 0.24, edges by 0.34."""
-SPARE_ROWS = 4
-"""Rows beyond the fitted numbers that are needed to tell outliers."""
-SUBSETS = 500
-"""Random subsets of rows from which the robust fit starts."""
+SUSPECT = 3.5  # distance from the robust law, in robust standard deviations, from which a row may be an outlier [-]
+OUTLIER_SIGNIFICANCE = 1e-3  # probability that a sheet without errors has an outlier in one law [-]
+MIN_FAR = 0.4  # distance of logarithms below which no row is an outlier [-]: readings of real wear scatter by 0.24, edges by 0.34
+SPARE_ROWS = 4  # rows beyond the fitted numbers that are needed to tell outliers
+SUBSETS = 500  # random subsets of rows from which the robust fit starts
 
 
 class Derived(NamedTuple):
     """A quantity that follows from the columns of a row, and its plausible range."""
 
-    name: str
-    """A key of ``TYPICAL``."""
+    name: str  # a key of ``TYPICAL``
     meaning: str
     unit: str
     low: float
     high: float
-    of: Callable[[Columns], Values]
-    """A function that returns the quantity of each row; none if a column is missing."""
+    of: Callable[[Columns], Values]  # returns the quantity of each row; none if a column is missing
 
     def plausible(self, columns: Columns) -> NDArray[np.bool_]:
         """Return whether each row's quantity lies in its range or is unknown."""
@@ -184,15 +174,10 @@ def name_lines(lines: Iterable[int]) -> str:
 
 
 class RobustFit(NamedTuple):
-    """A law fitted so that a few wrong rows, wherever they lie, hardly count.
+    """A law fitted so that a few wrong rows, wherever they lie, hardly count."""
 
-    Attributes:
-        distance: Logarithm of each measured over predicted response [-], shape (rows,).
-        outlying: Which rows are outliers, shape (rows,).
-    """
-
-    distance: Values
-    outlying: NDArray[np.bool_]
+    distance: Values  # logarithm of each measured over predicted response [-], shape (rows,)
+    outlying: NDArray[np.bool_]  # which rows are outliers, shape (rows,)
 
 
 def robust_fit(fitted: Fit) -> RobustFit:

@@ -18,12 +18,9 @@ from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 
-GRID = 301
-"""Number of cutting speeds, and of feeds, at which the map evaluates the laws."""
-FRESH = 0.3
-"""Wear of the fresh edge's map over the wear criterion [-]: at no wear, the laws of force and power are 0."""
-A4 = 11.69, 8.27
-"""Size of the page [inch]."""
+GRID = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
+FRESH = 0.3  # wear of the fresh edge's map over the wear criterion [-]: at no wear, the laws of force and power are 0
+A4 = 11.69, 8.27  # size of the page [inch]
 RULED = (
     "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, at nominal depth and hardness. "
     "A simulation's output: try each change carefully."
@@ -36,12 +33,7 @@ def draw_map(
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's whole range of cutting speed and feed.
 
-    Args:
-        scenario: The machine, material and limits.
-        evidence: Evidence for the laws, with the warnings.
-        wear: Flank wear of the edge [mm], at most the wear criterion.
-        depth_of_cut: [mm]; the scenario's nominal depth if None.
-        hardness: Hardness of the bar over nominal [-].
+    They are those of an edge with a flank wear [mm], at a depth of cut [mm], by default the nominal one, and a hardness [-].
     """
     figure = Figure(figsize=(8.6, 6.4), layout="constrained")
     handles = draw_map_on(figure.subplots(), scenario, evidence, wear, depth_of_cut, hardness)
@@ -103,13 +95,7 @@ def draw_map_on(
 
 
 def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Figure:
-    """Draw the page, A4 across.
-
-    Args:
-        scenario: The machine, material and limits.
-        evidence: Evidence for the laws, with the warnings.
-        advice: Returned by ``advise``.
-    """
+    """Draw the page, A4 across, with maps, advice and warnings."""
     criterion = scenario.tool.wear_criterion
     figure = Figure(figsize=A4, layout="constrained")
     pages: Any = figure.subfigures(2, 1, height_ratios=(1.35, 1.0))

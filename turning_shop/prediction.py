@@ -18,30 +18,20 @@ from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
 
-BEYOND = 0.01
-"""Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
+BEYOND = 0.01  # relative distance beyond the measured range above which a law counts as extrapolated [-]
 PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 """Fields of ``Cuts`` that have intervals."""
 
 
 class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
-    """The evidence for one fitted law.
+    """The evidence for one fitted law."""
 
-    Attributes:
-        coefficient: The law's coefficient, by which the law is recognised.
-        terms: Fitted exponents; the covariance's first row and column is the coefficient's logarithm.
-        covariance: Covariance of the coefficient's logarithm and the fitted exponents.
-        degrees: Degrees of freedom.
-        scatter: Standard deviation of the logarithm of one reading, of an edge that was not measured [-].
-        measured: Lowest and highest measured value of each factor.
-    """
-
-    coefficient: float
-    terms: tuple[str, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    degrees: int
-    scatter: float
-    measured: dict[str, tuple[float, float]]
+    coefficient: float  # by which the law is recognised
+    terms: tuple[str, ...]  # fitted exponents
+    covariance: tuple[tuple[float, ...], ...]  # of the coefficient's logarithm and the fitted exponents
+    degrees: int  # of freedom
+    scatter: float  # standard deviation of the logarithm of one reading, of an edge that was not measured [-]
+    measured: dict[str, tuple[float, float]]  # lowest and highest value of each factor
 
     @property
     def quantile(self) -> float:
@@ -84,16 +74,11 @@ def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:
 
 
 class Prediction(NamedTuple):
-    """Intervals of cuts.
-
-    Attributes:
-        low, high: Ends, by names of ``PREDICTED``; NaN if the law was not fitted.
-        extrapolated: Whether a fitted law is used outside the measured range.
-    """
+    """Intervals of cuts, by names of ``PREDICTED``; NaN if the law was not fitted."""
 
     low: dict[str, Values]
     high: dict[str, Values]
-    extrapolated: NDArray[np.bool_]
+    extrapolated: NDArray[np.bool_]  # whether a fitted law is used outside the measured range
 
 
 def evidence_of(fitted: Fit) -> LawEvidence:
@@ -132,11 +117,7 @@ def read_evidence(scenario: Scenario) -> Evidence:
 def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -> Prediction:
     """Return intervals of one reading at an edge and bar that were not measured.
 
-    Args:
-        scenario: Source of the laws and of the wear criterion.
-        evidence: Returned by ``read_evidence``.
-        cuts: Returned by ``what_if``.
-        of_wear: Whether the cuts' wear is given, and exact, rather than predicted from their time.
+    ``of_wear`` says whether the cuts' wear is given, and exact, rather than predicted from their time.
     """
     material, settings = scenario.material, {name: getattr(cuts, name) for name in SETTINGS}
     half = dict.fromkeys(PREDICTED, np.full(cuts.wear.shape, np.nan))

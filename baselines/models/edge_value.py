@@ -35,23 +35,17 @@ from turning_env.scenario.power_law import log_response
 
 Array = NDArray[np.float64]
 
-USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
-"""Shares of the life [-] at which the price is computed."""
-SPREAD = 0.03
-"""Log standard deviation of force and power about their estimates (assumption: similar to a filter's)."""
+USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which the price is computed
+SPREAD = 0.03  # log standard deviation of force and power about their estimates (assumption: similar to a filter's)
 _SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
 _ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
 _MAX_TIME_PRICE = 100.0
 
-LIVES = 6
-"""Number of used shares of the life at which ``price_life`` prices it, beside the present one."""
-SPEEDS = 24
-"""Number of cutting speeds that it compares, evenly spaced on a logarithmic scale."""
+LIVES = 6  # number of used shares of the life at which price_life prices it, beside the present one
+SPEEDS = 24  # number of cutting speeds that it compares, evenly spaced on a logarithmic scale
 NEWTON_STEPS = 8
-MIN_EXPONENT = 0.1
-"""Least exponent of the feed in a load [-]."""
-MIN_CAPACITY = 1e-3
-"""Least power of the spindle, less idle power, over the limit [-]."""
+MIN_EXPONENT = 0.1  # least exponent of the feed in a load [-]
+MIN_CAPACITY = 1e-3  # least power of the spindle, less idle power, over the limit [-]
 MIN_USED_LIFE = 0.01
 MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
 

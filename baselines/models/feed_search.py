@@ -11,16 +11,11 @@ from baselines.models.normal import excess, probability
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, log
 
-TRIES = 30
-"""Greatest number of steps that are tried."""
-ENOUGH = 1e-6
-"""Expected rise of the mean gain [-] below which the search ends."""
-FLAT = 1e-6
-"""Curvature that is added, as a parabola without curvature has no top."""
-CORNER = 0.001
-"""Log distance from the base speed within which the limit of power bends smoothly [-]."""
-NEGLIGIBLE = 6.0
-"""Distance of a load below its limit over its spread [-] from which its excess does not count."""
+TRIES = 30  # greatest number of steps that are tried
+ENOUGH = 1e-6  # expected rise of the mean gain [-] below which the search ends
+FLAT = 1e-6  # curvature that is added, as a parabola without curvature has no top
+CORNER = 0.001  # log distance from the base speed within which the limit of power bends smoothly [-]
+NEGLIGIBLE = 6.0  # distance of a load below its limit over its spread [-] from which its excess does not count
 
 SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
 """Numbers of an environment: ends of the reach of log cutting speed [log m/min] and log feed [log mm/rev]; the actual ones; used

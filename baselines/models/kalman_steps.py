@@ -13,12 +13,9 @@ insert, of the depth and hardness that its edge has cut, and of the lot; errors 
 wear [-]; from ``LAWS`` on those of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
 ERRORS = 4
 STATES = LAWS + 2 * ERRORS
-MIN_DEPTH = 0.05
-"""Least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0."""
-MAX_SPREAD = 1.0
-"""Upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it."""
-MIN_READING = 0.01
-"""Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
+MIN_DEPTH = 0.05  # least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0
+MAX_SPREAD = 1.0  # upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it
+MIN_READING = 0.01  # share of the expected reading below which a reading is ignored [-]: the tool does not cut
 INSPECTION_DEVIATION = 0.05
 """Log standard deviation of a removed edge's wear beside insert and batch [-] (assumption): its exact cuts are unknown."""
 

@@ -35,8 +35,7 @@ SLOPE = 1.603
 """Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
 READING_DEVIATION = 1e-3
 """Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
-MISFIT = 0.02
-"""Log standard deviation of loads about the corrected laws [-] (found on training jobs)."""
+MISFIT = 0.02  # log standard deviation of loads about the corrected laws [-] (found on training jobs)
 
 
 class LawErrors(NamedTuple):

@@ -26,10 +26,8 @@ from turning_env.numerics.functions import exp, log
 
 Array = NDArray[np.float64]
 
-ALIKE = 1e-9
-"""Tolerance for equal exponents."""
-MIN_SCALE = 0.1
-"""Lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force."""
+ALIKE = 1e-9  # tolerance for equal exponents
+MIN_SCALE = 0.1  # lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force
 _LIVES = (1e-6, 1e6)  # in place of the economic lives 0 and infinity [min]
 
 

@@ -23,8 +23,7 @@ from turning_env.physics.records import block_records
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 0.005
-"""Error of the grids over the machine time [-]; the bound may be too low by that much."""
+TOLERANCE = 0.005  # error of the grids over the machine time [-]; the bound may be too low by that much
 MIN_TIME_LIMIT = 30.0
 """Least time limit [min] of an endless row of bars that is ignored (assumption: at best, an edge lasts a quarter of an hour)."""
 _BARS = 8  # of an endless row at first

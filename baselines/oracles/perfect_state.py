@@ -18,8 +18,7 @@ from baselines.predictive import Predictive
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import log
 
-STATE_DEVIATION = 1e-3
-"""Standard deviation assumed of the true relative depth, log hardness and log wear factor [-]."""
+STATE_DEVIATION = 1e-3  # standard deviation assumed of the true relative depth, log hardness and log wear factor [-]
 
 
 class PerfectState(Predictive):
@@ -42,8 +41,7 @@ class PerfectState(Predictive):
         self._filter.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
 
 
-covers = plays
-"""Whether a scenario has the actions and inputs that it needs."""
+covers = plays  # whether a scenario has the actions and inputs that it needs
 
 
 def version_on(scenario: Scenario) -> int:

@@ -27,8 +27,7 @@ from turning_render.plot_style import policy_look
 SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
 _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
-_LARGE = re.compile(r"(?<![\w.-])[1-9]\d{4,14}(?!\w)")
-"""Whole numbers of five digits or more, outside names."""
+_LARGE = re.compile(r"(?<![\w.-])[1-9]\d{4,14}(?!\w)")  # whole numbers of five digits or more, outside names
 
 
 def render(leaderboards: Sequence[Leaderboard]) -> str:

@@ -13,12 +13,9 @@ from leaderboard.standings import comparators
 from turning_env import Scenario
 from turning_render.plot_style import policy_look
 
-LEVELS = 4_094
-"""A packed value is one of 0 to LEVELS, over the series' range: finer than a screen."""
-GAP = LEVELS + 1
-"""Stands for a missing value: the load of a tool in air."""
-AXES = {"minutes": "machine time [min]", "path": "path [mm]"}
-"""Axes along which a chart is drawn."""
+LEVELS = 4_094  # a packed value is one of 0 to LEVELS, over the series' range: finer than a screen
+GAP = LEVELS + 1  # stands for a missing value: the load of a tool in air
+AXES = {"minutes": "machine time [min]", "path": "path [mm]"}  # axes along which a chart is drawn
 
 
 class Subject(NamedTuple):
@@ -28,10 +25,8 @@ class Subject(NamedTuple):
     heading: str
     unit: str
     limit: float | None = None
-    from_zero: bool = True
-    """Whether its axis begins at 0."""
-    reference: str | None = None
-    """The series to be followed."""
+    from_zero: bool = True  # whether its axis begins at 0
+    reference: str | None = None  # the series to be followed
 
 
 def subjects(scenario: Scenario) -> list[Subject]:

@@ -14,10 +14,8 @@ from turning_render import plot_style as style
 
 Look = dict[str, Any]
 
-TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}
-"""Printed tables and their columns of wear, by minute."""
-RATES = (50, 100, 150, 200, 250)
-"""Contours of removal rate [cm3/min]."""
+TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}  # printed tables and their columns of wear, by minute
+RATES = (50, 100, 150, 200, 250)  # contours of removal rate [cm3/min]
 _MARKED: Look = style.OURS | {"markersize": 3.4}
 _OPEN: Look = _MARKED | {"markerfacecolor": "white"}
 _RATE: Look = {"color": style.GREY, "linewidth": 0.6}

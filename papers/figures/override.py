@@ -17,8 +17,7 @@ from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_render import plot_style as style
 
-DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)
-"""Depths of cut [mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2."""
+DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)  # depths of cut [mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2
 
 SHOWN: dict[str, tuple[str, Parameters]] = {
     "programmed_feed": ("programmed feed", {}),

@@ -26,18 +26,13 @@ from turning_env.scoring.seeds import tuning_seeds
 
 STATED = {1: (150.0, 0.58, "ABCDEFA"), 2: (140.0, 0.58, "ABCDEFA"), 14: (200.0, 0.205, "ABCA")}
 """Chosen cutting speed [m/min] and feed [mm/rev], and the corners of the feasible region, as the text has them, by minute."""
-WEAR_BEFORE = {1: 0.0, 2: 0.157219}
-"""Wear from which Tables 1 and 2 start [mm]."""
-EXACT = {"feed_mm_rev": 1e-9, "mrr_mm3_min": 1e-6}
-"""Tolerances of the columns that are no response."""
+WEAR_BEFORE = {1: 0.0, 2: 0.157219}  # wear from which Tables 1 and 2 start [mm]
+EXACT = {"feed_mm_rev": 1e-9, "mrr_mm3_min": 1e-6}  # tolerances of the columns that are no response
 MISPRINTS = {("50", "wear_increase_mm"): "0.01250"}
 """Table 2 prints 0.01255 here, but the row's 0.08003 - 0.06753 and its total wear give 0.01250."""
-ROUNDED = 0.015
-"""Relative tolerance for the tests: their feeds are rounded, and so are the paper's ratios."""
-EDGES_WITHIN = 1.96
-"""Standard deviations within which 95 % of the edges lie."""
-NUM_EDGES = 32
-"""Edges of the comparison with equal wear."""
+ROUNDED = 0.015  # relative tolerance for the tests: their feeds are rounded, and so are the paper's ratios
+EDGES_WITHIN = 1.96  # standard deviations within which 95 % of the edges lie
+NUM_EDGES = 32  # edges of the comparison with equal wear
 
 
 def last_digit(printed: str) -> float:
@@ -93,12 +88,10 @@ class Rival(NamedTuple):
     """One of the tests T1 to T9, played."""
 
     test: VerificationTest
-    nominal: Outcome
-    """Result with nominal wear."""
+    nominal: Outcome  # result with nominal wear
     wear_factor: float
     """Factor on the nominal wear with which the edge lasts as long as measured [-]; NaN where the paper gives no life."""
-    measured: Outcome | None
-    """Result with the wear factor."""
+    measured: Outcome | None  # result with the wear factor
 
 
 @cache
@@ -150,10 +143,8 @@ class EqualWear(NamedTuple):
     """Means over edges that wear as those of the tests did, on the preset `measured_wear`."""
 
     outcome: Outcome
-    severe: float
-    """Share of cutting time over a limit by more than 5 % [-]."""
-    excess: float
-    """Mean relative excess over the limits [-]."""
+    severe: float  # share of cutting time over a limit by more than 5 % [-]
+    excess: float  # mean relative excess over the limits [-]
 
 
 @cache

@@ -7,11 +7,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-WIDTH = 72
-"""Columns of a check's description."""
+WIDTH = 72  # columns of a check's description
 PASSED = AGREES, CONSTRUCTED, NOT_REPRODUCED = "agrees", "consistent by construction", "not reproduced"
-VERDICTS = (*PASSED, "MISMATCH", "REASON OUT OF DATE")
-"""Verdicts in words; the last two mean that something no longer holds."""
+VERDICTS = (*PASSED, "MISMATCH", "REASON OUT OF DATE")  # verdicts in words; the last two mean that something no longer holds
 
 
 @dataclass(frozen=True)
@@ -25,14 +23,11 @@ class Check:
     what: str
     paper: float
     ours: float
-    tolerance: float = 0.0
-    """Absolute tolerance of the relation."""
+    tolerance: float = 0.0  # absolute tolerance of the relation
     relation: Literal["=", ">=", "<=", "true"] = "="
     """The project's number equals, is at least or is at most the paper's; or a claim is true (1) or not (0)."""
-    not_reproduced: str = ""
-    """Reason why the project cannot reproduce this, in one line; empty where it must."""
-    constructed: str = ""
-    """The reason that it holds by construction, in one line; empty if it could disagree."""
+    not_reproduced: str = ""  # reason why the project cannot reproduce this, in one line; empty where it must
+    constructed: str = ""  # the reason that it holds by construction, in one line; empty if it could disagree
 
     @property
     def holds(self) -> bool:

@@ -29,13 +29,10 @@ from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
 NUM_SEEDS = 8
-SHOWN = (1, 3)
-"""The simulations that the text shows."""
-SETTLED = 2.0
-"""Time after which the control has settled [s]: half a second of air, then some servo time constants."""
+SHOWN = (1, 3)  # the simulations that the text shows
+SETTLED = 2.0  # time after which the control has settled [s]: half a second of air, then some servo time constants
 
-FORCE_CHANGE = 0.1
-"""Largest random change of the force that the text states [-]."""
+FORCE_CHANGE = 0.1  # largest random change of the force that the text states [-]
 FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
 """Tolerances of force [-] and feed [mm/rev]: force over feed is 3080 to 2680 N per mm/rev in the table, and 2850 here."""
 
@@ -59,20 +56,13 @@ SIMULATIONS = [Simulation(int(number), *map(float, values)) for number, *values 
 class Outcome(NamedTuple):
     """Settled means of a simulation; arrays over seeds."""
 
-    force: float
-    """Mean force [N]."""
-    feed: float
-    """Mean feed [mm/rev]."""
-    roughness: NDArray[np.float64]
-    """Mean Ra [um]."""
-    spread: float
-    """Standard deviation of Ra over time, over its mean [-]."""
-    deviation: float
-    """Mean relative deviation of Ra from the reference [-]."""
-    saturated: NDArray[np.float64]
-    """Share of time at the highest override [-]."""
-    entry_deviation: float
-    """Mean relative deviation of Ra before it has settled [-]."""
+    force: float  # mean force [N]
+    feed: float  # mean feed [mm/rev]
+    roughness: NDArray[np.float64]  # mean Ra [um]
+    spread: float  # standard deviation of Ra over time, over its mean [-]
+    deviation: float  # mean relative deviation of Ra from the reference [-]
+    saturated: NDArray[np.float64]  # share of time at the highest override [-]
+    entry_deviation: float  # mean relative deviation of Ra before it has settled [-]
 
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:

@@ -22,18 +22,12 @@ from turning_env import Scenario
 from turning_env.scoring.policy import Policy
 
 FORMS = {"first form": FIRST_FORM, "modified form": MODIFIED_FORM}
-TARGET = 0.6
-"""M_z of the paper's test [-]."""
-DEEP = 3.0
-"""Depth of cut at which the load is held [mm]."""
-PERIODS = (0.25, 0.35, 0.5, 0.7, 1.0, 2.0, 4.0, 10.0)
-"""Periods of the ripple [s]."""
-TRANSIENT = 5.0
-"""Time after which the override has settled on a bar of one depth [s]."""
-FEED_VELOCITY = 4.0
-"""Programmed feed above that at 3 mm under control [mm/s], which settles at 0.84 of 3.9 mm/s."""
-STRONG = 2.0
-"""Torque of a strong drive over that of the test's, in place of the wheel lathe's [-]."""
+TARGET = 0.6  # M_z of the paper's test [-]
+DEEP = 3.0  # depth of cut at which the load is held [mm]
+PERIODS = (0.25, 0.35, 0.5, 0.7, 1.0, 2.0, 4.0, 10.0)  # periods of the ripple [s]
+TRANSIENT = 5.0  # time after which the override has settled on a bar of one depth [s]
+FEED_VELOCITY = 4.0  # programmed feed above that at 3 mm under control [mm/s], which settles at 0.84 of 3.9 mm/s
+STRONG = 2.0  # torque of a strong drive over that of the test's, in place of the wheel lathe's [-]
 LAGS = ((0.13, 0.0), (0.13, 0.5), (0.13, 1.0), (0.02, 0.0), (0.02, 1.0))
 """Time constants of the feed servo [s] and lags of the chip [turns]: the first are the test's, the third those of `surface`."""
 

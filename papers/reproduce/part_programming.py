@@ -32,18 +32,13 @@ from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 
-IMPROVED = ("PV", "SN", "PN", "MV", "MN")
-NOT_NECESSARY = ("PT", "MT")
-"""The paper's claims on the rules; it has none on [SV] and [ST]."""
-SOURCES = ("handbook", "experience", "literature")
-"""The slides' sources of dispersions."""
-WORTH_HAVING = 1.0
-"""Least psi that counts as an improvement [%] (assumption)."""
-SLACK = 2.0
-"""Limits that a rule does not name, over their value in the common cut [-]."""
+IMPROVED = ("PV", "SN", "PN", "MV", "MN")  # the paper's claims on the rules; it has none on [SV] and [ST]
+NOT_NECESSARY = ("PT", "MT")  # likewise
+SOURCES = ("handbook", "experience", "literature")  # the slides' sources of dispersions
+WORTH_HAVING = 1.0  # least psi that counts as an improvement [%] (assumption)
+SLACK = 2.0  # limits that a rule does not name, over their value in the common cut [-]
 
-RETURN_TIME = 0.1
-"""[min] per pass."""
+RETURN_TIME = 0.1  # [min] per pass
 MAX_PASSES = 8
 _LOWEST = 1e-3  # in place of a lowest cutting speed [m/min] and feed [mm/rev]
 _DEVIATIONS = np.linspace(-3.0, 3.0, 241)
@@ -77,10 +72,8 @@ class Blank:
 
     name: str
     source: str
-    least: float
-    """Least allowance [mm]."""
-    dispersion: float
-    """Largest less least allowance [mm]."""
+    least: float  # least allowance [mm]
+    dispersion: float  # largest less least allowance [mm]
 
     @property
     def largest(self) -> float:

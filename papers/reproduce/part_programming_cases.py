@@ -43,21 +43,15 @@ CASES = {
     "batch_m20": (2500.0, 700.0),
 }
 """Presets with the slides' [P_z] and [P_y] [N] (there "30 n" and so on, taken as 100 N each)."""
-ROUGHNESS, CHANGE_TIME, EDGE_COST = 0.002, 2.0, 6.7
-"""The slides' [R_z] [mm], tau_I [min] and Q_I [cents]."""
-MACHINE_COST = 10.0
-"""Q_T [cents/min] (assumption)."""
-KILOGRAM = 9.80665
-"""Newtons in a kilogram of force."""
+ROUGHNESS, CHANGE_TIME, EDGE_COST = 0.002, 2.0, 6.7  # the slides' [R_z] [mm], tau_I [min] and Q_I [cents]
+MACHINE_COST = 10.0  # Q_T [cents/min] (assumption)
+KILOGRAM = 9.80665  # newtons in a kilogram of force
 
 EXACT = 1e-9
-DEPTHS = np.geomspace(0.2, 10.0, 200)
-"""Depths of cut at which formulas are compared [mm]."""
+DEPTHS = np.geomspace(0.2, 10.0, 200)  # depths of cut at which formulas are compared [mm]
 MARGINS = (0.6, 0.8, 1.0)
-NUM_BLANKS = 40
-"""Blanks that are turned in each case."""
-SMOOTHING = 0.3
-"""Weight of the newest measurement in real-time control [-]."""
+NUM_BLANKS = 40  # blanks that are turned in each case
+SMOOTHING = 0.3  # weight of the newest measurement in real-time control [-]
 
 
 def depth_limits(process: Process) -> dict[str, Limit]:

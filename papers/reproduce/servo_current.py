@@ -28,14 +28,11 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_shop.current import CurrentReport, analyse
 
 NUM_SEEDS = 8
-SETTLED = 3.0
-"""Time after which the programmed feed has entered the bar and the estimates have settled [s]."""
+SETTLED = 3.0  # time after which the programmed feed has entered the bar and the estimates have settled [s]
 SETTINGS = ((0.2, 5), (0.5, 5), (CUTOFF, WINDOW))
 """Settings of the estimator: cut-off frequency over Nyquist's, samples of the root mean square. The last is the controller's."""
-DELAYS = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]
-"""Delays of the estimates [samples]."""
-FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)
-"""Feed velocities at which the paper measures the idle current [mm/min]."""
+DELAYS = [ForceEstimator(Scenario(), 1, *setting).delay for setting in SETTINGS]  # delays of the estimates [samples]
+FEED_VELOCITIES = (50.0, 100.0, 150.0, 200.0)  # feed velocities at which the paper measures the idle current [mm/min]
 HALL_CURRENT, HALL_OUTPUT, HALL_RESISTANCE, HALL_SUPPLY = 6.0, 0.025, 500.0, 15.0
 """Highest current of the Hall sensor [A], its output there [A], the resistance that samples it [Ohm], and its supply [V]."""
 
@@ -45,16 +42,11 @@ UNDISTURBED = SPREADS | {"depth_ripple": 0.0}
 class Record(NamedTuple):
     """A record of forces and currents at a fixed speed and feed; arrays of shape (steps, seeds)."""
 
-    force: NDArray[np.float64]
-    """True thrust force [N]."""
-    current: NDArray[np.float64]
-    """Measured current [A]."""
-    plain: NDArray[np.float64]
-    """Force by the static inversion of each sample [N]."""
-    estimates: NDArray[np.float64]
-    """Force by filter and root mean square [N], shape (settings, steps, seeds)."""
-    in_metal: NDArray[np.bool_]
-    """Whether the tool is in metal, and was for the last fifteen samples."""
+    force: NDArray[np.float64]  # true thrust force [N]
+    current: NDArray[np.float64]  # measured current [A]
+    plain: NDArray[np.float64]  # force by the static inversion of each sample [N]
+    estimates: NDArray[np.float64]  # force by filter and root mean square [N], shape (settings, steps, seeds)
+    in_metal: NDArray[np.bool_]  # whether the tool is in metal, and was for the last fifteen samples
 
 
 def play_fixed(scenario: Scenario, seconds: float, feed: float | None = None) -> Record:
@@ -139,8 +131,7 @@ def currents_of_depths() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return forces, currents
 
 
-HOLD, SETTLING = 4.0, 0.5
-"""Time at each depth of cut, and its first part that is not analysed [s]."""
+HOLD, SETTLING = 4.0, 0.5  # time at each depth of cut, and its first part that is not analysed [s]
 
 
 @cache

@@ -3,15 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.load_override import (
-    ENTRY_TIME,
-    LEARNING_TIME,
-    SETTLING_TIME,
-    STOP,
-    WEAR_TIME,
-    AirGapControl,
-    LearnedPower,
-)
+from baselines.load_override import ENTRY_TIME, LEARNING_TIME, SETTLING_TIME, STOP, WEAR_TIME, AirGapControl, LearnedPower
 from baselines.models.part_program import PartProgram
 from tests.baselines.observing import observe, override_of
 from tests.turning_env.playing import changed

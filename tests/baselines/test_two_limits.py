@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from baselines.models.process import Limit, Process
-from baselines.two_limits import (
-    ECONOMIC_OPTIMUM,
-    RULES,
-    TWO_LIMITS,
-    limits,
-    set_point,
-)
+from baselines.two_limits import ECONOMIC_OPTIMUM, RULES, TWO_LIMITS, limits, set_point
 from turning_env import PowerLaw, Scenario
 
 STEEL = Process.of(Scenario())

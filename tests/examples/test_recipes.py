@@ -16,9 +16,7 @@ from turning_env import IDS
         *(("sac", "gymnasium", 2016), ("tqc", "batch", 2016)),
     ],
 )
-def test_every_algorithm_of_stable_baselines_learns(
-    algorithm: str, vec_env: str, steps: int, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_algorithm_learns(algorithm: str, vec_env: str, steps: int, capsys: pytest.CaptureFixture[str]) -> None:
     small = ["--num-envs", "8", "--steps", str(steps), "--rollout", "512", "--tuning-seeds", "1"]
     assert main(["--algorithm", algorithm, "--vec-env", vec_env, *small]) == 0
     assert capsys.readouterr().out.startswith(f"{algorithm} after {steps} steps: -")

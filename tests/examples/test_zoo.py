@@ -16,9 +16,7 @@ CASES = [*(("ppo", each) for each in (*IDS, FAMILY_ID)), ("sac", FAMILY_ID), ("t
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # what the zoo does is not this project's
-@pytest.mark.parametrize(
-    ("algorithm", "env_id"), [*(("ppo", each) for each in (*IDS, FAMILY_ID)), ("sac", FAMILY_ID), ("tqc", "RoughTurning-v0")]
-)
+@pytest.mark.parametrize(("algorithm", "env_id"), CASES)
 def test_the_zoo_trains_and_plays(
     algorithm: str, env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

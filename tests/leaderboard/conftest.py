@@ -18,8 +18,6 @@ MakeResult = Callable[..., Result]
 
 
 class Steady:
-    """Takes the same action always."""
-
     def __init__(self, num_envs: int, action: tuple[float, float]) -> None:
         self._actions = np.tile(np.array(action, np.float32), (num_envs, 1))
 
@@ -27,7 +25,6 @@ class Steady:
         """Nothing to forget."""
 
     def act(self, observations: Observations) -> Actions:
-        """Return the same action for every environment."""
         assert len(observations) == len(self._actions)
         return self._actions
 
@@ -41,18 +38,15 @@ def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None =
 
 
 def on(scenario: Scenario) -> Task:
-    """Return a task on a scenario."""
     return Task(env_id=ENV_ID, scenario=scenario, seeds=[7])
 
 
 def only(path: Path) -> Result:
-    """Return the one result of a file."""
     (result,) = read_file(path)
     return result
 
 
 def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:
-    """Have them all play one task."""
     run.play_all([run.TaskRun(task, policies, folder)], fresh)
 
 
@@ -70,7 +64,6 @@ def task(scenario: Scenario) -> Task:
 
 @pytest.fixture
 def folder(tmp_path: Path, scenario: Scenario) -> Path:
-    """The folder of the environment's results on the scenario."""
     return result_folder(tmp_path / "results", ENV_ID, scenario.name)
 
 

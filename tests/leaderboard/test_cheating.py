@@ -20,11 +20,9 @@ class Spy(Steady):
         self.given: list[object] = [num_envs]
 
     def reset(self, *given: object) -> None:  # type: ignore[override]
-        """Note the mask."""
         self.given += given
 
     def act(self, *given: object) -> Actions:  # type: ignore[override]
-        """Note the observations."""
         self.given += given
         return self._actions
 
@@ -34,10 +32,7 @@ class Spy(Steady):
 
 
 class Scribbler(Steady):
-    """Writes over what it is given."""
-
     def act(self, observations: Observations) -> Actions:
-        """Overwrite the observations."""
         observations[:] = np.nan
         return self._actions
 

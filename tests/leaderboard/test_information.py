@@ -8,14 +8,13 @@ from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
-from train.analytic_actor import DistanceTracker
+from train.terms import DistanceTracker
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")
 
 
 def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: object) -> Information:
-    """Return the information of an agent with this training command."""
     found = information(spec("mine", seed=0, command=command, parameters=parameters), scenario)
     assert found is not None
     return found

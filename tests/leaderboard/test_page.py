@@ -30,13 +30,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory, task: Task, make_result: Ma
 
 @pytest.fixture(scope="module")
 def leaderboard(folder: Path) -> Leaderboard:
-    """These results, ranked."""
     return read_leaderboard(folder)
 
 
 @pytest.fixture(scope="module")
 def html(leaderboard: Leaderboard) -> str:
-    """Their page."""
     return page.render([leaderboard])
 
 

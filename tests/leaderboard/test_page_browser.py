@@ -53,7 +53,6 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
 
 @pytest.fixture(scope="module")
 def file(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its page."""
     path = tmp_path_factory.mktemp("page") / "index.html"
     path.write_text(page.render([leaderboard]), "utf-8")
     return path
@@ -82,7 +81,6 @@ def opened(browser: Browser, file: Path) -> Iterator[Open]:
 
 
 def row(shown: Page, name: str) -> Locator:
-    """The button that opens a policy's row."""
     return shown.locator("section:visible .open").filter(has_text=re.compile(f"^{re.escape(name)}$"))
 
 

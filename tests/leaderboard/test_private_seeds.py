@@ -22,7 +22,6 @@ KEY = secrets.token_hex()
 
 
 def private(task: Task, seeds: list[int]) -> Task:
-    """Return a task on private seeds."""
     return task.model_copy(update={"seeds": list(range(len(seeds))), "private": digest_of(seeds)})
 
 

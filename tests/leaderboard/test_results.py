@@ -40,9 +40,7 @@ def written(result: Result, folder: Path) -> Path:
         (["results", 0, "episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
     ],
 )
-def test_errors_name_file_field_and_value(
-    make_result: MakeResult, folder: Path, where: list[Any], value: Any, message: str
-) -> None:
+def test_errors_name_file_and_value(make_result: MakeResult, folder: Path, where: list[Any], value: Any, message: str) -> None:
     path = written(make_result("rule"), folder)
     document = json.loads(lzma.decompress(path.read_bytes()))
     section = document
@@ -65,9 +63,7 @@ def test_a_file_must_be_where_its_policy_says(make_result: MakeResult, folder: P
         only(path)
 
 
-def test_the_manifest_or_else_the_most_results_decide_which_task_is_ranked(
-    make_result: MakeResult, task: Task, folder: Path
-) -> None:
+def test_the_manifest_or_else_most_results_decide_which_task_is_ranked(make_result: MakeResult, task: Task, folder: Path) -> None:
     other_task = task.model_copy(update={"seeds": [1, 2, 3, 4]})
     mine = written(make_result("mine", **{"return": [1, 2, 3, 10 / 3]}), folder)
     for name in ("one", "two"):

@@ -37,10 +37,7 @@ def test_every_result_is_valid() -> None:
         ("RoughTurning-Override-v0", None, 1, ["omative", f"{BEST}-seed2"]),
         ("RoughTurning-Surface-v1", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
-        pytest.param(
-            *(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal"]),
-            marks=pytest.mark.soak,
-        ),
+        pytest.param(*(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal"]), marks=pytest.mark.soak),
     ],
 )
 def test_the_first_seeds_come_back(tmp_path: Path, env_id: str, scenario: str | None, seeds: int, policies: list[str]) -> None:

@@ -41,9 +41,4 @@ def test_policies_over_the_splits_that_they_were_not_tuned_for(make_result: Make
         "oracle": ["rough_turning", second],
     }
     lines = {line.split()[0]: line.split()[1:] for line in render_across(table).splitlines()[3:]}
-    assert lines == {
-        "greedy": ["5.00", "2.00", "NO"],
-        "ppo": ["4.00", "1.00"],
-        "tuned": ["3.00"],
-        "oracle": ["1.00", "0.50"],
-    }
+    assert lines == {"greedy": ["5.00", "2.00", "NO"], "ppo": ["4.00", "1.00"], "tuned": ["3.00"], "oracle": ["1.00", "0.50"]}

@@ -35,13 +35,11 @@ class Remembering(Actor):
 
 
 def memoryless(seed: int = 0) -> Feedforward:
-    """Two layers."""
     torch.manual_seed(seed)
     return Feedforward(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, 2)).eval()
 
 
 def remembering(seed: int = 0) -> Remembering:
-    """An agent with a memory."""
     torch.manual_seed(seed)
     return Remembering().eval()
 
@@ -53,7 +51,6 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
 
 @functools.cache
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
-    """Return the content of an agent's file."""
     actor = remembering(seed) if memory else memoryless(seed)
     weights = {name: array.numpy() for name, array in actor.state_dict().items()}
     first, last = ("cell", "head") if memory else ("layers.0", "layers.2")
@@ -70,7 +67,6 @@ def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> byte
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
-    """An agent's file in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{algorithm}-seed{seed}.onnx"
     path.write_bytes(content(memory, seed, algorithm))
@@ -133,30 +129,27 @@ def of_load(body: str, **weights: NDArray[np.generic]) -> bytes:
     return of_nodes(list(parsed.node), given | weights)
 
 
-def plain() -> bytes:
-    """A tenth of the first two observations."""
-    return of_load("change = Identity(first)")
+AXES, ONES, WIDE = np.array([1]), np.ones(1, np.float32), np.ones((1, 1_000_000), np.float32)
+LOADS: dict[str, tuple[str, dict[str, NDArray[np.generic]]]] = {
+    "plain": ("change = Identity(first)", {}),
+    "unbounded": ("change = Mul(first, big)", {"big": 9.9 * ONES}),  # beyond 1 if observations are
+    "sociable": ("mean = ReduceMean(first, axes) change = Sub(first, mean)", {"axes": np.array([0])}),  # acts by the others
+    "counting": (  # acts by an environment's index
+        "nothing = Mul(first, zero) ones = Add(nothing, one) place = CumSum(ones, across) change = Softsign(place)",
+        {"across": np.array(0), "zero": 0.0 * ONES, "one": ONES},
+    ),
+    "few": ("change = ReduceMax(first, axes)", {"axes": np.array([0])}),  # acts once for all environments
+    "swelling": (  # asks for four megabytes per environment, several times at once
+        "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) none = Sub(swollen0, swollen1) "
+        "column = ReduceMax(none, axes) change = Add(first, column)",
+        {"axes": AXES, "wide0": WIDE, "wide1": 2.0 * WIDE},
+    ),
+}
 
 
-def unbounded() -> bytes:
-    """Write the agent ``plain`` with actions beyond 1 if observations are beyond 1."""
-    return of_load("change = Mul(first, big)", big=np.array([9.9], np.float32))
-
-
-def sociable() -> bytes:
-    """Acts in an environment by the others."""
-    return of_load("mean = ReduceMean(first, axes) change = Sub(first, mean)", axes=np.array([0]))
-
-
-def counting() -> bytes:
-    """Acts in an environment by its index."""
-    body = "nothing = Mul(first, zero) ones = Add(nothing, one) place = CumSum(ones, across) change = Softsign(place)"
-    return of_load(body, across=np.array(0), zero=np.zeros(1, np.float32), one=np.ones(1, np.float32))
-
-
-def few() -> bytes:
-    """Acts once for all environments."""
-    return of_load("change = ReduceMax(first, axes)", axes=np.array([0]))
+def named(name: str) -> bytes:
+    """One of ``LOADS``, or ``toiling``."""
+    return toiling() if name == "toiling" else of_load(LOADS[name][0], **LOADS[name][1])
 
 
 def toiling(products: int = 60, size: int = 900) -> bytes:
@@ -166,13 +159,5 @@ def toiling(products: int = 60, size: int = 900) -> bytes:
     body += (
         f" most = ReduceMax <keepdims = 0> (product{products}, inner) column = Unsqueeze(most, axes) change = Add(first, column)"
     )
-    axes = {"axes": np.array([1]), "last": np.array([2]), "inner": np.array([1, 2])}
-    return of_load(body, zero=np.zeros(1, np.float32), matrix=np.zeros((size, size), np.float32), **axes)
-
-
-def swelling() -> bytes:
-    """Asks for four megabytes per environment, several times at once."""
-    body = "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) none = Sub(swollen0, swollen1) "
-    body += "column = ReduceMax(none, axes) change = Add(first, column)"
-    wide = np.zeros((1, 1_000_000), np.float32)
-    return of_load(body, axes=np.array([1]), wide0=wide, wide1=wide + 1.0)
+    axes = {"axes": AXES, "last": np.array([2]), "inner": np.array([1, 2])}
+    return of_load(body, zero=0.0 * ONES, matrix=np.zeros((size, size), np.float32), **axes)

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from stable_baselines3.common.callbacks import BaseCallback
+
 from train import analytic_gradient, lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
 from train.run import Run
 from train.training import Algorithm
@@ -27,9 +29,21 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 }
 
 
+class Interruption(BaseCallback):
+    """Interrupts a training after some steps."""
+
+    def __init__(self, steps: int) -> None:
+        super().__init__()
+        self._steps = steps
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps > self._steps:
+            raise KeyboardInterrupt
+        return True
+
+
 def small_run(
     algorithm: Algorithm, runs: Path, scenario: Scenario | Family = SCENARIO, env_id: str = "RoughTurning-v0", **changes: Any
 ) -> Run:
-    """A short training of seed 3."""
     parameters = PARAMETERS[algorithm.name] | changes
     return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command", parameters)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from train.analytic_actor import DistanceTracker, TargetCommands
+from train.analytic_actor import TargetCommands
+from train.terms import DistanceTracker
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.action import towards
 
@@ -13,9 +14,7 @@ def positions(scenario: Scenario, speed: np.ndarray, feed: np.ndarray) -> torch.
     """Positions -1..1 in the machine's ranges."""
     machine = scenario.machine
     ranges = ((speed, machine.cutting_speed_min, machine.cutting_speed_max), (feed, machine.feed_min, machine.feed_max))
-    return torch.tensor(
-        np.stack([2 * np.log(v / low) / np.log(high / low) - 1 for v, low, high in ranges], 1), dtype=torch.float32
-    )
+    return torch.tensor(np.stack([2 * np.log(v / low) / np.log(high / low) - 1 for v, low, high in ranges], 1)).float()
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "shift", "override"])
@@ -60,7 +59,7 @@ def test_the_tracker_knows_where_the_tool_is(preset: str) -> None:
     scenario = Scenario.load(preset)
     pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
     env = RoughTurningVectorEnv(4, scenario)
-    tracker, state = DistanceTracker(scenario, TargetCommands(scenario)), torch.zeros(4, DistanceTracker.STATES)
+    tracker, state = DistanceTracker(scenario), torch.zeros(4, DistanceTracker.STATES)
     random = np.random.default_rng(0)
     size = env.single_action_space.shape[0]  # type: ignore[index]
     observations, infos = env.reset(seed=0)

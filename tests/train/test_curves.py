@@ -14,7 +14,6 @@ from turning_env import Scenario
 def a_run(
     runs: Path, seed: int, rows: list[dict[str, float]], algorithm: str = "ppo", preset: str = "", steps: int = 2048
 ) -> Path:
-    """Return the folder of a training with this learning curve."""
     run = small_run(ALGORITHMS[algorithm], runs, *([Scenario.load(preset)] if preset else []), steps=steps)
     run = replace(run, seed=seed, folder=runs / f"{algorithm}-seed{seed}")
     run.begin()
@@ -26,7 +25,6 @@ def a_run(
 
 
 def line(slope: float, start: float = 0.0, end: float = 100.0) -> list[dict[str, float]]:
-    """A return proportional to the steps."""
     return [{"steps": x, "wall_time": x / 10.0, "mean_return": slope * x} for x in (start, end)]
 
 

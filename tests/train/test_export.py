@@ -32,19 +32,16 @@ OBSERVATIONS = np.random.default_rng(1).uniform(-1, 3, (10, 5, 11)).astype(np.fl
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> str:
-    """The path of a scenario of one's own."""
     SCENARIO.save(tmp_path / "short.toml")
     return str(tmp_path / "short.toml")
 
 
 def exported(out: Path, *arguments: object) -> AgentFile:
-    """Export one agent and return its file."""
     assert export.main([*map(str, arguments), "--out", str(out)]) == 0
     return agent_file.read(out)
 
 
 def refusal(capsys: pytest.CaptureFixture[str], out: Path, *arguments: object) -> str:
-    """Return why nothing is exported."""
     assert export.main([*map(str, arguments), "--out", str(out)]) == 2
     assert not out.exists()
     return capsys.readouterr().err
@@ -93,7 +90,7 @@ def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
     recurrent = Recurrent().double()
     export.export_torch(recurrent, tmp_path / "ppo.onnx", scenario=SCENARIO, trained_steps=7)
     file = agent_file.read(tmp_path / "ppo.onnx")
-    assert (file.label, file.memory_size, file.metadata.trained_steps) == ("my_ppo-seed0", 6, 7)  # ppo is taken
+    assert (file.metadata.label, file.memory_size, file.metadata.trained_steps) == ("my_ppo-seed0", 6, 7)  # ppo is taken
     memory = torch.zeros(5, 6, dtype=torch.float64)
     for observations, found in zip(OBSERVATIONS, actions(file), strict=True):
         expected, memory = recurrent(torch.from_numpy(observations).double(), memory)
@@ -127,7 +124,6 @@ def test_models_of_other_observations_and_other_files_are_refused(tmp_path: Path
 
 
 def network(path: Path, *nodes: onnx.NodeProto, opset: int = 20, memory: bool = False, entries: int = 11) -> Path:
-    """Write a network of nodes from x (and m) to y (and n)."""
     value = helper.make_tensor_value_info
     inputs, outputs = [value("x", 1, [1, entries])], [value("y", 1, None)]
     if memory:
@@ -158,9 +154,7 @@ def test_all_operator_sets_that_can_be_run_are_accepted(opset: int, tmp_path: Pa
 def test_what_an_onnx_file_lacks_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "mine.onnx", tmp_path / "out"
     network(path, *SLICE)
-    assert "'x' has shape [1, 11], but must have (number of environments, 12)" in refusal(
-        capsys, out, path, "--scenario", "surface"
-    )
+    assert "must have (number of environments, 12)" in refusal(capsys, out, path, "--scenario", "surface")
     network(path, *SLICE, helper.make_node("Identity", ["y"], ["n"]))
     model = onnx.load(path)
     model.graph.output.append(helper.make_tensor_value_info("n", 1, None))
@@ -193,8 +187,7 @@ def finished(algorithm: Algorithm, runs: Path, **changes: object) -> Run:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "changes"),
-    [("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})],
+    ("name", "changes"), [("ppo", {"position": True, "frames": 3}), ("sac", {}), ("recurrent_ppo", {}), ("analytic_gradient", {})]
 )
 def test_runs_of_every_network_can_be_exported(
     name: str, changes: dict[str, object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -237,7 +230,7 @@ def test_runs_that_cannot_be_exported_are_refused(tmp_path: Path, capsys: pytest
 
 def test_a_folder_stands_for_its_only_file(tmp_path: Path) -> None:
     onnx_agents.write(tmp_path)
-    assert agent_file.read(tmp_path).label == "ppo-seed0"
+    assert agent_file.read(tmp_path).metadata.label == "ppo-seed0"
     onnx_agents.write(tmp_path, 1)
     with pytest.raises(ValueError, match=r"is a folder with 2 \.onnx files"):
         onnx_policy.load(tmp_path)

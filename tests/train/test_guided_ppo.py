@@ -3,9 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stable_baselines3.common.callbacks import BaseCallback
 
 from baselines.guided import HOLD
+from tests.train.small import Interruption
 from train import export, guided_ppo
 from train.agents import onnx_policy
 from train.agents.agent_file import informed
@@ -17,21 +17,12 @@ FAMILY = Family.load("unmodelled")
 SMALL = {"steps": 192, "num_envs": 4, "rollout": 16, "batch_size": 32, "epochs": 2, "guide": True}
 
 
-class Interruption(BaseCallback):
-    """Interrupts a training after some steps."""
-
-    def _on_step(self) -> bool:
-        if self.num_timesteps > 100:
-            raise KeyboardInterrupt
-        return True
-
-
 def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_path: Path) -> None:
     algorithm = guided_ppo.ALGORITHM
     whole, cut = (Run.plan("guided_ppo", FAMILY_ID, FAMILY, 1, tmp_path / name, "a command", SMALL) for name in ("whole", "cut"))
     train(whole, algorithm, checkpoint_every=64)
     with pytest.raises(KeyboardInterrupt):
-        train(cut, replace(algorithm, callbacks=lambda run: [Interruption()]), checkpoint_every=64)
+        train(cut, replace(algorithm, callbacks=lambda run: [Interruption(100)]), checkpoint_every=64)
     train(cut, algorithm, checkpoint_every=64)
     files = [export.export(run.folder, tmp_path / "agents" / name) for name, run in (("whole", whole), ("cut", cut))]
     models = [FAMILY.job(seed).scenario for seed in range(2)]

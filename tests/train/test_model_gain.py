@@ -17,6 +17,7 @@ from turning_env.vector_env import info_at_end_of_step
 
 BASE, SHIFT, OVERRIDE = (Scenario.load(preset) for preset in ("rough_turning", "shift", "override"))
 JOB = BASE.model_copy(update={"workpiece": BASE.workpiece.model_copy(update={"bars": 1})})
+TANGLING = Scenario.load({"swarf": {"tangle_rate": 0.5, "tangle_time": 2.0, "chip_feed_min": 0.2, "chip_feed_max": 0.4}})
 PATH, DEPTH, HARDNESS, USED_LIFE, FORCE = range(len(FIELDS))
 
 
@@ -30,7 +31,7 @@ def truth_of(first: list[float], last: list[float], changed: bool = False, faile
     return Truth(BASE, before, after, np.array([[changed]]), np.array([[failed]]))
 
 
-PRICES = {each.digest(): worth(each, each.economics.overload_price) for each in (BASE, SHIFT, OVERRIDE)}
+PRICES = {each.digest(): worth(each, each.economics.overload_price) for each in (BASE, SHIFT, OVERRIDE, TANGLING)}
 PRICES[JOB.digest()] = flat_prices(JOB)
 
 
@@ -59,7 +60,10 @@ def expected_gain(scenario: Scenario, speed: float, feed: float, depth: float, h
         lost = 60.0 * economics.breakage_downtime + edge * (1.0 - used)
         life = life_price * per_minute / 60.0
         metal = v * f * depth / economics.reference_removal_rate - overload - time_price
-        return time_price + overload + life, risk * lost, life if life_price > 0.0 else metal
+        # Outside the chip breaker's window, the cost grows to that of tangled chips.
+        outside = max(math.log(scenario.feed_range[0] / f), math.log(f / scenario.feed_range[1]), 0.0) / WINDOW_EDGE
+        tangle = scenario.swarf.tangle_rate * scenario.swarf.tangle_time * time_price * outside
+        return time_price + overload + life + tangle, risk * lost, life if life_price > 0.0 else metal
 
     rate, breakage, earned = cost(speed, feed)
     interval, h = scenario.control.interval, 1e-4
@@ -86,11 +90,12 @@ def expected_gain(scenario: Scenario, speed: float, feed: float, depth: float, h
         pytest.param(SHIFT, 160.0, 0.5, 3.0, 1.2, 0.97, id="shift, life has none"),
         pytest.param(OVERRIDE, 120.0, 0.5, 3.0, 1.3, 0.4, id="override, short steps"),
         pytest.param(JOB, 120.0, 0.3, 3.0, 1.0, 0.6, id="a job pays the flat price"),
+        pytest.param(TANGLING, 120.0, 0.3, 3.0, 1.0, 0.3, id="chips break"),
+        pytest.param(TANGLING, 120.0, 0.2 * math.exp(-WINDOW_EDGE / 2), 3.0, 1.0, 0.3, id="chips tangle at half the cost"),
+        pytest.param(TANGLING, 120.0, 0.4 * math.exp(WINDOW_EDGE), 3.0, 1.0, 0.3, id="chips tangle"),
     ],
 )
-def test_the_gain_is_its_formula(
-    scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float
-) -> None:
+def test_gain_is_its_formula(scenario: Scenario, speed: float, feed: float, depth: float, hardness: float, used: float) -> None:
     gain = gain_of(scenario)
     commands = torch.tensor([[[math.log(speed)]], [[math.log(feed)]]], requires_grad=True)
     ends = state(100.0, depth, hardness, used)
@@ -145,27 +150,3 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     life = (gain(*given)[0] - dear(*given)[0]).sum(0).numpy() / 1000.0
     used = (after[:, USED_LIFE] - before[:, USED_LIFE]).sum(0)
     assert 0.7 < np.median(life / used) < 1.4  # inserts wear more or less than the nominal one
-
-
-def test_outside_the_chip_breakers_window_the_cost_grows_to_that_of_tangled_chips() -> None:
-    swarf = {"tangle_rate": 0.5, "tangle_time": 2.0, "chip_feed_min": 0.2, "chip_feed_max": 0.4}
-    tangling = Scenario.load({"swarf": swarf})
-    assert tangling.feed_range == (0.2, 0.4)
-    assert BASE.feed_range == (0.06, 0.6)
-    prices = PRICES[BASE.digest()]
-    models = ModelGain(BASE, prices), ModelGain(tangling, prices)
-    truth = truth_of(state(100.0), state(110.0))
-
-    def gains(feed: float) -> list[float]:
-        log_speed, log_feed = (torch.tensor([[math.log(each)]], dtype=torch.float32) for each in (120.0, feed))
-        return [float(model(log_speed, log_feed, log_speed.exp(), log_feed.exp(), truth)[0]) for model in models]
-
-    for feed, share in (
-        (0.2, 0.0),
-        (0.3, 0.0),
-        (0.4, 0.0),
-        (0.4 * math.exp(WINDOW_EDGE), 1.0),
-        (0.2 * math.exp(-WINDOW_EDGE / 2), 0.5),
-    ):
-        without, with_window = gains(feed)
-        assert without - with_window == pytest.approx(share * 0.5 * 2.0 * prices.time, abs=2e-3), feed

@@ -87,8 +87,7 @@ def test_a_law_does_what_the_controller_does(rule: str) -> None:
 
 
 @given(
-    st.sampled_from(tuple(nc_programs.LAWS)),
-    st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 500)), min_size=1, max_size=20),
+    st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 500)), min_size=1, max_size=20)
 )
 def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float, float]]) -> None:
     law, machine = law_program(rule).law, OVERRIDES.machine

@@ -115,7 +115,6 @@ REFUSED: dict[str, tuple[Change, str]] = {
 
 
 def here(path: Path) -> None:
-    """Check and try a file in this process."""
     file = agent_file.read(path)
     tried(file.content, 11, 2, file.memory_size)
 
@@ -140,9 +139,7 @@ def test_other_files_are_refused_with_the_reason(load: Callable[[Path], object],
 def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> None:
     agent = onnx_policy.load(onnx_agents.write(tmp_path))
     agent_file.check_fits(agent, Scenario.load("forging"))
-    with pytest.raises(
-        ValueError, match=r"trained on scenario 'short' with control.action = 'incremental', cannot play 'override'"
-    ):
+    with pytest.raises(ValueError, match=r"trained on scenario 'short' with control.action = 'incremental', cannot play"):
         agent_file.check_fits(agent, Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent_file.check_fits(agent, Scenario.load("shift"))

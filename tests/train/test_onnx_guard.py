@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +61,7 @@ def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: py
 @linux
 def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SECRET", "private seeds")
-    policy = guarded(onnx_agents.plain())
+    policy = guarded(onnx_agents.named("plain"))
     place = Path(f"/proc/{policy.sandbox.process.pid}")
     assert b"SECRET" not in (place / "environ").read_bytes()
     assert sorted(int(path.name) for path in (place / "fd").iterdir()) == [0, 1, 2]
@@ -98,37 +97,37 @@ def test_what_is_limited_can_open_and_ask_for_nothing(tmp_path: Path) -> None:
 @linux
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("content", "num_envs", "limits", "message"),
+    ("name", "num_envs", "limits", "message"),
     [
-        (onnx_agents.toiling, 2, Limits(answer=1.0), "gives no answer within 1 s"),
-        (onnx_agents.toiling, 2, Limits(computing=1), "needs more than the 1 s of processor time that it may have"),
-        (onnx_agents.swelling, 100, Limits(memory=400), r"lloc|memory"),
+        ("toiling", 2, Limits(answer=1.0), "gives no answer within 1 s"),
+        ("toiling", 2, Limits(computing=1), "needs more than the 1 s of processor time that it may have"),
+        ("swelling", 100, Limits(memory=400), r"lloc|memory"),
     ],
     ids=["time", "processor time", "memory"],
 )
-def test_limits_are_enforced(content: Callable[[], bytes], num_envs: int, limits: Limits, message: str) -> None:
+def test_limits_are_enforced(name: str, num_envs: int, limits: Limits, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        guarded(content(), num_envs, limits).act(observations(1, num_envs)[0])
+        guarded(onnx_agents.named(name), num_envs, limits).act(observations(1, num_envs)[0])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("name", "message"),
     [
-        (onnx_agents.sociable, "an environment's actions or memory depend on the other environments"),
-        (onnx_agents.counting, "an environment's actions or memory depend on the other environments"),
-        (onnx_agents.few, "gives 1 actions and . memories for . environments"),
+        ("sociable", "an environment's actions or memory depend on the other environments"),
+        ("counting", "an environment's actions or memory depend on the other environments"),
+        ("few", "gives 1 actions and . memories for . environments"),
     ],
 )
-def test_what_looks_at_other_environments_is_refused(content: Callable[[], bytes], message: str, tmp_path: Path) -> None:
-    (tmp_path / "agent.onnx").write_bytes(content())
+def test_what_looks_at_other_environments_is_refused(name: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "agent.onnx").write_bytes(onnx_agents.named(name))
     with pytest.raises(ValueError, match=message):
         onnx_policy.load(tmp_path / "agent.onnx")
 
 
 @pytest.mark.slow
 def test_actions_out_of_bounds_are_refused_while_playing() -> None:
-    policy, given = guarded(onnx_agents.unbounded(), 2), observations(1, 2)[0]
+    policy, given = guarded(onnx_agents.named("unbounded"), 2), observations(1, 2)[0]
     policy.act(given)
     with pytest.raises(ValueError, match=r"acts \[\[.*2.97.*\]\], which are not 2 actions of 2 numbers in -1 to 1"):
         policy.act(3.0 * np.ones_like(given))
@@ -150,7 +149,7 @@ def test_actions_that_differ_for_the_same_observations_are_refused() -> None:
 
 @pytest.mark.slow
 def test_wrong_observations_do_not_even_travel() -> None:
-    policy = guarded(onnx_agents.plain())
+    policy = guarded(onnx_agents.named("plain"))
     for wrong in (np.zeros((NUM_ENVS, 12), np.float32), np.zeros((NUM_ENVS, 11)), np.zeros((1, 11), np.float32)):
         with pytest.raises(ValueError, match=r"must be float32 of shape \(6, 11\)"):
             policy.act(wrong)  # type: ignore[arg-type]
@@ -161,7 +160,7 @@ def test_wrong_observations_do_not_even_travel() -> None:
 
 @pytest.mark.slow
 def test_a_process_that_dies_is_an_error_and_one_that_is_not_needed_ends() -> None:
-    policy, other = guarded(onnx_agents.plain()), guarded(onnx_agents.plain())
+    policy, other = guarded(onnx_agents.named("plain")), guarded(onnx_agents.named("plain"))
     os.kill(policy.sandbox.process.pid, signal.SIGKILL)
     with pytest.raises(ValueError, match=r"its process has ended \(status -9\)"):
         policy.act(observations(1)[0])

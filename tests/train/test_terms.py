@@ -55,10 +55,12 @@ def test_an_analytic_gradient_agent_has_its_own_terms(tmp_path: Path) -> None:
     [
         (ppo.ALGORITHM, {"life_price": "margin"}, "must be one of flat, marginal, end"),
         (ppo.ALGORITHM, {"frames": 0}, "frames is 0, but must be 1 to 100"),
+        (ppo.ALGORITHM, {"activation": "gelu"}, r"KeyError\('gelu'\)"),
+        (ppo.ALGORITHM, {"num_envs": 0}, "num_envs is 0"),
         (analytic_gradient.ALGORITHM, {"life_price": "end"}, "must be marginal or flat"),
     ],
 )
-def test_terms_that_do_not_exist_are_refused(
+def test_hyperparameters_that_no_model_can_have_are_named(
     algorithm: Algorithm, parameters: dict[str, object], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ValueError, match=message):

@@ -22,11 +22,7 @@ def changed(scenario: Scenario, **sections: dict[str, Any]) -> Scenario:
     return Scenario.model_validate(values)
 
 
-SHORT_LIVED = changed(
-    Scenario(),
-    tool={"wear_criterion": 0.11, "edge_strength": 1000.0},
-    control={"time_limit": 0.5},
-)
+SHORT_LIVED = changed(Scenario(), tool={"wear_criterion": 0.11, "edge_strength": 1000.0}, control={"time_limit": 0.5})
 """Episodes of at most 30 intervals, which end in all three ways: worn, broken and out of time."""
 
 FAILING: dict[str, dict[str, Any]] = {

@@ -76,12 +76,7 @@ def test_seeds_may_be_given_one_by_one():
 
 @pytest.mark.parametrize(
     ("mask", "error"),
-    [
-        ([1, 0, 1], ValueError),
-        ([True, False], ValueError),
-        ("all", ValueError),
-        ([True, False, True], ResetNeeded),
-    ],
+    [([1, 0, 1], ValueError), ([True, False], ValueError), ("all", ValueError), ([True, False, True], ResetNeeded)],
 )
 def test_bad_reset_masks_are_refused(mask, error):
     env = RoughTurningVectorEnv(3)

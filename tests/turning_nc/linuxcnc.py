@@ -1,5 +1,6 @@
 """LinuxCNC's interpreter ``rs274`` as the reference for moves and times: programs in its dialect, and what it makes of them."""
 
+import itertools
 import math
 import re
 import shutil
@@ -57,15 +58,10 @@ def translated(text: str, dialect: str) -> str:
     body = "\n".join(lines)
     if dialect == "fanuc":
         body = re.sub(r"(?m)^O\d+.*$", "", body, count=1)
-    if limit:
-        numbers = iter(limit)
-        current = next(numbers)
-        body = re.sub(r"G96 S", lambda found: f"G96 D{current if len(set(limit)) == 1 else _next(limit, body, found)} S", body)
+    if limit:  # those in force, in their order; the last stays
+        following = itertools.chain(limit, itertools.repeat(limit[-1]))
+        body = re.sub(r"G96 S", lambda found: f"G96 D{next(following)} S", body)
     return f"O1\nG7 G90 G18 G21 G95\n{body}\n"
-
-
-def _next(limits: list[str], body: str, found: re.Match[str]) -> str:
-    return limits[min(body[: found.start()].count("G96 S"), len(limits) - 1)]
 
 
 def canonical(program: str, folder: Path) -> list[Canonical]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import shlex
 from pathlib import Path
@@ -15,16 +16,18 @@ from baselines.models.process import Process
 from baselines.two_limits import set_point
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
+from tests.turning_nc.test_moves import BAR, moves
 from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, extrapolated
-from turning_nc.moves import Moves, run
+from turning_nc.moves import run
 from turning_nc.report import implausible, summary
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
 from turning_nc.words import NcError, divide, read_program_file
+from turning_shop import WorkshopError
 from turning_shop.prediction import Evidence, LawEvidence
 
 WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
@@ -89,10 +92,6 @@ def test_finishing_keeps_its_feed_and_an_overload_is_removed() -> None:
 # Stock and tools.
 
 
-def moves(text: str) -> Moves:
-    return run(divide(text))
-
-
 def test_a_turned_cylinder_has_its_volume_and_depth() -> None:
     made = moves("G99 G97 S500 M3\nG0 X46. Z2.\nG1 Z-30. F0.2\nG0 X60.\nZ50.")
     removal = remove(made, read_stock("bar:50x60"))
@@ -110,7 +109,7 @@ STOCKS = {
     "bar:5.0.1x50": "no bar",
     "cube:5": "no bar",
 }
-POINTS = {"1,2,3\n4,5,6": "line 1|line 2", "0,0\n1,-5": "line 2", "0,10\n": "no area", "a\nb": "line 2"}
+POINTS = {"1,2,3\n4,5,6": "line 1|line 2", "0,0\n1,-5": "line 2", "0,10\n": "no area", "a\nb": "line 2", "1e9,5": "line 1"}
 
 
 def test_a_stock_is_a_bar_or_a_list_of_points(tmp_path: Path) -> None:
@@ -134,13 +133,19 @@ def test_a_stock_is_a_drawing(tmp_path: Path) -> None:
     drawing.units = 4
     drawing.saveas(path)
     assert volume(read_stock(str(path))) == pytest.approx(math.pi * 20.0**2 * 61.0, rel=1e-6)
-    space.add_text("TEXT")
-    drawing.saveas(path)
-    with pytest.raises(NcError, match="TEXT"):
-        read_stock(str(path))
+    wrong = [space.add_text("TEXT"), space.add_line((0, math.nan), (1, 0)), space.add_circle((0, 0), 1e9)]
+    wrong += [space.add_arc((0, 0), 5, math.nan, 90), space.add_lwpolyline([(0, 0, 0, 0, math.nan), (1, 1)])]
+    for entity in wrong:
+        drawing.saveas(path)
+        with pytest.raises(NcError, match="TEXT" if entity is wrong[0] else "not finite or above"):
+            read_stock(str(path))
+        space.delete_entity(entity)
     path.write_text("nothing")
     with pytest.raises(NcError, match="no DXF"):
         read_stock(str(path))
+    os.mkfifo(tmp_path / "pipe.dxf")
+    with pytest.raises(WorkshopError, match="a pipe"):
+        read_stock(str(tmp_path / "pipe.dxf"))
 
 
 def test_unknown_tools_are_refused_and_a_rapid_move_through_metal_is_named() -> None:
@@ -246,7 +251,6 @@ def test_without_words_to_change_nothing_is_adapted(tmp_path: Path) -> None:
 
 # Plausibility.
 
-BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
 NECK = "G71 U1. R0.5\nG71 P1 Q2 U0.3 W0. F0.2\nN1 G0 X20.\nG1 Z-14.\nX14. Z-18.\nZ-30.\nN2 X34.\nG0 X100."
 AWAY = "G0 Z-60.\nG1 X50. F0.1\nZ-10. F0.25\nG0 X62."
 IMPLAUSIBLE: list[tuple[str, str, dict[str, str], set[str]]] = [
@@ -340,16 +344,6 @@ def test_cuts_beyond_the_measured_settings_are_noted() -> None:
     played = play(situation, change_wear(situation))
     assert extrapolated(situation, played) == ["* line 5: cutting speed outside the measured 180 to 300 m/min"]
     assert all(line.endswith(" *") for line in summary(situation, played).lines() if line.startswith("T0101"))
-
-
-def test_files_that_are_no_text_end(tmp_path: Path) -> None:
-    (tmp_path / "a.nc").write_bytes(b"G1\n" * 4_000_000)
-    with pytest.raises(NcError, match="more than"):
-        read_program_file(tmp_path / "a.nc")
-    nan = tmp_path / "a.dxf"
-    nan.write_text("0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nnan\n20\n1\n11\n2\n21\n3\n0\nENDSEC\n0\nEOF\n")
-    with pytest.raises(NcError, match="LINE"):
-        read_stock(str(nan))
 
 
 @pytest.mark.parametrize(("diameter", "passes"), [(97.6, 2), (100.8, 3), (103.0, 3), (106.0, 4)])

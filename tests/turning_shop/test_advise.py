@@ -168,3 +168,4 @@ def test_the_command_prints_json_and_keeps_files(capsys: pytest.CaptureFixture[s
     (tmp_path / "page.html").write_text("mine")
     assert main(["advise", "rough_turning", "--seeds", "0", "--page", str(tmp_path / "page.html")]) == 2
     assert (tmp_path / "page.html").read_text() == "mine"
+    assert main(["advise", "rough_turning", "--seeds", "0", "--page", str(tmp_path), "--overwrite"]) == 2

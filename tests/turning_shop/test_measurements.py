@@ -1,5 +1,7 @@
 """Reading measurements: every mistake is named. Damaged files: ``tests/soundness/test_readers.py``."""
 
+import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -98,14 +100,8 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
-        *(
-            ("SFM", "cutting_speed"),
-            ("IPR", "feed"),
-            ("HP", "power"),
-            ("Passivkraft", "back_force"),
-            ("thrust force", "thrust_force"),
-        ),
-        *(("Insert", "edge"), ("Härte [%]", "hardness"), ("note, of mine", None), ("", None)),
+        *(("SFM", "cutting_speed"), ("IPR", "feed"), ("HP", "power"), ("thrust force", "thrust_force"), ("note, of mine", None)),
+        *(("Passivkraft", "back_force"), ("Insert", "edge"), ("Härte [%]", "hardness"), ("", None)),
     ],
 )
 def test_headers_name_columns(header: str, column: str | None) -> None:
@@ -155,8 +151,12 @@ def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path)
 
 
 def test_endless_and_huge_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(WorkshopError, match="is larger than 50 MB"):
-        read_measurements(Path("/dev/zero"))
+    os.mkfifo(tmp_path / "pipe.csv")
+    for endless in (Path("/dev/zero"), tmp_path / "pipe.csv"):
+        with pytest.raises(WorkshopError, match="is a device, a pipe"):
+            read_measurements(endless)
+    with pytest.raises(WorkshopError, match="50 MB at most"):
+        read_measurements(reading(tmp_path, b"0" * 50_000_001))
     with pytest.raises(WorkshopError, match="more than 100000 rows"):
         read_measurements(reading(tmp_path, HEADER + "100,0.3,2.5,0.2,4.5\n" * 100_001))
     book = pytest.importorskip("openpyxl").Workbook(write_only=True)
@@ -165,6 +165,10 @@ def test_endless_and_huge_files_are_refused(tmp_path: Path) -> None:
         sheet.append([1])
     book.save(tmp_path / "cuts.xlsx")
     with pytest.raises(WorkshopError, match="more than 100000 rows"):
+        read_measurements(tmp_path / "cuts.xlsx")
+    with zipfile.ZipFile(tmp_path / "cuts.xlsx", "a", zipfile.ZIP_DEFLATED) as parts:
+        parts.writestr("more.xml", "<c/>" * 3_000_000)
+    with pytest.raises(WorkshopError, match="million tags"):
         read_measurements(tmp_path / "cuts.xlsx")
 
 

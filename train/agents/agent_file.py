@@ -31,8 +31,7 @@ from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
 
-NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
-"""Pattern of agents' names, which also name files."""
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"  # pattern of agents' names, which also name files
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 ONNX_SUFFIX = ".onnx"
 _STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -59,22 +58,16 @@ class Metadata(BaseModel):
 
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
-    name: str = Field(pattern=NAME)
-    """Name on leaderboards; a file without it has its algorithm's."""
-    seed: int = Field(ge=0)
-    """Training seed."""
+    name: str = Field(pattern=NAME)  # name on leaderboards; a file without it has its algorithm's
+    seed: int = Field(ge=0)  # training seed
     env_id: str
-    scenario: PortableScenario
-    """Scenario of the training: its name and the values that differ from the defaults."""
+    scenario: PortableScenario  # scenario of the training: its name and the values that differ from the defaults
     observation_space: Space
     action_space: Space
-    parameters: dict[str, JsonValue]
-    """The algorithm's hyperparameters."""
+    parameters: dict[str, JsonValue]  # the algorithm's hyperparameters
     trained_steps: int = Field(ge=0)
-    command: str
-    """Command line of the training."""
-    versions: dict[str, str]
-    """Versions of the packages that made the file."""
+    command: str  # command line of the training
+    versions: dict[str, str]  # versions of the packages that made the file
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -100,11 +93,7 @@ class Metadata(BaseModel):
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
-        """Read the metadata from an ONNX model's properties.
-
-        Raises:
-            ValueError: something is missing, unknown or not allowed; names it.
-        """
+        """Read the metadata from an ONNX model's properties. Raise ValueError if something is missing, unknown or not allowed."""
         values: dict[str, Any] = {"name": properties.get("algorithm", "")}
         for name, text in properties.items():
             field = cls.model_fields.get(name)
@@ -116,18 +105,12 @@ class Metadata(BaseModel):
             return cls.model_validate(values)
         except ValidationError as error:
             details = error.errors()[0]
-            field_name = ".".join(str(part) for part in details["loc"])
-            raise ValueError(
-                f"metadata {field_name}: {details['msg']}".replace("metadata : Value error, ", "metadata ")
-            ) from error
+            place = ".".join(str(part) for part in details["loc"])
+            raise ValueError(f"metadata {place}: {details['msg']}".replace("metadata : Value error, ", "metadata ")) from error
 
 
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
-    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief.
-
-    Raises:
-        ValueError: a family's agent does not name the entries of its nominal model.
-    """
+    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief."""
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
@@ -149,16 +132,12 @@ def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
 def informed(
     agent: PolicySpec, scenarios: Scenario | Sequence[Scenario], shown: Mapping[str, float] | None = None
 ) -> PolicyFactory:
-    """Return the function that makes an agent, with the belief or the rule that its parameters name.
+    """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
 
-    Args:
-        agent: the agent. If the nominal model of its training was wrong, the belief expects errors of the laws.
-        scenarios: scenario that it plays, or those of its environments.
-        shown: what a guide must know of one scenario beside its nominal model (``Family.shown`` of the family of its
-            training), if it is not a job of a family.
+    If the nominal model of its training was wrong, the belief expects errors of the laws. ``shown`` is what a guide must know of
+    a scenario that is no job of a family, beside its nominal model: the values of ``Family.shown`` of its training.
 
-    Raises:
-        ValueError: a value of ``shown`` is missing, or has another name.
+    Raises ValueError if a value of ``shown`` is missing, or has another name.
     """
     guides = agent.parameters.get("guide") is True
     if not guides and agent.parameters.get("belief") is not True:
@@ -206,11 +185,7 @@ def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make:
 
 
 def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
-    """Check that an agent can play a scenario, which need not be the one that it was trained on.
-
-    Raises:
-        ValueError: the scenario has other actions, or observations of other meaning; names the field.
-    """
+    """Raise ValueError if actions or observations of a scenario mean something else than where an agent was trained."""
     if "context" in agent.parameters:
         raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}")
     trained_on = agent.trained_on or scenario
@@ -237,23 +212,9 @@ class AgentFile:
         """Return the SHA-256 of the file."""
         return hashlib.sha256(self.content).hexdigest()
 
-    def policy(self, make: PolicyFactory) -> PolicySpec:
-        """Return the agent as a policy that ``make`` makes."""
-        return trained_policy(self.metadata, self.metadata.trained_steps, self.digest, make)
-
-    @property
-    def label(self) -> str:
-        """Return the agent's name and training seed: its file's name without the suffix."""
-        return self.metadata.label
-
 
 def read(path: Path) -> AgentFile:
-    """Read an agent's file of one's own; load a stranger's with ``onnx_policy.load``.
-
-    Raises:
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
-        OSError: it cannot be read.
-    """
+    """Read an agent's file of one's own or raise ValueError; load a stranger's with ``onnx_policy.load``."""
     content = read_content(path)
     try:
         return checked(content)
@@ -262,22 +223,13 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
-
-    Raises:
-        ValueError: it is a link, a pipe, a device, or a folder with no or several ONNX files.
-        OSError: it cannot be read.
-    """
+    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed; links, pipes and devices are refused."""
     if path.is_dir() and not path.is_symlink():
         found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
         if (path / "run.json").exists():
-            raise ValueError(
-                f"{path} holds a training run: python -m train.export {path} --out FOLDER makes an agent's file of it"
-            )
+            raise ValueError(f"{path} holds a training run: python -m train.export {path} --out FOLDER makes a file of it")
         if len(found) != 1:
-            raise ValueError(
-                f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give an agent's file, or a folder with one"
-            )
+            raise ValueError(f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give a file, or a folder with one")
         path = found[0]
     # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)

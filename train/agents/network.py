@@ -13,22 +13,17 @@ from turning_env.scoring.onnx_session import Floats, OnnxPolicy, first_line, ses
 
 MAX_BYTES = 20_000_000
 MAX_NODES = 4_000
-MAX_ENTRIES = 1_000_000
-"""Largest size of any intermediate value, per environment."""
-MAX_MEMORY = 65_536
-"""Largest size of the memory, per environment."""
-MAX_METADATA = 1_000_000
-"""Characters."""
-OPSETS = range(13, 27)
-"""Versions of ONNX's operators that the pinned ONNX Runtime runs, and that are tried in the tests."""
+MAX_ENTRIES = 1_000_000  # largest size of any intermediate value, per environment
+MAX_MEMORY = 65_536  # largest size of the memory, per environment
+MAX_METADATA = 1_000_000  # characters
+OPSETS = range(13, 27)  # versions of ONNX's operators that the pinned ONNX Runtime runs, and that are tried in the tests
 _OPERATORS = """
 Abs Add And ArgMax Cast Clip Concat Constant Conv CumSum Div Einsum Elu Equal Erf Exp Expand Flatten GRU Gather GatherElements
 Gelu Gemm Greater GreaterOrEqual HardSigmoid HardTanh Identity LSTM LayerNormalization LeakyRelu Less LessOrEqual Log LogSoftmax
 MatMul Max Min Mish Mul Neg Not Or Pow RNN Reciprocal ReduceMax ReduceMean ReduceMin ReduceSum Relu Reshape Selu Shape Sigmoid
 Sign Slice Softmax Softplus Softsign Split Sqrt Squeeze Sub Sum Swish Tanh Transpose Unsqueeze Where
 """
-OPERATORS = frozenset(_OPERATORS.split())
-"""Allowed operators: arithmetic whose output size shape inference knows beforehand."""
+OPERATORS = frozenset(_OPERATORS.split())  # allowed operators: arithmetic whose output size shape inference knows beforehand
 TOLERANCE = 1e-4
 """Largest difference of an environment's action when other environments are in the batch: sums may be taken in another order."""
 _NUM_ENVS = 8  # with which a network is tried
@@ -38,17 +33,12 @@ class Outline(NamedTuple):
     """Metadata and shapes of a file."""
 
     properties: dict[str, str]
-    inputs: dict[str, int]
-    """Entries per environment of each input."""
+    inputs: dict[str, int]  # entries per environment of each input
     outputs: dict[str, int]
 
 
 def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
-    """Return the network of a file's content, and its outline; ``check_sizes`` is still to be called.
-
-    Raises:
-        ValueError: it is no network, or not plain arithmetic on weights that it holds itself; says why.
-    """
+    """Return network and outline, or raise ValueError if it is not plain arithmetic; ``check_sizes`` is still to be called."""
     if len(content) > MAX_BYTES:
         raise ValueError(f"is larger than {MAX_BYTES} bytes")
     try:
@@ -102,11 +92,7 @@ def _entries(value: onnx.ValueInfoProto) -> int:
 
 
 def check_sizes(model: onnx.ModelProto) -> None:
-    """Check that for one environment the size of every value is known beforehand, and moderate.
-
-    Raises:
-        ValueError: it is not, or the network is invalid; says why.
-    """
+    """Raise ValueError unless the size of every value for one environment is known beforehand, and moderate."""
     single = onnx.ModelProto()
     single.CopyFrom(model)
     del single.graph.value_info[:]
@@ -126,11 +112,7 @@ def check_sizes(model: onnx.ModelProto) -> None:
 
 
 def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
-    """Return the session of a file's content after a trial on zeros and on observations of order one.
-
-    Raises:
-        ValueError: ONNX Runtime cannot run it, its outputs are not actions, or they are not reproducible.
-    """
+    """Return the session of a file's content, or raise ValueError if a trial gives no actions, or none that are reproducible."""
     session, generator = session_of(content), np.random.default_rng(0)
     sampled = generator.uniform(-1.0, 1.0, (2, _NUM_ENVS, entries)).astype(np.float32)
     for given in (np.zeros((2, 2, entries), np.float32), sampled):
@@ -141,11 +123,7 @@ def tried(content: bytes, entries: int, actions: int, memory_size: int) -> Any:
 
 
 def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.Generator) -> Floats:
-    """Act, and check that actions are reproducible and independent of the other environments in the batch.
-
-    Raises:
-        ValueError: they are not, or the observations have another shape or type.
-    """
+    """Act, and raise ValueError if actions are not reproducible, or depend on the other environments in the batch."""
     before = policy.memory
     actions = policy.act(observations)
     again, _ = policy.run(observations, before)
@@ -161,11 +139,7 @@ def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.G
 
 
 def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
-    """Check that actions have the shape and lie in -1 to 1.
-
-    Raises:
-        ValueError: they are not.
-    """
+    """Raise ValueError unless actions have the shape and lie in -1 to 1."""
     if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
         wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
         raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")

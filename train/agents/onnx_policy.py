@@ -28,7 +28,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from train.agents import agent_file
 from train.agents import sandbox_child as child
-from train.agents.agent_file import AgentFile
+from train.agents.agent_file import AgentFile, trained_policy
 from train.agents.network import MAX_BYTES, MAX_METADATA, Outline, check_actions
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 
@@ -52,14 +52,10 @@ _OUTLINE = TypeAdapter(Outline)
 class Limits:
     """Limits of a network's process."""
 
-    answer: float = 60.0
-    """Wall-clock time until an answer [s]: generous, as the machine may be busy."""
-    start: float = 120.0
-    """Wall-clock time until its process is ready [s]."""
-    computing: int = 600
-    """Total processor time of one play of all its episodes [s]."""
-    memory: int = 3072
-    """Memory [MiB], including ONNX Runtime's own."""
+    answer: float = 60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
+    start: float = 120.0  # wall-clock time until its process is ready [s]
+    computing: int = 600  # total processor time of one play of all its episodes [s]
+    memory: int = 3072  # memory [MiB], including ONNX Runtime's own
 
 
 LIMITS = Limits()
@@ -70,15 +66,9 @@ class TooSlow(ValueError):
 
 
 class Sandbox:
-    """A process that checks a file's content and plays it. It ends when this object is garbage-collected.
+    """A process that checks a file's content and plays it; ValueError says why it cannot. Its ``program`` is not trusted.
 
-    Args:
-        content: the file's content.
-        limits: limits of the process.
-        program: its program; it is not trusted.
-
-    Raises:
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
+    It ends when this object is garbage-collected.
     """
 
     def __init__(self, content: bytes, limits: Limits = LIMITS, program: str = PROGRAM) -> None:
@@ -110,22 +100,14 @@ class Sandbox:
             raise
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message.
-
-        Raises:
-            ValueError: the process is gone, or does not listen.
-        """
+        """Send a message. Raise ValueError if the process is gone, or does not listen."""
         try:
             self._connection.send(kind, content)
         except OSError as error:
             raise self._end_reason() from error
 
     def answer(self, max_bytes: int, starting: bool = False) -> bytes:
-        """Return its answer; ``starting`` allows the time of a start.
-
-        Raises:
-            ValueError: it answers with an error, with more than ``max_bytes`` or not in time, or is gone.
-        """
+        """Return its answer, or raise ValueError if it is late, too long or an error; ``starting`` allows the time of a start."""
         timeout = self._limits.start if starting else self._limits.answer
         try:
             kind, content = self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
@@ -158,11 +140,7 @@ def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> No
 
 
 class GuardedPolicy:
-    """The policy of a sandbox's agent, for ``num_envs`` environments. An earlier policy of the sandbox acts no more.
-
-    Raises:
-        ValueError: the network cannot be run within the limits.
-    """
+    """The policy of a sandbox's agent, for ``num_envs`` environments. An earlier policy of the sandbox acts no more."""
 
     def __init__(self, sandbox: Sandbox, num_envs: int) -> None:
         about = sandbox.file.metadata
@@ -179,12 +157,7 @@ class GuardedPolicy:
         self.sandbox.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
-
-        Raises:
-            ValueError: the observations have another shape or type; the answer is not actions, or not reproducible; the process
-                exceeds its limits, or is gone.
-        """
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32, both checked."""
         if observations.shape != self._observations or observations.dtype != np.float32:
             wanted = f"float32 of shape {self._observations}, got {observations.dtype} of {observations.shape}"
             raise ValueError(f"the agent cannot act on these observations: they must be {wanted}")
@@ -210,27 +183,20 @@ class _Maker:
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
-    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and plays within limits.
+    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and each play has limits.
 
-    Args:
-        path: the file.
-        limits: limits of each play.
-
-    Raises:
-        TooSlow: it gives no actions in time.
-        ValueError: it is not an agent's file, or one that is not trusted; says why.
-        OSError: it cannot be read.
-        ModuleNotFoundError: what runs such files is not installed.
+    Raise TooSlow if it gives no actions in time, and ValueError with the reason if the file is refused.
     """
     for name in ("onnx", "onnxruntime"):  # of the process that looks at the file and plays it
         if find_spec(name) is None:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
     content = agent_file.read_content(path)
     try:
-        return _checked(content).policy(_Maker(content, limits))
+        file = _checked(content)
     except ValueError as error:
         kind = TooSlow if isinstance(error, TooSlow) else ValueError
         raise kind(f"{path}: {error}") from error
+    return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(content, limits))
 
 
 @lru_cache(64)

@@ -13,10 +13,8 @@ import time
 
 import numpy as np
 
-ANSWER, ERROR = b"K", b"E"
-"""Kinds of messages of the child: an answer, or why there is none."""
-CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"
-"""Kinds of messages of the parent; ``RESET`` is not answered."""
+ANSWER, ERROR = b"K", b"E"  # kinds of messages of the child: an answer, or why there is none
+CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"  # kinds of messages of the parent; RESET is not answered
 
 _HEAD = struct.Struct("<cQ")  # kind and length
 _MAX_REQUEST = 2**31  # [bytes]
@@ -27,9 +25,7 @@ _CHECK_EVERY = 32  # ... and then one of so many at random, which no network can
 class Connection:
     """One end of a connection for messages: a kind and bytes. Neither side trusts the other to be quick.
 
-    Args:
-        connection: a connected socket.
-        send_timeout: time until a message must be taken [s]; None: no limit.
+    A message must be taken within ``send_timeout`` [s]; None: no limit.
     """
 
     def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
@@ -37,22 +33,14 @@ class Connection:
         self.close = connection.close
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message.
-
-        Raises:
-            TimeoutError: the other side does not take it in time.
-            OSError: the other side is gone.
-        """
+        """Send a message. Raise TimeoutError if the other side does not take it in time and OSError if the other side is gone."""
         self._connection.settimeout(self._send_timeout)
         self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
 
     def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:
         """Return the kind and the content of the next message; ``timeout`` [s] covers the whole message, None: no limit.
 
-        Raises:
-            TimeoutError: the message has not arrived completely in time.
-            EOFError: the other side is gone.
-            OSError: the other side is gone, or the message is longer than ``max_bytes``.
+        Raise TimeoutError, EOFError if the other side is gone, or OSError if the message is longer than ``max_bytes``.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         kind, length = _HEAD.unpack(self._receive(_HEAD.size, deadline))
@@ -73,12 +61,7 @@ class Connection:
 
 
 def main(memory: int, computing: int) -> None:
-    """Serve the parent process, over the socket on standard input, until that is closed.
-
-    Args:
-        memory: allowed memory [MiB].
-        computing: allowed processor time [s].
-    """
+    """Serve the parent process over the socket on standard input; ``memory`` [MiB] and ``computing`` [s] are limits."""
     parent = Connection(socket.socket(fileno=0))
     try:
         # Import all that is needed while files can still be opened.

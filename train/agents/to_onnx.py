@@ -43,11 +43,7 @@ class _WithoutMemory(torch.nn.Module):
 
 
 def to_onnx(actor: Actor, about: Metadata) -> bytes:
-    """Return the content of an actor's ONNX file: the same bytes every time.
-
-    Raises:
-        ValueError: the actor does not turn observations into actions, or PyTorch cannot write it as ONNX.
-    """
+    """Return the content of an actor's ONNX file, the same bytes every time, or raise ValueError if there can be none."""
     # Two environments: a size of one would be taken for a constant.
     observations, memory = torch.zeros(2, len(about.observation_space.low)), torch.zeros(2, actor.memory_size)
     expected = (2, len(about.action_space.low)), tuple(memory.shape)
@@ -94,10 +90,8 @@ def adopted(path: Path, about: Metadata) -> bytes:
     """Return an agent's file made of any network in an ONNX file of your own, also with its weights in a side file.
 
     The first input is the observation and the first output the action, clipped to -1..1; a second input and output are the
-    memory. The first axis of all becomes the number of environments. Metadata in the file is replaced.
-
-    Raises:
-        ValueError: it is no ONNX file, or its inputs and outputs cannot be those of the agent; says what is missing.
+    memory. The first axis of all becomes the number of environments. Metadata in the file is replaced. ValueError says what is
+    missing.
     """
     try:
         model = inliner.inline_local_functions(onnx.load(path))
@@ -210,14 +204,9 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
 
 
 def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
-    """Return the training and the actor of a model that Stable-Baselines3 or sb3-contrib has saved.
+    """Return the training and the actor of a model of Stable-Baselines3 or sb3-contrib; ValueError if it cannot be exported.
 
-    Args:
-        path: PPO, A2C, SAC, TQC, TD3, or RecurrentPPO of one LSTM layer.
-        run: a training elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
-
-    Raises:
-        ValueError: the file holds no such model, or one for other observations or actions; says which.
+    The run is one elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
     """
     warn_of_pickle(path)
     try:
@@ -237,9 +226,7 @@ def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
             parameters = these
             break
     else:
-        raise ValueError(
-            f"was trained on observations of shape {seen} or other bounds, but those of {run.env_id} have {space.shape}"
-        )
+        raise ValueError(f"was trained on observations of shape {seen} or other bounds, but {run.env_id} has {space.shape}")
     if model.action_space != (actions := action_space(run.scenario)):
         raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
     network = _network(name, model.policy)

@@ -27,6 +27,12 @@ def report() -> None:
         message = errors.poll()
 
 
+def press(button: Callable[[Any], None], value: Any) -> None:
+    """Give the control a command and wait until it is carried out."""
+    button(value)
+    control.wait_complete()
+
+
 def pins(*commands: str) -> str:
     """Run commands of halcmd; return the output of the last one."""
     return [subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout for each in commands][-1]
@@ -61,21 +67,16 @@ def main() -> int:
     """Run the program; carry out the fault of the test at its time, if there is one."""
     plan = json.loads((folder / "panel.json").read_text())
     fault = plan["fault"]
-    control.state(linuxcnc.STATE_ESTOP_RESET)
-    control.wait_complete()
-    control.state(linuxcnc.STATE_ON)
-    control.wait_complete()
-    control.mode(linuxcnc.MODE_MANUAL)
-    control.wait_complete()
+    press(control.state, linuxcnc.STATE_ESTOP_RESET)
+    press(control.state, linuxcnc.STATE_ON)
+    press(control.mode, linuxcnc.MODE_MANUAL)
     control.home(-1)
     limit = time.monotonic() + 10.0
     while time.monotonic() < limit and not all(status.homed[:2]):
         time.sleep(0.1)
         status.poll()
-    control.mode(linuxcnc.MODE_AUTO)
-    control.wait_complete()
-    control.program_open(str(folder / "bars.ngc"))
-    control.wait_complete()
+    press(control.mode, linuxcnc.MODE_AUTO)
+    press(control.program_open, str(folder / "bars.ngc"))
     control.auto(linuxcnc.AUTO_RUN, 0)
     start = time.monotonic()
     time.sleep(0.5)

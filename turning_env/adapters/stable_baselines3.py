@@ -24,9 +24,8 @@ class RoughTurningVecEnv(VecEnv):
 
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
-    ``scenario`` is the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, such as
-    "shop", whose training jobs are played. Rewards are multiplied by ``reward_scale``. ``wrapper`` is
-    a vector wrapper of Gymnasium around the environments.
+    ``scenario`` is the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, such as "shop",
+    whose training jobs are played. Rewards are multiplied by ``reward_scale``. ``wrapper`` is a vector wrapper of Gymnasium.
     Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an environment's info holds
     ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled). All other
     infos are empty.
@@ -47,10 +46,7 @@ class RoughTurningVecEnv(VecEnv):
         super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
-        """Return first observations, shape (num_envs, entries).
-
-        After ``seed(s)``, environment i plays seed s + i; otherwise it plays a random seed.
-        """
+        """Return first observations, shape (num_envs, entries); after ``seed(s)`` of seeds s + i, otherwise of random ones."""
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations: NDArray[np.float32]
         observations, _ = self.vector_env.reset(seed=seeds)
@@ -70,14 +66,15 @@ class RoughTurningVecEnv(VecEnv):
         self._lengths += 1
         env_infos: list[dict[str, Any]] = [{}] * self.num_envs  # one empty dictionary for all whose episode goes on
         for index in np.flatnonzero(ended).tolist():
-            env_infos[index] = {
-                "terminal_observation": infos["final_obs"][index],
-                "TimeLimit.truncated": bool(truncated[index]),
-                "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
-            }
+            env_infos[index] = self.info_at_end(index, infos["final_obs"][index], truncated[index])
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
         return observations, (training_rewards * self.reward_scale).astype(np.float32), ended, env_infos
+
+    def info_at_end(self, index: int, observation: NDArray[np.float32], truncated: bool) -> dict[str, Any]:
+        """Return the info of an environment whose episode has ended with an observation."""
+        episode = {"r": float(self._returns[index]), "l": int(self._lengths[index])}
+        return {"terminal_observation": observation, "TimeLimit.truncated": bool(truncated), "episode": episode}
 
     def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
         """Return the rewards to train on, shape (num_envs,) [s], from a step's rewards and infos; here the rewards unchanged."""

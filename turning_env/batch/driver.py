@@ -42,11 +42,7 @@ def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
 
 
 def checked_seed(seed: Any, env_index: int) -> int:
-    """Return the seed as an integer.
-
-    Raises:
-        ValueError: it is not a whole number from 0 to 2**64 - 1.
-    """
+    """Return the seed as an integer; ValueError if it is not a whole number from 0 to 2**64 - 1."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
         raise ValueError(f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}")
     return int(seed)
@@ -128,9 +124,9 @@ class Batch:
 
     Attributes:
         seeded: whether episodes have been started.
+        actions: float64, shape (num_envs, action size): the last.
         observations: float32, shape (num_envs, entries). Every step fills a new array, unless ``single``.
-        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Every step fills a new
-            array, unless ``single``.
+        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Likewise.
     """
 
     def __init__(self, source: Source | Jobs, num_envs: int, threads: int = 1, single: bool = False) -> None:
@@ -139,10 +135,10 @@ class Batch:
         self.jobs = jobs = source if isinstance(source, Jobs) else None
         self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
         self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
-        self._context = np.zeros((num_envs, jobs.context_size if jobs else 0), np.float32)
+        self._context = np.zeros((num_envs, len(jobs.context_names) if jobs else 0), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
-        self._actions = np.zeros((num_envs, action_size(scenario)))
+        self.actions = np.zeros((num_envs, action_size(scenario)))
         self._entries = len(quantities.layout(scenario))
         self.observations = np.zeros((num_envs, self._entries + self._context.shape[1]), np.float32)
         self.table = np.zeros((len(quantities.REPORT), num_envs))
@@ -155,24 +151,20 @@ class Batch:
         """Make the attributes that a copy or a pickle does not hold."""
         self._scratches = [new_records(SCRATCH, 1) for _ in range(self._threads)]
         self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
-        self._given = self._actions[0] if self._single else self._actions
+        self._given = self.actions[0] if self._single else self.actions
         self._shape = self._given.shape
         self.observation: NDArray[np.float32] = self.observations[0]
         self.report: NDArray[np.float64] = self.table[:, 0]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            name: value
-            for name, value in self.__dict__.items()
-            if name not in ("_scratches", "_helpers", "_given", "observation", "report")
-        }
+        made_again = ("_scratches", "_helpers", "_given", "observation", "report")
+        return {name: value for name, value in vars(self).items() if name not in made_again}
 
     def __setstate__(self, values: dict[str, Any]) -> None:
-        self.__dict__.update(values)
-        self._states = new_records(STATE, len(values["_states"]))
-        self._states[...] = values["_states"]
-        self._parameters = new_records(PARAMETERS, len(values["_parameters"]))
-        self._parameters[...] = values["_parameters"]
+        vars(self).update(values)
+        for name, dtype in (("_states", STATE), ("_parameters", PARAMETERS)):
+            records = vars(self)[name] = new_records(dtype, len(values[name]))
+            records[...] = values[name]
         self._prepare()
 
     def observation_space(self) -> spaces.Space[NDArray[np.float32]]:
@@ -182,8 +174,7 @@ class Batch:
     @property
     def ended(self) -> NDArray[np.bool_]:
         """Whether the episodes have ended, shape (num_envs,)."""
-        ended: NDArray[np.bool_] = self._states["ended"].ravel()[: self.num_envs] > 0
-        return ended
+        return np.asarray(self._states["ended"].ravel()[: self.num_envs] > 0)
 
     def state(self, env_index: int, name: str) -> Any:
         """Return a quantity of an environment's state (``quantities.STATE``)."""
@@ -199,19 +190,6 @@ class Batch:
         """Return an environment's present job: its true scenario, nominal model and context."""
         assert self.jobs is not None
         return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
-
-    def scenario_of(self, env_index: int) -> Scenario:
-        """Return the scenario that an environment plays."""
-        return self.scenario if self.jobs is None else self.job(env_index).scenario
-
-    def reward(self, env_index: int) -> float:
-        """Return an environment's last reward [s]."""
-        return float(self.table[REWARD, env_index])
-
-    def action(self, env_index: int) -> NDArray[np.float64]:
-        """Return an environment's last action, shape (action size,)."""
-        action: NDArray[np.float64] = self._actions[env_index]
-        return action
 
     def seed(self, env_indices: Any, seeds: Any) -> None:
         """Set environments' seeds; the next episode is the first of its seed. See ``checked_seed``."""
@@ -248,8 +226,7 @@ class Batch:
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 
-        Raises:
-            ValueError: the actions are not finite numbers of shape (num_envs, action size). Then no environment has moved.
+        ValueError if the actions are not finite numbers of shape (num_envs, action size); then no environment has moved.
         """
         self._take(actions)
         if self.jobs is not None:
@@ -257,31 +234,27 @@ class Batch:
         observations, table = self.observations, self.table
         if not self._single:
             observations, table = np.empty(observations.shape, np.float32), np.empty(self._table_shape)
+        arrays = self.actions, observations, table
         if self._helpers is None or len(self._states) < MIN_BLOCKS:
-            finite = step_blocks(
-                self._states, self._parameters, self._scratches[0], self._actions, observations, table, 0, len(self._states)
-            )
-        else:
-            finite = bool(np.isfinite(self._actions).all())
-            if finite:
-                self._share_steps(observations, table)
+            finite = step_blocks(self._states, self._parameters, self._scratches[0], *arrays, 0, len(self._states))
+        elif finite := bool(np.isfinite(self.actions).all()):
+            self._share_steps(arrays)
         if not finite:
-            i = int(np.isfinite(self._actions).all(axis=1).argmin())
-            raise ValueError(f"the action of environment {i} must be finite, got {self._actions[i].tolist()}")
+            i = int(np.isfinite(self.actions).all(axis=1).argmin())
+            raise ValueError(f"the action of environment {i} must be finite, got {self.actions[i].tolist()}")
         if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
             self.observations, self.table = observations, table[:, : self.num_envs]
 
-    def _share_steps(self, observations: NDArray[np.float32], table: NDArray[np.float64]) -> None:
+    def _share_steps(self, arrays: tuple[Any, ...]) -> None:
         """Let every thread claim the next few blocks until none are left, so no thread waits for one that is not running."""
         blocks = len(self._states)
         claims = itertools.count(0, BLOCKS_CLAIMED)
 
         def work(scratch: Any) -> None:
             while (first := next(claims)) < blocks:
-                last = min(first + BLOCKS_CLAIMED, blocks)
-                step_blocks(self._states, self._parameters, scratch, self._actions, observations, table, first, last)
+                step_blocks(self._states, self._parameters, scratch, *arrays, first, min(first + BLOCKS_CLAIMED, blocks))
 
         assert self._helpers is not None
         futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]
@@ -306,5 +279,4 @@ class Batch:
         self._given[...] = given
 
 
-REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))
-"""Rows of ``Batch.table``."""
+REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))  # rows of ``Batch.table``

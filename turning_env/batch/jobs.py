@@ -5,39 +5,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.physics.quantities import layout
 from turning_env.physics.records import CHOICES, PARAMETERS, new_records, numbers_of, parameter_records
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import CHUNK, Family
 
 
 class Jobs:
-    """The jobs of a split, by number, with the context that the policy observes.
-
-    Args:
-        family: family of the jobs.
-        split: name of the split.
-        told: whether the nominal model's numbers are appended to observations.
-    """
+    """The jobs of a split, by number; ``told``: whether the nominal model's numbers are appended to observations."""
 
     def __init__(self, family: Family, split: str, told: bool) -> None:
         self.family, self.split = family, split
         self._told = told
         self._chunks: dict[int, tuple[NDArray[np.float64], NDArray[np.float32]]] = {}
+        # A job's scenario, of which every job has the choices, such as its action and its sensors.
         self.scenario: Scenario = family.job(0, split).scenario
-        """A job's scenario, of which every job has the choices, such as its action and its sensors."""
-        self.names = layout(self.scenario) + (family.context_names if told else ())
-        """Names of the observation's entries."""
+        self.context_names = family.context_names if told else ()  # of what is appended to an observation
         self._shared = parameter_records(self.scenario)
 
     def __reduce__(self) -> Any:
         """Pickle and copy the split without its jobs."""
         return Jobs, (self.family, self.split, self._told)
-
-    @property
-    def context_size(self) -> int:
-        """Number of entries that are appended to an observation."""
-        return len(self.names) - len(layout(self.scenario))
 
     def block_parameters(self, blocks: int) -> Any:
         """Return parameters for blocks of environments, with the choices that all jobs share."""

@@ -29,8 +29,7 @@ _PACKAGE = Path(__file__).parents[1]
 _COMPILED = ("numerics", "physics", "batch")
 """Folders with functions that are compiled into entries, beside ``observation.py`` and an entry's own folder."""
 _NAME = "machine_code-"
-INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}
-"""Options of overloads that are compiled into their callers."""
+INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}  # options of overloads that are compiled into their callers
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -1,8 +1,7 @@
 """Exponential, logarithm, sine and cosine made of additions, products and one division.
 
-The C library's functions are calls, which prevent vector instructions in a loop over environments, and their last bits may differ
-between machines. These functions are inlined and vectorised. They give the same bits in the interpreter, for
-arrays, and in a loop over one environment or thousands. All power laws, noise, observations, jobs and rules use them.
+The C library's functions prevent vector instructions in a loop over environments, and their last bits differ between machines.
+These give the same bits in the interpreter, for arrays, and in a loop over one environment or thousands.
 
 Errors, relative but for sine and cosine: ``exp`` 5e-16 (to 1e-15 where the result is beyond 1e150 or below 1e-150),
 ``log`` 5e-16, ``sine_and_cosine`` 4e-16 absolute. The polynomials interpolate at Chebyshev points; their coefficients were
@@ -17,7 +16,6 @@ from numba.extending import overload
 
 from turning_env.numerics.compilation import INLINED, compiled
 
-_LOG_2 = 0.6931471805599453
 _LOG_2_HIGH = 0.6931471805598903  # of 42 bits, so that its product with an exponent is exact
 _LOG_2_LOW = 5.497923018708371e-14
 _PER_LOG_2 = 1.4426950408889634

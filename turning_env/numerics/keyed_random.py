@@ -1,7 +1,5 @@
-"""Random numbers as a pure function of the place where they are used.
+"""Random numbers as a pure function of the episode (seed, episode) and a counter (channel, bar, index); no state is kept.
 
-There is no generator state. A number depends only on the episode (seed, episode) and on a counter (channel, bar, index). So one
-environment of thousands, a single environment and a replay have the same lathe, bit for bit.
 The hash is Philox4x32-10 (Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", 2011).
 """
 

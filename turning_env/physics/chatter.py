@@ -1,9 +1,6 @@
-"""Chatter: about one spindle speed, a slender bar sings, and a dynamic force adds to the thrust force.
+"""Chatter: about one spindle speed n_c, a dynamic force adds to the thrust force; power stays, as its mean does.
 
-    dynamic over static force = c (depth / nominal depth) exp(-(log(n / n_c) / s)^2)
-
-The stability lobes of regenerative chatter are such bands of spindle speed, and chatter grows with the depth of cut; one band and
-its shape are an assumption. Power stays as it is, as its mean does.
+Dynamic over static force: c (depth / nominal depth) exp(-(log(n / n_c) / s)^2), an assumption (``docs/models.md``).
 """
 
 from turning_env.numerics.compilation import compiled

@@ -1,8 +1,7 @@
 """Feed servo and spindle: dead time and first-order lags behind their commands, and the current of the feed's motor.
 
-The feed servo's time constant, 0.13 s, was measured (roughness control paper); the spindle's is an assumption. The lag is solved
-exactly over a sub-step, so a time constant of 0 means no lag. In the sub-step in which a dead time ends, drives follow the mean
-of the two commands over time.
+The lag is solved exactly over a sub-step, so a time constant of 0 means no lag. In the sub-step in which a dead time ends, drives
+follow the mean of the two commands over time.
 """
 
 import math
@@ -81,9 +80,3 @@ def servo_current(p, i, thrust_force, feed_velocity, path):
     sine, _ = sine_and_cosine(p.ripples_per_path[i] * path)
     ripple = 1.0 + p.current_ripple[i] * sine
     return steady_current(p, i, thrust_force, feed_velocity) * ripple
-
-
-@compiled
-def spindle_torque(power, spindle_speed):
-    """Return the spindle torque [N m] for a power [kW] at a spindle speed [rev/min], which must be above 0."""
-    return 30000.0 * power / (math.pi * spindle_speed)

@@ -7,15 +7,9 @@ from turning_env.numerics.compilation import compiled
 
 
 @compiled
-def metal_value(p, i, removed):
-    """Return the worth [s] of removed metal [cm3]: removed / reference removal rate."""
-    return 60.0 * removed / p.reference_removal_rate[i]
-
-
-@compiled
 def compute_reward(report, i, p, minutes):
     """Compute the remaining terms of the reward, and the mean costs over ``minutes`` of work; return the reward [s]."""
-    report.reward_metal[i] = metal_value(p, i, report.removed[i])
+    report.reward_metal[i] = 60.0 * report.removed[i] / p.reference_removal_rate[i]
     report.reward_time[i] = -report.time[i]
     report.reward_overload[i] = -60.0 * p.overload_price[i] * (report.cost_force[i] + report.cost_power[i])
     report.reward_roughness[i] = -p.roughness_price[i] * report.roughness_deviation[i]

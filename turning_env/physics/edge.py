@@ -1,11 +1,8 @@
-"""Edges: fit, use, break and replace them, and charge life and time.
+"""Edges: fit, use, break and replace them, and charge life and time (``docs/choices.md``, ``docs/models.md``).
 
-An edge is charged as its used share of life grows, so every step pays for the life that it uses. A broken edge costs
-its remaining share, and the downtime. (Life charge: cost of a part, adaptive part programming paper, tau_I and
-Q_I; breakage: assumption, see docs/choices.md.)
-
-If an episode ends with its edge, the price of an edge includes the time to change it, and breakage its downtime; no time passes.
-If edges are changed, the time passes. Random properties of edges: see ``docs/models.md``.
+An edge is charged as its used share of life grows, so every step pays for the life that it uses. A broken edge costs its
+remaining share, and the downtime. If an episode ends with its edge, the price of an edge includes the time to change it, and
+breakage its downtime; no time passes. If edges are changed, the time passes.
 """
 
 from turning_env.numerics.compilation import compiled
@@ -49,25 +46,11 @@ def break_edge(state, report, i, p):
 
 
 @compiled
-def replace_edge(state, report, i, p, broken):
-    """Change an edge that is broken or worn out."""
-    found = p.breakage_downtime[i] if broken else p.unplanned_stop[i]
-    change_edge(state, report, i, p, found + p.edge_change_time[i])
-
-
-@compiled
-def discard_edge(state, report, i, p):
-    """Change an edge on command, and charge its remaining life."""
-    charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
-    change_edge(state, report, i, p, p.edge_change_time[i])
-
-
-@compiled
-def change_edge(state, report, i, p, minutes):
-    """Inspect the edge and put in the next one, which takes ``minutes`` of machine time."""
+def change_edge(state, report, i, p, stop):
+    """Inspect the edge and put in the next one, which takes a time beside a ``stop`` [min]."""
     if p.inspects_edges:
         state.removed_wear[i] = exp(log_wear(p, i, state.used_life[i])) if state.used_life[i] > 0.0 else 0.0
-    stop_machine(state, report, i, p, minutes)
+    stop_machine(state, report, i, p, stop + p.edge_change_time[i])
     state.edge[i] += 1
     fit_edge(state, i, p)
 

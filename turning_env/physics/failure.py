@@ -1,19 +1,7 @@
 """Failures of the edge beside too large a force: plastic collapse, chipping and notch wear. They count as breakage.
 
-Collapse: an edge deforms plastically at once where its temperature, a power law of cutting speed, feed, depth, wear and hardness,
-exceeds a limit. So the limit is a surface over speed, feed and wear, and the speed that an edge bears falls with its wear. (The
-grid search paper's test T9 gives one point of it; exponents: assumptions, see ``docs/models.md``.)
-
-Chipping: a random failure with the hazard rate [1/min]
-
-    rate * (thrust force / edge strength)^a * (wear / criterion)^b
-
-An edge chips when the integral of its hazard over the cutting time exceeds its margin, an exponential number with mean 1 that is
-drawn when the edge is fitted. So the result converges with shorter sub-steps. (Assumption.)
-
-Notch wear: the skin of the cut, hardened by the bar's last turn, cuts a notch into the edge at the depth of cut. The edge breaks
-where the notch, growth times used life, exceeds its strength over the median strength. No load shows the notch. (Stainless and
-heat-resistant materials; form: assumption.)
+``docs/models.md`` has equations and sources. An edge chips when the integral of its hazard rate over the cutting time exceeds its
+margin, an exponential number with mean 1 that is drawn when the edge is fitted. So the result converges with shorter sub-steps.
 """
 
 from turning_env.numerics.compilation import compiled

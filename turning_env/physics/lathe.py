@@ -3,10 +3,7 @@
 It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in short loops over some
 environments of a block. Loops branch only on the scenario. So the compiler can vectorise them, and one environment or many give
 the same bits. A stopped environment takes sub-steps of length 0. Separate loops handle rare events, such as the start of a bar or
-the end of an edge, in the environments where they occur.
-
-Every sub-step uses the state at its end (so the result converges in the first order of the sub-step), and the fields in the
-middle of the metal that it cuts.
+the end of an edge, in the environments where they occur. Integration: ``docs/models_lathe.md``.
 """
 
 import math
@@ -19,7 +16,7 @@ from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.chatter import sing
 from turning_env.physics.drives import clipped, hold_command, note_command, set_point
 from turning_env.physics.economics import compute_reward
-from turning_env.physics.edge import break_edge, charge, discard_edge, fit_edge, replace_edge
+from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_at_notch, chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
@@ -29,7 +26,7 @@ from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.swarf import clear_chips, tangle, use_up_margin
+from turning_env.physics.swarf import tangle, use_up_margin
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_phases
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
@@ -80,7 +77,8 @@ def run_step(state, work, report, actions, count, p):
     if p.change_action >= 0:
         for i in range(count):
             if actions[i, p.change_action] > 0.0:
-                discard_edge(state, report, i, p)
+                charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
+                change_edge(state, report, i, p, 0.0)
     passes = prepare(state, work, actions, 0, count, p)
     for number in range(passes):
         if p.action == PART:
@@ -99,7 +97,7 @@ def run_step(state, work, report, actions, count, p):
             replace_failed_edges(state, work, report, 0, count, p)
     if p.chips_tangle:
         for i in range(count):
-            clear_chips(state, work, report, i, p)
+            stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])
     for i in range(count):
         state.step_count[i] += 1
     read_sensors(state, work, 0, count, p)
@@ -349,9 +347,8 @@ def log_coefficient(state, work, i, p):
 @compiled
 def load_edge(state, work, i, p):
     """Set thrust force [N] and power [kW] if metal was cut."""
-    force, power = force_and_power(
-        p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], work.log_wear[i], state.log_hardness[i]
-    )
+    speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
+    force, power = force_and_power(p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
     remains = work.chip_remains[i]
     force *= 1.0 + work.chatter[i]
     force = force * (1.0 - remains) + state.thrust_force[i] * remains
@@ -441,7 +438,7 @@ def replace_failed_edges(state, work, report, first, last, p):
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
             if work.worn[i] + work.broken[i] > 0 and p.edge_changes != END:
-                replace_edge(state, report, i, p, work.broken[i] > 0)
+                change_edge(state, report, i, p, p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i])
 
 
 @compiled

@@ -13,8 +13,7 @@ from turning_env.numerics.functions import log
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
 
-MIN_DEPTH = 0.01
-"""Depth of a pass [mm] below which the control's models are not evaluated."""
+MIN_DEPTH = 0.01  # depth of a pass [mm] below which the control's models are not evaluated
 
 
 @compiled

@@ -13,9 +13,7 @@ import numpy as np
 from turning_env.scenario import Scenario
 from turning_env.scenario.sections import MAX_DELAY
 
-WIDTH = 32
-"""Environments of a block. Every quantity of a block is one array over its environments, so that the compiled loops take several
-at once; a block's quantities fit the processor's first cache."""
+WIDTH = 32  # environments of a block, whose quantities are arrays over them: they fit the processor's first cache
 
 # Numbers for what the compiled transition tells apart, by the words of ``sections.Control``.
 INCREMENTAL, SET_POINT, OVERRIDE, PART = range(4)
@@ -23,9 +21,7 @@ ACTIONS = {"incremental": INCREMENTAL, "set_point": SET_POINT, "override": OVERR
 END, AUTOMATIC, COMMANDED = range(3)
 EDGE_CHANGES = {"end": END, "automatic": AUTOMATIC, "commanded": COMMANDED}
 
-DEVIATION_SCALE = 5.0
-"""Observations compare a measurement with its limit or prediction as ``DEVIATION_SCALE * (ratio - 1)``: a few per cent, which a
-controller must tell apart near a limit, are then a sizeable part of 1."""
+DEVIATION_SCALE = 5.0  # of observed ratios - 1: a few per cent, which a controller must tell apart, are then a sizeable part of 1
 MAX_RATIO = 4.0
 MAX_LOG_TIME = 12.0
 _LOW, _HIGH = -DEVIATION_SCALE, DEVIATION_SCALE * (MAX_RATIO - 1.0)
@@ -264,8 +260,7 @@ OBSERVATION = (
 """Observation entries in order. Entries of some scenarios only come last."""
 
 OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(OBSERVATION)))
-"""Indices of entries in compiled code and in columns of observations: ``OBS.power``. ``layout(scenario)`` tells where
-observations have those entries that only some scenarios have."""
+"""Indices of entries in observations: ``OBS.power``. ``layout(scenario)`` has those that only some scenarios have."""
 
 
 def layout(scenario: Scenario) -> tuple[str, ...]:
@@ -276,5 +271,5 @@ def layout(scenario: Scenario) -> tuple[str, ...]:
 def action_size(scenario: Scenario) -> int:
     """Return the number of entries of an action."""
     control = scenario.control
-    size = {"incremental": 2, "set_point": 2, "override": 1, "part": 2 + 2 * control.passes_max}[control.action]
+    size = {"override": 1, "part": 2 + 2 * control.passes_max}.get(control.action, 2)
     return size + (control.edge_changes == "commanded")

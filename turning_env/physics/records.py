@@ -22,11 +22,9 @@ def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
 
 def _table_type(names: list[str]) -> np.dtype[Any]:
     """Return a type with a field for every name, and ``table``, shape (names, WIDTH), for all of them."""
-    rows = [(np.float64, (WIDTH,))] * len(names)
-    offsets = [8 * WIDTH * k for k in range(len(names))]
-    whole = (np.float64, (len(names), WIDTH))
-    plain = np.dtype({"names": [*names, "table"], "formats": [*rows, whole], "offsets": [*offsets, 0]}, align=True)
-    return np.dtype((np.record, plain))
+    formats = [*[(np.float64, (WIDTH,))] * len(names), (np.float64, (len(names), WIDTH))]
+    offsets = [*range(0, 8 * WIDTH * len(names), 8 * WIDTH), 0]
+    return np.dtype((np.record, np.dtype({"names": [*names, "table"], "formats": formats, "offsets": offsets}, align=True)))
 
 
 def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -44,19 +42,13 @@ CHOICES = [name for name in _PARAMETERS if name not in dict(_OWN)]
 """Parameters that the environments of a batch share. In the others, which come first, each environment can differ."""
 
 STATE = _record_type((each.name, each.dtype, each.shape) for each in quantities.STATE)
-WORK = _record_type(
-    [
-        *((each.name, each.dtype, each.shape) for each in quantities.WORK),
-        ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH)),
-    ]
-)
+_OBSERVATION = ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH))
+WORK = _record_type([*((each.name, each.dtype, each.shape) for each in quantities.WORK), _OBSERVATION])
 REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
 PARAMETERS = _record_type([*_OWN, *((name, _PARAMETERS[name]) for name in CHOICES)])
-SCRATCH = _record_type([("work", WORK), ("report", REPORT)])
-"""Record of a thread's working memory, without the environments' states."""
+SCRATCH = _record_type([("work", WORK), ("report", REPORT)])  # a thread's working memory, without the environments' states
 
-FIRST_SUM, LAST_ROW = len(AT_END), len(quantities.REPORT)
-"""First row of the report's table that a step starts with 0."""
+FIRST_SUM, LAST_ROW = len(AT_END), len(quantities.REPORT)  # first row of the report's table that a step starts with 0
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:
@@ -90,8 +82,7 @@ def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
 
 
 def _values(scenario: Scenario) -> Iterator[tuple[Parameter, Any]]:
-    sections = (section for name, section in scenario if name not in ("name", "material", "nominal_model"))
-    fields = {name: value for section in sections for name, value in section}
+    fields = {key: value for name, each in scenario if name not in ("name", "material", "nominal_model") for key, value in each}
     for parameter in parameters.PARAMETERS:
         yield parameter, parameter.value(scenario) if parameter.value else fields[parameter.name]
 

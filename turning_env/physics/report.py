@@ -1,11 +1,12 @@
 """The report of a step: sums over the step, and the true state at its end."""
 
+import math
+
 import numpy as np
 from numba import literal_unroll
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
-from turning_env.physics.drives import spindle_torque
 from turning_env.physics.quantities import KEPT
 from turning_env.physics.records import FIRST_SUM, LAST_ROW
 from turning_env.physics.spindle import capacity, idle_power
@@ -34,7 +35,7 @@ def write_state(state, report, first, last, p):
         available = p.rated_power[i] * (capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0)
         report.spindle_speed[i] = spindle_speed
         report.feed_velocity[i] = spindle_speed * state.feed[i]
-        report.torque[i] = spindle_torque(power, spindle_speed)
+        report.torque[i] = 30000.0 * power / (math.pi * spindle_speed)
         report.spindle_load[i] = power / available
         report.power[i] = power
         report.bar[i] = np.floor(state.path[i] * p.bars_per_path[i])

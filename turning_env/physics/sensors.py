@@ -1,8 +1,4 @@
-"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise.
-
-The noise levels (power 2 %, force 5 %) and lags are assumptions; the roughness control paper gives up to 10 % for force.
-Readings may drift (``warm_up.py``).
-"""
+"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise (``docs/models_lathe.md``)."""
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words

@@ -1,14 +1,6 @@
-"""Slender bars bend away from the tool, so the cut is shallower and the bar thicker than commanded, by twice the deflection.
+"""Slender bars bend away from the tool, so the cut is shallower than commanded by the deflection (``docs/models.md``).
 
-The deflection at the tool is that of an elastic beam (Euler and Bernoulli) with the second moment of area I = pi d^4 / 64 under a
-radial force F_r, at a distance a [mm] from the chuck that clamps the bar, with b = L - a and the modulus of elasticity E:
-
-    held by the chuck alone:  F_r a^3 / (3 E I)
-    with a tailstock:         F_r a^3 b^2 (3 a + 4 b) / (12 E I L^3)
-
-The tool moves towards the chuck. The radial force is a fixed share of the thrust force, and L the bar's length of cut
-(assumptions). Force and deflection depend on each other: the force is taken as proportional to the depth, with the ratio of the
-sub-step before.
+Force and deflection depend on each other: the force is taken as proportional to the depth, with the ratio of the sub-step before.
 """
 
 from turning_env.numerics.compilation import compiled

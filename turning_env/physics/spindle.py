@@ -1,19 +1,8 @@
-"""The spindle's motor: torque over speed, idling, and short-time overload.
+"""The spindle's motor: torque over speed, idling, and short-time overload (equations and sources: ``docs/models_lathe.md``).
 
-Up to the base speed n_b the motor has its rated torque, above it its rated power. Of the rated power P_r it has the share
-
-    c(n) = min(1, n / n_b)
-
-at the speed n, so the torque is a share P / (c P_r) of the available one, M_r c n_b / n. The idling spindle takes the torque M_0:
-the power is that of the cut and M_0 2 pi n.
-
-The limit of power holds at the base speed and above; below, it falls with c. The motor heats with the square of its load (losses
-of a winding, first order; assumption):
-
-    tau dh/dt = (P / (c P_r))^2 - h
-
-Its heat h is 0 when cold and 1 after long work at rated load. Until h reaches 1 the limit is ``short_time_load`` times as high.
-What exceeds the limit counts as overload; the speed does not drop (assumption).
+Of the rated power P_r it has the share c(n) = min(1, n / n_b) at the speed n, with the base speed n_b. The limit of power falls
+with c. The heat h of the motor follows tau dh/dt = (P / (c P_r))^2 - h; until h reaches 1 the limit is ``short_time_load`` times
+as high. What exceeds the limit counts as overload; the speed does not drop (assumption).
 """
 
 from typing import Any

@@ -1,8 +1,4 @@
-"""Surface roughness, and the reference that the control is to hold.
-
-Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5)). The reference changes in fixed periods; its
-logarithm is drawn evenly between two bounds.
-"""
+"""Surface roughness Ra = a exp(b F) (roughness control paper, equation (5)), and its reference, which changes in periods."""
 
 import numpy as np
 

@@ -1,16 +1,13 @@
-"""Chips that do not break tangle, and the machine stops until they are cleared.
+"""Chips that do not break tangle, and the machine stops until they are cleared (``docs/models.md``).
 
-A chip breaker works within a window of feed and depth of cut, as the makers of inserts state it. Outside of it, chips tangle at a
-constant rate [1/min] of cutting time. The next stop comes when the integral of this rate exceeds a margin, an exponential number
-with mean 1 that is drawn anew after every stop. (Rate and time of a stop: assumptions.)
+The next stop comes when the integral of the rate over the cutting time outside the window of feed and depth exceeds a margin, an
+exponential number with mean 1 that is drawn anew after every stop.
 """
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
-from turning_env.physics.edge import stop_machine
 
-ROUNDING = 1e-6
-"""Relative error of a commanded feed [-]: actions are of single precision, and an end of the window belongs to it."""
+ROUNDING = 1e-6  # relative error of a commanded feed [-]: actions are of single precision, and an end of the window belongs to it
 
 
 @compiled
@@ -29,9 +26,3 @@ def tangle(state, work, i):
         work.tangles[i] += 1
         state.tangles[i] += 1
         state.tangle_margin[i] += exponential(state, i, TANGLE_CHANNEL, 0, state.tangles[i])
-
-
-@compiled
-def clear_chips(state, work, report, i, p):
-    """Stop the machine for each tangle of the step."""
-    stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])

@@ -1,18 +1,8 @@
-"""Used life and wear of the edge.
+"""Used life and wear of the edge; ``docs/models.md`` has the two rules, the phases of wear, built-up edges and their sources.
 
 A fresh edge at constant parameters wears as W = K t^n, where K comes from the wear law and n is its exponent of time.
 The state is the used share of the edge's life, D = (W / W_max)^(1/n), from which the wear follows: W = W_max D^n.
-
-Equivalent time (default, consistent with Taylor): changing parameters continue the wear curve of the new parameters
-from the present wear. Then dD/dt = (K / W_max)^(1/n) = 1/T exactly, where T is the Taylor life. The length of steps does
-not matter.
-
-Clock time (Alaskari and Oraby 2018, equation (4), as recovered): each step adds K (t_i^n - t_{i-1}^n), t being the
-edge's total cutting time. It reproduces the publication; a controller can game it by idling through the first seconds.
-
-Phases of wear: while an edge runs in, dD/dt is 1 + a exp(-W / W_r) times as large, and beyond a wear W_t exp(r (W - W_t)) times.
-Built-up edge: about a speed V_b, it is 1 + b exp(-(log(V / V_b) / s)^2) times as large, so wear has a minimum above this speed.
-(Forms: assumptions; both are seen in textbooks' curves of wear over time and over speed.)
+By equivalent time dD/dt = (K / W_max)^(1/n), by clock time each step adds K (t_i^n - t_{i-1}^n) to W.
 """
 
 from turning_env.numerics.compilation import compiled

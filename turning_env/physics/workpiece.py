@@ -1,18 +1,10 @@
-"""Bars: hardness and depth of cut as fields over position, not over time.
+"""Bars: hardness and depth of cut as fields over position, not over time (``docs/models_lathe.md``).
 
-The tool runs along an endless row of bars, each preceded by an approach of air. Two coordinates describe where it is:
-the path [mm], which counts air and metal, and the cut [mm], which counts metal only. Both fields are functions of the
-cut coordinate: an offset drawn per bar plus noise along the bar, which blends independent normal nodes one correlation
-length apart and has unit variance everywhere.
-
-Relative hardness is log-normal, so it stays positive. The depth of cut is the nominal depth plus the allowance's
-deviation, and never falls below 1 % of nominal (assumption: a blank that measures under size is still just scraped).
-The nominal depth may step along a bar, and the depth ripple with the spindle's turns (run-out). A tool path of several diameters
-is a bar of sections with lengths, depths (0 in air) and highest cutting speeds of their own. A pass of several cuts what stands
-between its floor and its ceiling. A blank may carry a skin, harder and more abrasive than the metal beneath: hardness and
-wear are means over the cut's depth (assumption), so that a shallow cut, nearly all skin, is the worst.
-Within a bar, log hardness may rise or fall in proportion to the height above the finished contour, so that a deeper cut is harder
-or softer on average (bars cool from outside; assumption).
+Two coordinates describe where the tool is in the row of bars: the path [mm], which counts air and metal, and the cut [mm], which
+counts metal only. Both fields are functions of the cut: an offset drawn per bar plus noise along the bar, which blends
+independent normal nodes one correlation length apart. The depth never falls below 1 % of nominal (assumption: a blank that
+measures under size is still just scraped). A tool path of several diameters is a bar of sections with lengths, depths (0 in air)
+and highest cutting speeds of their own. A pass of several cuts what stands between its floor and its ceiling.
 """
 
 import numpy as np
@@ -50,25 +42,6 @@ def limit_of_section(p, i, path):
     """Return the highest cutting speed [m/min] at a path coordinate [mm]."""
     cut, _ = position_in_row(p, i, path)
     return p.section_speeds[section_at(p, i, max(cut - np.floor(cut * p.bars_per_cut[i]) * p.bar_length[i], 0.0))]
-
-
-@compiled
-def enter_bar(state, i, bar):
-    """Draw the offsets of a bar, and discard the nodes of the bar before."""
-    state.bar[i] = bar
-    state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
-    state.hardness_cell[i] = -1.0
-    state.depth_cell[i] = -1.0
-
-
-@compiled
-def between_nodes(left, right, share):
-    """Return unit-variance noise between two independent normal nodes, at a share 0..1 of their distance.
-
-    The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
-    """
-    square = share * share
-    return ((1.0 - square) * left + 2.0 * share * right) / (1.0 + square)
 
 
 @compiled
@@ -133,15 +106,14 @@ def pass_nodes(state, work, first, last, p):
         if work.passing[i] > 0:
             bar = np.floor(work.middle[i] * p.bars_per_cut[i])
             if bar != state.bar[i]:
-                enter_bar(state, i, bar)
-            nodes = state.hardness_cell, state.hardness_left, state.hardness_right
-            listed += pass_node(
-                state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], p.hardness_along_spread[i]
-            )
-            nodes = state.depth_cell, state.depth_left, state.depth_right
-            listed += pass_node(
-                state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], p.depth_along_spread[i]
-            )
+                state.bar[i] = bar
+                state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
+                state.hardness_cell[i] = -1.0  # the nodes of the bar before do not count
+                state.depth_cell[i] = -1.0
+            nodes, spread = (state.hardness_cell, state.hardness_left, state.hardness_right), p.hardness_along_spread[i]
+            listed += pass_node(state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], spread)
+            nodes, spread = (state.depth_cell, state.depth_left, state.depth_right), p.depth_along_spread[i]
+            listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], spread)
     for k in range(listed):
         i = work.node_env[k]
         work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
@@ -179,9 +151,8 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 def blend_nodes(state, work, i, p):
     """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
     noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length[i])
-    hardness = (
-        p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i] + p.hardness_along_spread[i] * noise
-    )
+    hardness = p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
+    hardness += p.hardness_along_spread[i] * noise
     state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
     noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length[i])
     depth = work.nominal_depth[i] + p.depth_bar_spread[i] * state.bar_depth_normal[i]
@@ -190,8 +161,13 @@ def blend_nodes(state, work, i, p):
 
 @compiled
 def noise_along(work, i, cells, left, right, nodes_per_length):
-    """Return a field's unit-variance noise at the place along the bar."""
-    return between_nodes(left[i], right[i], work.along[i] * nodes_per_length - cells[i])
+    """Return a field's unit-variance noise at the place along the bar, between the two nodes on either side.
+
+    The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
+    """
+    share = work.along[i] * nodes_per_length - cells[i]
+    square = share * share
+    return ((1.0 - square) * left[i] + 2.0 * share * right[i]) / (1.0 + square)
 
 
 @compiled

@@ -15,7 +15,6 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import resources
 from pathlib import Path
 from types import CodeType
 from typing import Any, NamedTuple, Self
@@ -29,19 +28,17 @@ from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
-from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested
+from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested, shipped
 from turning_env.scenario.section import Section, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
 
-_FAMILIES = resources.files("turning_env.scenario") / "families"
+_FAMILIES = shipped("families")
 CHUNK = 256
-"""Jobs that are drawn together: one alone takes almost as long."""
-CONTEXT_LIMIT = 10.0
-"""Highest absolute value of a number of the context."""
+"""Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
+CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
-_SAMPLE = 256  # jobs that standardise the context
 _MAX_ATTEMPTS = 200
 
 
@@ -71,21 +68,18 @@ class Distribution(Section):
             raise ValueError(f"{name} is [{first}, {second}], but a standard deviation is 0 or more")
         return self
 
-    def values(self, uniforms: tuple[Array, Array]) -> Array:
+    def values(self, uniforms: tuple[Array, Array]) -> Any:
         """Return values made of two uniform numbers each."""
         first, second = uniforms
-        values: Array
         if self.uniform:
-            values = self.uniform[0] + first * (self.uniform[1] - self.uniform[0])
-        elif self.log_uniform:
-            values = self.log_uniform[0] * exp(first * log(self.log_uniform[1] / self.log_uniform[0]))
-        else:
-            normals = np.sqrt(-2.0 * log(first)) * sine_and_cosine(second)[1]  # Box-Muller
-            mean, spread = self.normal or self.log_normal or (0.0, 0.0)
-            values = mean + spread * normals if self.normal else mean * exp(spread * normals)
-        return values
+            return self.uniform[0] + first * (self.uniform[1] - self.uniform[0])
+        if self.log_uniform:
+            return self.log_uniform[0] * exp(first * log(self.log_uniform[1] / self.log_uniform[0]))
+        normals = np.sqrt(-2.0 * log(first)) * sine_and_cosine(second)[1]  # Box-Muller
+        mean, spread = self.normal or self.log_normal or (0.0, 0.0)
+        return mean + spread * normals if self.normal else mean * exp(spread * normals)
 
-    def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Array:
+    def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Any:
         """Return true values: a ``normal`` or ``uniform`` deviation is added to nominal ones, a logarithmic one is a factor."""
         deviation = self.values(uniforms)
         return told * deviation if self.log_normal or self.log_uniform else told + deviation
@@ -121,13 +115,9 @@ class Table(Section):
         for name in self.truth:
             if name not in self.columns:
                 raise ValueError(f"truth: there is no column {name!r}; {names_instead(name, self.columns, 'the columns')}")
-        if not self.numbers(held_out=False).size:
+        if not self.names(held_out=False):
             raise ValueError("every row is held out, but the training jobs need some")
         return self
-
-    def numbers(self, held_out: bool) -> Array:
-        """Return the rows that are held out, or those that are not, shape (rows, columns)."""
-        return np.array([self.rows[name] for name in self.names(held_out)])
 
     def names(self, held_out: bool) -> list[str]:
         """Return the names of the rows that are held out, or of those that are not."""
@@ -161,17 +151,9 @@ def _above_zero(name: str, value: Any) -> Any:
     return value
 
 
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "exp": exp,
-    "log": lambda x: log(_above_zero("log", x)),
-    "sqrt": np.sqrt,
-    "minimum": np.minimum,
-    "maximum": np.maximum,
-}
-
-
-def _power(base: Any, exponent: Any) -> Any:
-    return real_power(_above_zero("**", base), exponent)
+_FUNCTIONS = {"exp": exp, "log": lambda x: log(_above_zero("log", x)), "sqrt": np.sqrt}
+_FUNCTIONS |= {"minimum": np.minimum, "maximum": np.maximum}
+_HIDDEN = {"__builtins__": {}, "_power": lambda base, exponent: real_power(_above_zero("**", base), exponent)}
 
 
 def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
@@ -179,7 +161,7 @@ def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
     if not isinstance(formula, str):
         return formula
     try:
-        return eval(_compiled(formula), {"__builtins__": {}}, {**_FUNCTIONS, **values, "_power": _power})
+        return eval(_compiled(formula), _HIDDEN, {**_FUNCTIONS, **values})
     except NameError as error:
         name = str(error).split("'")[1]
         raise ValueError(f"{formula!r}: there is no variable {name!r}; {names_instead(name, values, 'the variables')}") from error
@@ -192,32 +174,23 @@ class Job(NamedTuple):
 
     split: str
     number: int
-    title: str
-    """Number, and the rows of the family's tables."""
+    title: str  # number, and the rows of the family's tables
     scenario: Scenario
-    cutting_speed: float
-    """The nominal model's best cutting speed on a half-worn edge [m/min]."""
-    feed: float
-    """Likewise the feed [mm/rev]."""
-    context: Array
-    """Context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)."""
+    cutting_speed: float  # the nominal model's best cutting speed on a half-worn edge [m/min]
+    feed: float  # likewise the feed [mm/rev]
+    context: Array  # context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)
 
 
 @dataclass(frozen=True)
 class Draw:
     """Some jobs of a split. Arrays have shape (jobs,)."""
 
-    true: Scenario
-    """The true scenarios, with arrays of numbers (``plan.py``)."""
-    nominal: Scenario
-    """The nominal models, likewise."""
+    true: Scenario  # the true scenarios, with arrays of numbers (``plan.py``)
+    nominal: Scenario  # the nominal models, likewise
     plan: Plan
-    fields: tuple[Values, Values]
-    """Nominal and true values by dotted names."""
-    rows: dict[str, NDArray[np.int64]]
-    """Places of the drawn rows of each table."""
-    features: dict[str, Array]
-    """Context before standardisation."""
+    fields: tuple[Values, Values]  # nominal and true values by dotted names
+    rows: dict[str, NDArray[np.int64]]  # places of the drawn rows of each table
+    features: dict[str, Array]  # context before standardisation
 
 
 def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
@@ -231,11 +204,9 @@ def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
     nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
     loads = Loads(true, jobs)
     bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(axis=(1, 2))
-    row, column = loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
-    true_life = 1.0 / loads.life_rate[np.arange(jobs), row, column]
+    true_life = 1.0 / loads.life_rate[np.arange(jobs), *loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])]
     lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
-    sensible: NDArray[np.bool_] = plan.feasible.all(axis=1) & lasts & bearable
-    return sensible
+    return np.asarray(plan.feasible.all(axis=1) & lasts & bearable)
 
 
 class Family(Section):
@@ -275,22 +246,17 @@ class Family(Section):
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
-        """Return the family of a preset's name, a TOML file's path or a dict.
-
-        Raises:
-            ScenarioError: there is no such family, or it cannot be used. The message names the field and what is allowed.
-        """
+        """Return the family of a preset's name, a TOML file's path or a dict; ScenarioError names the field and its fault."""
         if isinstance(source, Family):
             return source
         if isinstance(source, Mapping):
             return cls._from_values("family", lambda: dict(source))
         if source in families():
             return _preset(str(source))
-        path = Path(source)
-        if not path.is_file():
-            instead = names_instead(str(source), families(), "families()")
+        if not (path := Path(source)).is_file():
+            instead = names_instead(str(source), _FAMILIES, "families()")
             raise ScenarioError(f"no family and no file is called {str(source)!r}; {instead}")
-        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path.read_text("utf-8")))
+        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path))
 
     @classmethod
     def _from_values(cls, source: str, read: Callable[[], Values]) -> "Family":
@@ -312,7 +278,7 @@ class Family(Section):
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold: the name of a preset, or a dict."""
-        if self.name in families() and self == _preset(self.name):
+        if self.name in _FAMILIES and self == _preset(self.name):
             return self.name
         return self.model_dump(mode="json", exclude_none=True)
 
@@ -326,14 +292,13 @@ class Family(Section):
         return (int(seed) + _STRIDE * int(episode)) % (self.jobs if split == "train" else self.held_out_jobs)
 
     def job(self, seed: int, split: str = "train", episode: int = 0) -> Job:
-        """Return the job that an episode of a seed plays.
-
-        Raises:
-            ValueError: there is no such split.
-        """
+        """Return the job that an episode of a seed plays; ValueError if there is no such split."""
         number = self.number(seed, episode, split)
         draw, i = self.draw(split, number // CHUNK), number % CHUNK
-        nominal, true = ({name: _one(value, i) for name, value in fields.items()} for fields in draw.fields)
+        nominal, true = (
+            {name: value[i].item() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
+            for fields in draw.fields
+        )
         differing = {name: value for name, value in nominal.items() if value != true[name] and not always_told(name)}
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
@@ -370,14 +335,12 @@ class Family(Section):
 
     def _standardised(self, numbers: Mapping[str, Any]) -> Array:
         mean, spread = self.context_scale
-        columns = np.stack(np.broadcast_arrays(*numbers.values()), axis=1)
-        return np.clip((columns - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
+        return np.clip((_stacked(numbers) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
         """Return mean and spread by which the context is standardised, shape (numbers,) each."""
-        drawn = [self.draw("train", chunk) for chunk in range(-(-min(_SAMPLE, self.jobs) // CHUNK))]
-        sample = np.concatenate([np.stack(list(draw.features.values()), axis=1) for draw in drawn])
+        sample = _stacked(self.draw("train", 0).features)
         spread = sample.std(axis=0)
         return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
 
@@ -396,25 +359,15 @@ class Family(Section):
 
     def columns(self, fields: Values) -> Scenario:
         """Return scenarios, with arrays of numbers, that have these fields by dotted names, and the base's others."""
-        columns: Scenario = unchecked(nested((self._base | fields).items()))
-        return columns
+        return unchecked(nested((self._base | fields).items()))
 
     def draw(self, split: str, chunk: int) -> Draw:
-        """Return the jobs with the numbers from ``CHUNK * chunk`` on.
-
-        Raises:
-            ValueError: there is no such split.
-        """
+        """Return the jobs with the numbers from ``CHUNK * chunk`` on; ValueError if there is no such split."""
         if split not in self.splits:
             raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
         if (split, chunk) not in self._known:
             self._known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
         return self._known[split, chunk]
-
-    def _split_key(self, split: str) -> np.uint64:
-        if split == "train":
-            return np.uint64(crc32(b"train"))
-        return np.uint64(int(digest_of([self.held_out_key, split])[:16], 16))
 
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
@@ -429,13 +382,14 @@ class Family(Section):
     def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
         names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
         keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
-        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, self._split_key(split))
+        split_key = crc32(b"train") if split == "train" else int(digest_of([self.held_out_key, split])[:16], 16)
+        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(split_key))
         uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
 
         told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}
         rows = {}
         for name, table in self.tables.items():
-            choices = table.numbers(held_out=name in self.splits[split])
+            choices = np.array([table.rows[row] for row in table.names(held_out=name in self.splits[split])])
             rows[name] = (uniforms[name][0] * len(choices)).astype(np.int64)
             told |= dict(zip(table.columns, choices[rows[name]].T, strict=True))
         for name, formula in self.derived.items():
@@ -444,12 +398,8 @@ class Family(Section):
 
         nominal_fields = {name: _evaluate(formula, told) for name, formula in self.fields.items()}
         plan = plan_of(self.columns(nominal_fields), len(numbers))
-        planned = {
-            "best_cutting_speed": plan.speed[:, MIDDLE],
-            "best_feed": plan.feed[:, MIDDLE],
-            "best_life": plan.life[:, MIDDLE],
-            "best_removal_rate": plan.removal_rate,
-        }
+        planned = {"best_cutting_speed": plan.speed[:, MIDDLE], "best_feed": plan.feed[:, MIDDLE]}
+        planned |= {"best_life": plan.life[:, MIDDLE], "best_removal_rate": plan.removal_rate}
         nominal_fields |= {name: _evaluate(formula, told | planned) for name, formula in self.planned.items()}
         true_fields = {
             name: value if always_told(name) or name in self.planned else _evaluate(self.fields[name], true)
@@ -462,26 +412,26 @@ class Family(Section):
         return Draw(self.columns(true_fields), nominal, plan, fields, rows, context)
 
 
-def _one(value: Any, i: int) -> Any:
-    return value[i].item() if isinstance(value, np.ndarray) else value
+def _stacked(numbers: Mapping[str, Any]) -> Array:
+    """Return the context before standardisation, shape (jobs, numbers)."""
+    return np.stack(np.broadcast_arrays(*numbers.values()), axis=1)
 
 
 def families() -> tuple[str, ...]:
     """Return the names of the families that come with the package."""
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _FAMILIES.iterdir() if entry.name.endswith(".toml")))
+    return tuple(_FAMILIES)
 
 
 @cache
 def _preset(name: str) -> Family:
-    text = (_FAMILIES / f"{name}.toml").read_text("utf-8")
-    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(text))
+    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(_FAMILIES[name]))
 
 
-def _read(text: str) -> Values:
-    """Return the values of a family's TOML, on top of those of the family that it ``extends``, one that ships."""
-    values = tomllib.loads(text)
+def _read(path: Any) -> Values:
+    """Return the values of a family's TOML file, on top of those of the family that it ``extends``, one that ships."""
+    values = tomllib.loads(path.read_text("utf-8"))
     if (other := values.pop("extends", None)) is None:
         return values
     if other not in families():
-        raise ValueError(f"extends is {other!r}; {names_instead(str(other), families(), 'families()')}")
-    return merged(_read((_FAMILIES / f"{other}.toml").read_text("utf-8")), values)
+        raise ValueError(f"extends is {other!r}; {names_instead(str(other), _FAMILIES, 'families()')}")
+    return merged(_read(_FAMILIES[other]), values)

@@ -16,21 +16,18 @@ from turning_env.scenario.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""Used shares of an edge's life at which set points are planned."""
-MIDDLE = 2
-"""Place of half a life in ``USED_LIVES``."""
-_ENOUGH = 2.0
-"""Ratio of a cutting speed to the base speed above which the torque does not matter."""
-_GRID = 20
-"""Cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale."""
+USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)  # used shares of an edge's life at which set points are planned
+MIDDLE = 2  # place of half a life in ``USED_LIVES``
+_ENOUGH = 2.0  # ratio of a cutting speed to the base speed above which the torque does not matter
+_GRID = 20  # cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale
 
 
-def unchecked(values: dict[str, Any], section: Any = Scenario) -> Any:
+def unchecked(values: dict[str, Any], section: Any = Scenario) -> Scenario:
     """Return a scenario of nested values, which are not checked: its numbers can be arrays of shape (scenarios,)."""
     kinds = {name: field.annotation for name, field in section.model_fields.items()}
     inner = {name: unchecked(value, kinds[name]) if isinstance(value, dict) else value for name, value in values.items()}
-    return section.model_construct(**inner)
+    made: Scenario = section.model_construct(**inner)
+    return made
 
 
 def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
@@ -42,24 +39,13 @@ def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
             return {name: joined([value[name] for value in values]) for name in first}
         return first if all(value == first for value in values) else np.array(values)
 
-    dumps = [scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]
-    together: Scenario = unchecked(joined(dumps))
-    return together
-
-
-def log_wear_at(s: Scenario, used_life: float) -> Any:
-    """Return the logarithm of the flank wear [mm] at a used share of an edge's life."""
-    return log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
+    return unchecked(joined([scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]))
 
 
 class Loads:
     """A grid of set points and their loads. Arrays have the shape (scenarios, speeds, feeds), or one that broadcasts to it.
 
-    Attributes:
-        speed: cutting speed [m/min], shape (scenarios, speeds, 1).
-        feed: [mm/rev], shape (scenarios, 1, feeds).
-        removal: removal rate [cm3/min].
-        life_rate: edges used up per minute [1/min].
+    They are speed [m/min], feed [mm/rev], removal rate [cm3/min] and the rate at which edges are used up [1/min].
     """
 
     def __init__(self, s: Scenario, count: int) -> None:
@@ -76,25 +62,22 @@ class Loads:
         self._idle = _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power) * self.speed
         self._capacity = np.minimum(self.speed / _wide(np.maximum(s.base_cutting_speed, 1e-9)), 1.0)
 
-    def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Array:
+    def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Any:
         """Return (exp(log_rest) V^a f^b)^exponent."""
         along_speed = exp(_wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed)
-        over: Array = along_speed * exp(_wide(law.feed * exponent) * self._log_feed)
-        return over
+        return along_speed * exp(_wide(law.feed * exponent) * self._log_feed)
 
-    def nearest(self, speed: Array, feed: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def nearest(self, speed: Array, feed: Array) -> list[NDArray[np.int64]]:
         """Return the places of the grid's speeds and feeds that are nearest to some [m/min, mm/rev], shape (scenarios,) each."""
         pairs = (self.speed, speed), (self.feed, feed)
-        first, second = (abs(log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs)
-        return first, second
+        return [abs(log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs]
 
-    def excess(self, used_life: float, deviations: float = 0.0) -> Array:
+    def excess(self, used_life: float, deviations: float = 0.0) -> Any:
         """Return the larger of force and power over their limits, less 1, for bars worse by a number of standard deviations."""
         s = self._s
         force = self._force * _wide(exp(log_response_at(s, "thrust_force", used_life, deviations)))
         power = self._power * _wide(exp(log_response_at(s, "power", used_life, deviations))) + self._idle
-        over: Array = np.maximum(force, power / self._capacity) - 1.0
-        return over
+        return np.maximum(force, power / self._capacity) - 1.0
 
 
 def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
@@ -102,7 +85,7 @@ def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: fl
     work, law = s.workpiece, getattr(s.material, law_name)
     depth = work.depth_of_cut + deviations * hypotenuse(work.depth_bar_spread, work.depth_along_spread)
     log_hardness = log(s.mismatch.hardness_factor) + deviations * hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
-    log_wear = log_wear_at(s, used_life) if used_life > 0.0 else 0.0
+    log_wear = log(s.tool.wear_criterion) + s.material.wear.time * log(used_life) if used_life > 0.0 else 0.0
     return log_response(law, 0.0, 0.0, log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
 
 
@@ -110,14 +93,10 @@ def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: fl
 class Plan:
     """The best set points at ``USED_LIVES``; arrays of shape (scenarios, lives) or (scenarios,)."""
 
-    speed: Array
-    """[m/min]"""
-    feed: Array
-    """[mm/rev]"""
-    life: Array
-    """Life of an edge that cuts so [min]."""
-    feasible: NDArray[np.bool_]
-    """Whether any set point is within the limits."""
+    speed: Array  # [m/min]
+    feed: Array  # [mm/rev]
+    life: Array  # life of an edge that cuts so [min]
+    feasible: NDArray[np.bool_]  # whether any set point is within the limits
     removal_rate: Array
     """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
 

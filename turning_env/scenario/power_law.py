@@ -54,13 +54,7 @@ class PowerLaw(Section):
     ) -> Any:
         """Return the response to positive scalars or broadcastable arrays.
 
-        Args:
-            cutting_speed: [m/min]
-            feed: [mm/rev]
-            depth_of_cut: [mm]
-            time: Cutting time of the edge [min].
-            wear: Flank wear [mm].
-            hardness: Hardness over nominal [-].
+        They are cutting speed [m/min], feed [mm/rev], depth of cut [mm], cutting time [min], wear [mm] and hardness [-].
         """
         factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
         return exp(log_response(self, *(log(factor) for factor in factors)))

@@ -16,28 +16,11 @@ import tomli_w
 from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
 
 from turning_env.files import digest_of, replace_file
+from turning_env.scenario import sections
 from turning_env.scenario.section import Section, names_instead
-from turning_env.scenario.sections import (
-    MAX_DELAY,
-    Control,
-    Economics,
-    EdgeFailure,
-    FeedDrive,
-    Limits,
-    Machine,
-    Material,
-    Mismatch,
-    Sensors,
-    Spindle,
-    Surface,
-    Swarf,
-    Tool,
-    Workpiece,
-)
 from turning_env.scenario.validation import complaints
 
 _SOURCE, _CALIBRATION = "_source", "_calibration"  # beside the fields, as Pydantic would compare a private attribute
-_PRESETS = resources.files("turning_env.scenario") / "presets"
 _ALL_PRESETS = "python -m turning_env presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
@@ -56,6 +39,15 @@ ALWAYS_TOLD = (
     *("workpiece.depth_profile", "workpiece.bar_length", "workpiece.approach", "workpiece.support"),
 )
 """Sections and values that the control knows, so the nominal model has no others: observations and actions are scaled by them."""
+
+
+def shipped(folder: str) -> dict[str, Any]:
+    """Return the TOML files that ship in a folder of this package, by name."""
+    files = {each.name: each for each in (resources.files("turning_env.scenario") / folder).iterdir()}
+    return {name.removesuffix(".toml"): files[name] for name in sorted(files) if name.endswith(".toml")}
+
+
+_PRESETS = shipped("presets")
 
 
 def always_told(name: str) -> bool:
@@ -80,9 +72,9 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Return values by dotted names as a nested table."""
     table: dict[str, Any] = {}
     for name, value in values:
-        *sections, key = name.split(".")
+        *above, key = name.split(".")
         inner = table
-        for section in sections:
+        for section in above:
             inner = inner.setdefault(section, {})
         inner[key] = value
     return table
@@ -98,20 +90,20 @@ class Scenario(Section):
 
     name: str = "rough_turning"
     """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
-    material: Material = Material()
-    tool: Tool = Tool()
-    edge_failure: EdgeFailure = EdgeFailure()
-    swarf: Swarf = Swarf()
-    machine: Machine = Machine()
-    spindle: Spindle = Spindle()
-    feed_drive: FeedDrive = FeedDrive()
-    workpiece: Workpiece = Workpiece()
-    control: Control = Control()
-    surface: Surface = Surface()
-    sensors: Sensors = Sensors()
-    mismatch: Mismatch = Mismatch()
-    economics: Economics = Economics()
-    limits: Limits = Limits()
+    material: sections.Material = sections.Material()
+    tool: sections.Tool = sections.Tool()
+    edge_failure: sections.EdgeFailure = sections.EdgeFailure()
+    swarf: sections.Swarf = sections.Swarf()
+    machine: sections.Machine = sections.Machine()
+    spindle: sections.Spindle = sections.Spindle()
+    feed_drive: sections.FeedDrive = sections.FeedDrive()
+    workpiece: sections.Workpiece = sections.Workpiece()
+    control: sections.Control = sections.Control()
+    surface: sections.Surface = sections.Surface()
+    sensors: sections.Sensors = sections.Sensors()
+    mismatch: sections.Mismatch = sections.Mismatch()
+    economics: sections.Economics = sections.Economics()
+    limits: sections.Limits = sections.Limits()
     nominal_model: NominalModel = Field((), description="values of the nominal model that differ from the true ones, by section")
 
     @field_validator("name")
@@ -123,64 +115,9 @@ class Scenario(Section):
         return name
 
     @model_validator(mode="after")
-    def _starts_within_range(self) -> Self:
-        for name in ("cutting_speed", "feed"):
-            start = getattr(self.control, f"initial_{name}")
-            low, high = getattr(self.machine, f"{name}_min"), getattr(self.machine, f"{name}_max")
-            if not low <= start <= high or low == high:
-                raise ValueError(f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high} (not equal)")
-        return self
-
-    @model_validator(mode="after")
-    def _spindle_turns(self) -> Self:
-        start, reached = self.control.initial_cutting_speed, self.cutting_speed_max
-        if start > reached:
-            raise ValueError(
-                f"control.initial_cutting_speed is {start}, but must be at most {reached:.4g} m/min, which spindle.max_speed, "
-                f"{self.spindle.max_speed}, reaches at workpiece.diameter, {self.workpiece.diameter}"
-            )
-        torque = 30.0 * self.workpiece.diameter * self.limits.power / max(reached, self.base_cutting_speed)
-        if self.spindle.idle_torque >= torque:
-            raise ValueError(
-                f"spindle.idle_torque is {self.spindle.idle_torque}, but must be below {torque:.4g} N m, to which limits.power, "
-                f"{self.limits.power}, comes at the highest cutting speed"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _edges_and_laws_make_sense(self) -> Self:
-        wear, criterion = self.mismatch.initial_wear, self.tool.wear_criterion
-        if wear >= criterion:
-            raise ValueError(f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}")
+    def _makes_sense(self) -> Self:
         if wrong := "; ".join(complaints(self)):
             raise ValueError(wrong)
-        return self
-
-    @model_validator(mode="after")
-    def _choices_agree(self) -> Self:
-        control, machine, sensors = self.control, self.machine, self.sensors
-        if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
-            reached = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
-            raise ValueError(f"control.initial_feed is {reached}: above machine.feed_max, {machine.feed_max}")
-        if machine.command_delay > MAX_DELAY * control.interval * (1 + 1e-9) and control.action != "part":
-            raise ValueError(
-                f"machine.command_delay is {machine.command_delay} s, but must be at most {MAX_DELAY} times control.interval, "
-                f"which is {control.interval} s"
-            )
-        if control.action == "part":
-            lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag", "machine.command_delay")
-            for name in (*lags, "sensors.power_time_constant", "sensors.force_time_constant"):
-                if (lag := attrgetter(name)(self)) != 0:
-                    raise ValueError(f"{name} is {lag}, but passes of whole parts are cut without lags: only 0")
-            if self.workpiece.bars == 0 or control.edge_changes != "automatic":
-                raise ValueError(
-                    f'control.action "part" needs workpiece.bars of 1 or more and control.edge_changes "automatic", '
-                    f"but they are {self.workpiece.bars} and {control.edge_changes!r}"
-                )
-        elif sensors.probe:
-            raise ValueError('sensors.probe is true, but blanks are only probed where control.action is "part"')
-        if sensors.inspects_edges and control.edge_changes == "end":
-            raise ValueError('sensors.inspects_edges is true, but no edge is taken out where control.edge_changes is "end"')
         return self
 
     @model_validator(mode="after")
@@ -211,14 +148,10 @@ class Scenario(Section):
 
         A TOML file or a dict states only the values that differ from the defaults or, with ``base``, from that preset or TOML
         file. The path of a base is relative to the file's folder. Without a ``name``, a file's scenario gets the file's name,
-        with "_" for characters that are not allowed; a dict's scenario is called "custom".
+        with "_" for characters that are not allowed; a dict's scenario is called "custom". TypeError if ``source`` is none of
+        the four; ScenarioError names file, field, value and what is allowed.
 
             Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
-
-        Raises:
-            ScenarioError: the preset or file does not exist, the file is not TOML, a key is unknown, a value is out of range, or
-                a scenario is based on itself. The message names file, field, value and what is allowed.
-            TypeError: ``source`` is none of the four.
         """
         if isinstance(source, Scenario):
             return source
@@ -235,11 +168,11 @@ class Scenario(Section):
     @classmethod
     def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
         """Return the scenario of a preset or a file."""
-        preset = source if isinstance(source, str) and source in presets() else None
-        path: Any = _PRESETS / f"{preset}.toml" if preset else Path(source)
+        preset = source if isinstance(source, str) and source in _PRESETS else None
+        path: Any = _PRESETS[preset] if preset else Path(source)
         try:
             if not path.is_file():
-                instead = names_instead(str(path), presets(), _ALL_PRESETS)
+                instead = names_instead(str(path), _PRESETS, _ALL_PRESETS)
                 raise ScenarioError(f"no preset and no file is called {str(path)!r}; {instead}")
             text: bytes = path.read_bytes()
         except OSError as error:
@@ -261,11 +194,11 @@ class Scenario(Section):
         """Return the scenario of a table. A base's path is relative to ``folder``."""
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
-            if not isinstance(base, str) or (base not in presets() and not base.endswith(".toml")):
-                instead = names_instead(base if isinstance(base, str) else "", presets(), _ALL_PRESETS)
+            if not isinstance(base, str) or (base not in _PRESETS and not base.endswith(".toml")):
+                instead = names_instead(base if isinstance(base, str) else "", _PRESETS, _ALL_PRESETS)
                 raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
             try:
-                above = cls._read(base if base in presets() else folder / base)
+                above = cls._read(base if base in _PRESETS else folder / base)
             except ScenarioError as error:
                 raise ScenarioError(f"{source}: base: {error}") from error
             values = merged(above.model_dump(exclude={"name"}), values)
@@ -300,10 +233,7 @@ class Scenario(Section):
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def differences(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, nested by section, without the name.
-
-        They identify a scenario. A new field with a neutral default, another order or a comment does not change them.
-        """
+        """Return the values that differ from the defaults, nested by section, without the name. They identify a scenario."""
         return _differences(self.model_dump(exclude={"name"}), _DEFAULTS.model_dump(exclude={"name"}))
 
     def digest(self) -> str:
@@ -312,7 +242,7 @@ class Scenario(Section):
 
     def portable(self) -> str | dict[str, Any]:
         """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""
-        if self.name in presets() and self == self._read(self.name):
+        if self.name in _PRESETS and self == self._read(self.name):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
@@ -354,15 +284,14 @@ class Scenario(Section):
 
     def nominal(self) -> "Scenario":
         """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
-        update: dict[str, Any] = {"mismatch": Mismatch(), "nominal_model": ()}
+        update: dict[str, Any] = {"mismatch": sections.Mismatch(), "nominal_model": ()}
         if self.nominal_model:
             values = merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
             update |= dict(Scenario.model_validate(values)) | {"name": self.name}
         return self.model_copy(update=update)
 
 
-Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
-"""Types that ``Scenario.load`` takes."""
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario  # types that ``Scenario.load`` takes
 
 _DEFAULTS = Scenario()
 
@@ -385,7 +314,7 @@ class ScenarioError(ValueError):
 
 def presets() -> tuple[str, ...]:
     """Return the names of the scenarios that come with the package."""
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in _PRESETS.iterdir() if entry.name.endswith(".toml")))
+    return tuple(_PRESETS)
 
 
 def name_of_file(path: Path) -> str:

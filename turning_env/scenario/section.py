@@ -10,14 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
     """Declare a number with its default, its allowed range (ends included), its unit and its meaning."""
     return Field(
-        default,
-        description=f"{description} [{unit}]",
-        json_schema_extra={"minimum": low, "maximum": high, "unit": unit},
+        default, description=f"{description} [{unit}]", json_schema_extra={"minimum": low, "maximum": high, "unit": unit}
     )
-
-
-_MAX_LISTED = 8
-_ALL_KEYS = "python -m turning_env schema"
 
 
 def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
@@ -25,7 +19,7 @@ def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
     names = list(allowed)
     if close := get_close_matches(name[:100], names, 3, 0.7):
         return f"did you mean {' or '.join(close)}?"
-    return f"allowed are {', '.join(names)}" if len(names) <= _MAX_LISTED else f"list all with: {lists_all}"
+    return f"allowed are {', '.join(names)}" if len(names) <= 8 else f"list all with: {lists_all}"
 
 
 def _with_tuples(value: Any) -> Any:
@@ -50,8 +44,8 @@ class Section(BaseModel):
             values = _with_tuples(values)
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
-                advice = (f"unknown key {key}; {names_instead(key, cls.model_fields, _ALL_KEYS)}" for key in unknown)
-                raise ValueError("; ".join(advice))
+                known = cls.model_fields, "python -m turning_env schema"
+                raise ValueError("; ".join(f"unknown key {key}; {names_instead(key, *known)}" for key in unknown))
         return values
 
     @field_validator("*")

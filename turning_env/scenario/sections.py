@@ -170,18 +170,13 @@ class Workpiece(Section):
     hardness_along_spread: float = quantity(0.05, 0, 1, "-", "log standard deviation of hardness along a bar")
     hardness_correlation_length: float = quantity(40, 0.1, 1e5, "mm", "correlation length of hardness along a bar (assumption)")
 
-    @field_validator("depth_profile")
-    @classmethod
-    def _profile_in_range(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if len(value) > MAX_DEPTHS:
-            raise ValueError(f"{len(value)} sections are more than the allowed {MAX_DEPTHS}")
-        for depth in value:
-            if depth != 0.0 and not 0.01 <= depth <= 50:
-                raise ValueError(f"{depth} is outside the allowed range 0.01 to 50 mm")
-        return value
-
     @model_validator(mode="after")
     def _sections_agree(self) -> Self:
+        if len(self.depth_profile) > MAX_DEPTHS:
+            raise ValueError(f"depth_profile has {len(self.depth_profile)} sections, more than the allowed {MAX_DEPTHS}")
+        for depth in self.depth_profile:
+            if depth != 0.0 and not 0.01 <= depth <= 50:
+                raise ValueError(f"depth_profile: {depth} is outside the allowed range 0.01 to 50 mm")
         for name in ("section_lengths", "section_speeds"):
             values = getattr(self, name)
             if values and len(values) != len(self.depth_profile):
@@ -217,12 +212,6 @@ class Control(Section):
     initial_cutting_speed: float = quantity(125, 0.1, 5000, "m/min", "programmed cutting speed, at the start (assumption)")
     initial_feed: float = quantity(0.25, 0.001, 10, "mm/rev", "programmed feed, at the start (assumption)")
     time_limit: float = quantity(60, 0.001, 1e5, "min", "machine time after which an episode is truncated (assumption)")
-
-    @model_validator(mode="after")
-    def _interval_within_time_limit(self) -> Self:
-        if self.time_limit * 60 < self.interval:
-            raise ValueError(f"time_limit is {self.time_limit} min, but must be at least one step of {self.interval} s")
-        return self
 
 
 class Surface(Section):

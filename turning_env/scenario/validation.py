@@ -1,32 +1,71 @@
-"""Check the range of the machinability laws over a whole scenario.
+"""Check that the sections of a scenario agree, and the range of its laws, so that the simulation need not check.
 
-Laws with extreme exponents give numbers that overflow in sums and quotients. The scenario refuses such laws, so the simulation
-need not check.
+Laws with extreme exponents give numbers that overflow in sums and quotients.
 """
 
 import math
 from collections.abc import Iterator
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.sections import MAX_DELAY
 
 if TYPE_CHECKING:
     from turning_env.scenario import Scenario
 
-MAX_DIGITS = 100
-"""Responses, and rates of used tool life [1/min], are at most 10 to this power."""
-MIN_DIGITS = 280
-"""Responses are at least 1 over 10 to this power."""
+MAX_DIGITS = 100  # responses, and rates of used tool life [1/min], are at most 10 to this power
+MIN_DIGITS = 280  # responses are at least 1 over 10 to this power
 
 _SPREADS = 10.0  # largest deviation from the mean in standard deviations
 _MIN_DEPTH = 1e-6  # [mm], as in the transition
 _MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
 
-Span = tuple[float, float]
-"""Lowest and highest natural logarithm."""
+Span = tuple[float, float]  # lowest and highest natural logarithm
 
 
-def complaints(scenario: "Scenario") -> Iterator[str]:
+def complaints(s: "Scenario") -> Iterator[str]:
+    """Yield a complaint for each value that does not fit the others."""
+    control, machine, spindle = s.control, s.machine, s.spindle
+    for name in ("cutting_speed", "feed"):
+        start, low, high = getattr(control, f"initial_{name}"), getattr(machine, f"{name}_min"), getattr(machine, f"{name}_max")
+        if not low <= start <= high or low == high:
+            yield f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high} (not equal)"
+    start, reached = control.initial_cutting_speed, s.cutting_speed_max
+    if start > reached:
+        by = f"spindle.max_speed, {spindle.max_speed}, reaches at workpiece.diameter, {s.workpiece.diameter}"
+        yield f"control.initial_cutting_speed is {start}, but must be at most {reached:.4g} m/min, which {by}"
+    torque = 30.0 * s.workpiece.diameter * s.limits.power / max(reached, s.base_cutting_speed)
+    if spindle.idle_torque >= torque:
+        by = f"limits.power, {s.limits.power}, comes at the highest cutting speed"
+        yield f"spindle.idle_torque is {spindle.idle_torque}, but must be below {torque:.4g} N m, to which {by}"
+    wear, criterion = s.mismatch.initial_wear, s.tool.wear_criterion
+    if wear >= criterion:
+        yield f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}"
+    if control.time_limit * 60 < control.interval:
+        yield f"control.time_limit is {control.time_limit} min, but must be at least one step of {control.interval} s"
+    if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
+        asked = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
+        yield f"control.initial_feed is {asked}: above machine.feed_max, {machine.feed_max}"
+    if machine.command_delay > MAX_DELAY * control.interval * (1 + 1e-9) and control.action != "part":
+        most = f"{MAX_DELAY} times control.interval, which is {control.interval} s"
+        yield f"machine.command_delay is {machine.command_delay} s, but must be at most {most}"
+    if control.action == "part":
+        lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag", "machine.command_delay")
+        for name in (*lags, "sensors.power_time_constant", "sensors.force_time_constant"):
+            if (lag := attrgetter(name)(s)) != 0:
+                yield f"{name} is {lag}, but passes of whole parts are cut without lags: only 0"
+        if s.workpiece.bars == 0 or control.edge_changes != "automatic":
+            needs = 'control.action "part" needs workpiece.bars of 1 or more and control.edge_changes "automatic"'
+            yield f"{needs}, but they are {s.workpiece.bars} and {control.edge_changes!r}"
+    elif s.sensors.probe:
+        yield 'sensors.probe is true, but blanks are only probed where control.action is "part"'
+    if s.sensors.inspects_edges and control.edge_changes == "end":
+        yield 'sensors.inspects_edges is true, but no edge is taken out where control.edge_changes is "end"'
+    yield from _laws_out_of_range(s)
+
+
+def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
     """Yield a complaint for each law that gives too large or too small numbers within the scenario's ranges."""
     material, tool, machine = scenario.material, scenario.tool, scenario.machine
     workpiece, control, mismatch = scenario.workpiece, scenario.control, scenario.mismatch

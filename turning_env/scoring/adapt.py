@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from errno import ENOENT
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,9 @@ from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFact
 
 
 def as_factory(policy: Any) -> PolicyFactory:
-    """Return a function that makes the policy for a number of environments; ``turning_env.score`` lists the accepted kinds.
+    """Return a function that makes the policy for a number of environments.
 
-    Raises:
-        TypeError: the object is none of these.
-        ValueError: an ONNX file has other inputs or outputs.
-        OSError: the file cannot be read.
-        ModuleNotFoundError: onnxruntime is not installed.
+    ``turning_env.score`` lists the accepted kinds: TypeError if it is none, ValueError if a file has other inputs or outputs.
     """
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
         return as_factory(_imported(policy))
@@ -55,11 +52,10 @@ def _imported(name: str) -> Any:
         if error.name != module.partition(".")[0]:
             raise
         raise ValueError(f"there is no module {module!r} in this folder or among the installed packages") from None
-    for part in path.split("."):
-        if not hasattr(found, part):
-            raise ValueError(f"{module} has no {path!r}")
-        found = getattr(found, part)
-    return found
+    try:
+        return attrgetter(path)(found)
+    except AttributeError as error:
+        raise ValueError(f"{module} has no {path!r}") from error
 
 
 @dataclass
@@ -73,8 +69,7 @@ class _Function(Policy):
         self.forget(mask)
 
     def act(self, observations: Observations) -> Actions:
-        actions: Actions = np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0)
-        return actions
+        return np.asarray(np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0))
 
 
 @dataclass

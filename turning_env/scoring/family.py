@@ -50,8 +50,7 @@ def play_family(
 class Truthful(Family):
     """A family whose nominal models are right in some fields; its jobs are otherwise the same."""
 
-    right: str | tuple[str, ...] = ""
-    """How the dotted names of these fields begin, or one of several beginnings."""
+    right: str | tuple[str, ...] = ""  # how the dotted names of these fields begin, or one of several beginnings
 
     def __reduce__(self) -> Any:
         """Pickle the family without its jobs."""

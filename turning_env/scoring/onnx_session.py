@@ -25,11 +25,7 @@ class OnnxPolicy:
             self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
 
     def act(self, observations: Floats) -> Floats:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32.
-
-        Raises:
-            ValueError: the observations have another shape or type.
-        """
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries), both float32, or ValueError."""
         actions, self.memory = self.run(observations, self.memory)
         return actions
 
@@ -59,11 +55,7 @@ def runtime() -> Any:
 
 
 def session_of(source: bytes | str) -> Any:
-    """Return ONNX Runtime's session of a file's content or path.
-
-    Raises:
-        ValueError: ONNX Runtime cannot run it.
-    """
+    """Return ONNX Runtime's session of a file's content or path; ValueError if it cannot be run."""
     onnxruntime = runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1

@@ -10,10 +10,11 @@ from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory, PolicySpec
 from turning_env.vector_env import RoughTurningVectorEnv
 
-_REWARDS = tuple(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness"))  # [s]
-_TIMES = ("time", "engaged_time", "stopped_time")  # [s]
-_COUNTS = ("removed", "passes", "edges_used", "edges_broken")  # [cm3], [-], [-], [-]
-SUMS = (*_REWARDS, *_TIMES, *_COUNTS, "roughness_deviation", "overload_time", "severe_overload_time")  # the last three in [s]
+SUMS = (
+    *(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")),  # [s]
+    *("time", "engaged_time", "stopped_time", "removed", "passes", "edges_used", "edges_broken"),  # [s] x 3, [cm3], [-] x 3
+    *("roughness_deviation", "overload_time", "severe_overload_time"),  # [s]
+)
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
 """The fields of an episode: return [s], steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
@@ -24,14 +25,9 @@ Episodes = dict[str, NDArray[np.float64]]
 def play_spec(
     spec: PolicySpec, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None] = lambda ended: None
 ) -> Episodes:
-    """Play a policy's episodes, or compute those of a bound: see ``play``.
-
-    Raises:
-        ValueError: the spec was read from a file and cannot play; or ``play`` raises it.
-    """
+    """Play a policy's episodes, or compute those of a bound: see ``play``. ValueError if the spec was read from a file."""
     if spec.compute is not None:
-        computed: Episodes = spec.compute(scenario, seeds, on_step)
-        return computed
+        return dict(spec.compute(scenario, seeds, on_step))
     return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
 
 
@@ -43,20 +39,14 @@ def play(
     *,
     tell: bool = False,
 ) -> Episodes:
-    """Play one episode per seed, all in one batch.
+    """Play one episode per seed, all in one batch; return an array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
 
     Args:
-        make_policy: makes the policy for ``len(seeds)`` environments.
+        make_policy: makes the policy for ``len(seeds)`` environments; ValueError if its actions are malformed.
         scenario: scenario to play, or a batch of ``len(seeds)`` environments with SAME_STEP.
         seeds: seeds of the episodes.
         on_step: called after each step with the number of episodes that have ended.
         tell: whether to call ``tell(infos)`` before every ``act``; for oracles only.
-
-    Returns:
-        An array of shape (len(seeds),) for each of ``EPISODE_FIELDS``.
-
-    Raises:
-        ValueError: the policy's actions have the wrong shape or are not finite.
     """
     num_envs = len(seeds)
     env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP) if isinstance(scenario, Scenario) else scenario

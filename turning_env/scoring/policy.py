@@ -25,11 +25,7 @@ class Policy(Protocol):
         return
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions in -1..1, float32 of shape (num_envs, actions), for float32 observations of shape (num_envs, entries).
-
-        The scenario sets their numbers: 11 or 12 entries, 1 to 10 actions (``turning_env.observation.layout``,
-        ``RoughTurningEnv.action_space``).
-        """
+        """Return actions in -1..1, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32."""
 
 
 PolicyFactory = Callable[[int], Policy]
@@ -108,13 +104,8 @@ class PolicySpec(BaseModel):
     @property
     def title(self) -> str:
         """Return the name with, in words, its knowledge and its memory."""
-        knows = {
-            "nominal": "",
-            "true_wear": " with the true wear law",
-            "true_forms": " with true forms",
-            "true_laws": " with true laws",
-        }
-        return self.name + knows[self.knows] + (" without memory between edges" if self.forgets else "")
+        knows = {"true_wear": " with the true wear law", "true_forms": " with true forms", "true_laws": " with true laws"}
+        return self.name + knows.get(self.knows, "") + (" without memory between edges" if self.forgets else "")
 
     @property
     def label(self) -> str:

@@ -24,8 +24,7 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key
 FOLDER = Path(__file__).parent / "shipped_results"
 """Times of every shipped policy's episodes: a file per id, JSON compressed with xz, made by ``python -m leaderboard pack``."""
 
-FAMILY = ("shop", "unseen_jobs")
-"""Family and split whose first jobs score a policy on ``RoughTurning-Family-v0``."""
+FAMILY = ("shop", "unseen_jobs")  # family and split whose first jobs score a policy on ``RoughTurning-Family-v0``
 
 
 @dataclass(frozen=True)
@@ -33,14 +32,10 @@ class Played:
     """A policy's episodes on the held-out seeds: arrays of shape (training seeds, seeds); one row for a rule."""
 
     name: str
-    kind: str
-    """``rule``, ``agent`` or ``oracle``."""
-    returns: Floats
-    """[s of machine time]"""
-    severe: Floats
-    """Time with an excess above the tolerance [s]."""
-    engaged: Floats
-    """Cutting time [s]."""
+    kind: str  # ``rule``, ``agent`` or ``oracle``
+    returns: Floats  # [s of machine time]
+    severe: Floats  # time with an excess above the tolerance [s]
+    engaged: Floats  # cutting time [s]
 
     def first(self, count: int) -> "Played":
         """Return the first ``count`` seeds alone."""
@@ -49,11 +44,7 @@ class Played:
 
 @cache
 def shipped(env_id: str) -> tuple[Played, ...]:
-    """Return the results of every policy on an id's leaderboard, on the first held-out seeds.
-
-    Raises:
-        ValueError: the id has no leaderboard.
-    """
+    """Return the results of every policy on an id's leaderboard, on the first held-out seeds; ValueError if it has none."""
     path = FOLDER / f"{env_id}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
@@ -152,9 +143,7 @@ def score(
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         on_step: called after each step with the number of episodes that have ended.
 
-    Raises:
-        ValueError: the id has no leaderboard, it has fewer seeds, or the policy cannot play it.
-        TypeError: the policy is none of these.
+    TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds.
     """
     others = shipped(env_id)
     available = others[0].returns.shape[1]
@@ -182,8 +171,7 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
 
     comparisons = []
     for each in others:
-        means = bootstrap.means(each.returns, each.name)
-        mean = float(np.mean(each.returns))
+        means, mean = bootstrap.means(each.returns, each.name), float(np.mean(each.returns))
         ahead = Estimate.of(float(np.mean(mine.returns)) - mean, my_means - means)
         comparisons.append(Comparison(each.name, each.kind, feasible(each), Estimate.of(mean, means), ahead))
     comparisons.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
@@ -191,17 +179,9 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
     mine_feasible, my_return = feasible(mine), Estimate.of(float(np.mean(mine.returns)), my_means)
     my_key = rank_key(mine.kind, mine_feasible, my_return.value)
     better = sum(rank_key(each.kind, each.feasible, each.mean_return.value) < my_key for each in ranked)
-    return Score(
-        env_id=env_id,
-        seeds=mine.returns.shape[1],
-        rank=better + 1,
-        ranked=len(ranked) + 1,
-        mean_return=my_return,
-        feasible=mine_feasible,
-        severe_share=severe_share(mine.severe.ravel(), mine.engaged.ravel()),
-        comparisons=tuple(comparisons),
-        episodes=episodes,
-    )
+    share, count = severe_share(mine.severe.ravel(), mine.engaged.ravel()), mine.returns.shape[1]
+    rank = better + 1, len(ranked) + 1
+    return Score(env_id, count, *rank, my_return, mine_feasible, share, tuple(comparisons), episodes)
 
 
 def _interval(estimate: Estimate, sign: str = "") -> str:

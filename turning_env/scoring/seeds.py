@@ -15,29 +15,17 @@ MIN_KEY = 16
 
 
 def tuning_seeds(count: int) -> list[int]:
-    """Return the first ``count`` seeds on which controllers are tuned.
-
-    Raises:
-        ValueError: ``count`` is not 1 to 1,000,000.
-    """
+    """Return the first ``count`` seeds, 1 to 1,000,000, on which controllers are tuned."""
     return _seeds(TUNING_START, count)
 
 
 def held_out_seeds(count: int) -> list[int]:
-    """Return the first ``count`` seeds on which policies are scored.
-
-    Raises:
-        ValueError: ``count`` is not 1 to 1,000,000.
-    """
+    """Return the first ``count`` seeds, 1 to 1,000,000, on which policies are scored."""
     return _seeds(HELD_OUT_START, count)
 
 
 def private_seeds(key: str, count: int) -> list[int]:
-    """Return the first ``count`` seeds that a key determines, which only the owner of the key knows.
-
-    Raises:
-        ValueError: ``count`` is not 1 to 1,000,000, or the key has fewer than 16 characters.
-    """
+    """Return the first ``count`` seeds, 1 to 1,000,000, that a key of at least 16 characters determines; its owner knows them."""
     if len(key) < MIN_KEY:
         raise ValueError(f"the private key has {len(key)} characters, but must have at least {MIN_KEY}")
     start = int.from_bytes(sha256(f"seeds {key}".encode()).digest()[:8]) >> 1

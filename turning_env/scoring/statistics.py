@@ -73,9 +73,7 @@ class Bootstrap:
 def severe_share(severe: Floats, engaged: Floats) -> float:
     """Return the share of cutting time with an excess above the tolerance [-]: sum(severe) / sum(engaged), 0 without cutting.
 
-    Args:
-        severe: time with an excess above the tolerance [s] in each episode, shape (seeds,).
-        engaged: cutting time [s] in each episode, shape (seeds,).
+    Both are times in each episode [s], shape (seeds,).
     """
     return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True))[0])
 
@@ -97,25 +95,16 @@ def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float
 
 def interquartile_mean(values: Floats) -> Floats:
     """Return the mean over the last axis without its lowest and highest quarter, each rounded down."""
-    count = values.shape[-1]
-    cut = count // 4
-    middle = np.sort(values, axis=-1)[..., cut : count - cut]
-    mean: Floats = np.mean(middle, axis=-1)
-    return mean
+    cut = values.shape[-1] // 4
+    return np.asarray(np.mean(np.sort(values, axis=-1)[..., cut : values.shape[-1] - cut], axis=-1))
 
 
 def improvement(returns: Floats, others: Floats) -> Floats:
-    """Compare each return with another policy's on the same seed: 1 above, 0.5 equal, 0 below.
+    """Compare each return with another policy's on the same seed, averaged over its training seeds: 1 above, 0.5 equal, 0 below.
 
-    Args:
-        returns: a policy's returns [s], shape (training seeds, seeds).
-        others: the other policy's returns [s], shape (its training seeds, seeds); averaged over its training seeds.
-
-    Returns:
-        An array of shape (training seeds, seeds), whose mean is the probability of improvement P(X > Y) + P(X = Y) / 2.
+    All are of shape (training seeds, seeds). The mean is the probability of improvement P(X > Y) + P(X = Y) / 2.
     """
-    wins: Floats = np.mean((1.0 + np.sign(returns[:, None, :] - others[None, :, :])) / 2.0, axis=1)
-    return wins
+    return np.asarray(np.mean((1.0 + np.sign(returns[:, None, :] - others[None, :, :])) / 2.0, axis=1))
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:

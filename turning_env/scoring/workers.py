@@ -18,8 +18,7 @@ from typing import Any, TypeVar
 from turning_env.physics import MODEL_VERSION
 from turning_env.scoring.onnx_session import first_line
 
-CONNECTING = 20.0
-"""Time to wait for a scheduler, and then for its first worker [s]."""
+CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker [s]
 
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _PACKAGES = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
@@ -46,23 +45,14 @@ class Workers:
         self._tags[self._executor.submit(_do, _versions(), work, *arguments)] = tag
 
     def finished(self) -> tuple[Any, Any]:
-        """Wait until a started piece ends, and return its tag and its result.
-
-        Raises:
-            WorkersError: The workers' versions differ from this process's.
-            Exception: Whatever the work raised.
-        """
+        """Wait until a started piece ends, and return its tag and its result, or raise what it raised."""
         future = wait(self._tags, return_when=FIRST_COMPLETED).done.pop()
         return self._tags.pop(future), future.result()
 
 
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
-    """Start processes of this machine; they end with the context, even if they are working.
-
-    Raises:
-        WorkersError: A process was killed, for example because memory ran out.
-    """
+    """Start processes of this machine; they end with the context, even if they are working. WorkersError if one was killed."""
     from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
 
     executor = ProcessPoolExecutor(count, initializer=_begin, initargs=(os.getpid(),))
@@ -76,14 +66,9 @@ def processes(count: int) -> Iterator[Workers]:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Workers]:
-    """Connect to a Dask cluster, whose number of workers may change at any time; other workers repeat the pieces of a lost one.
+    """Connect to a Dask cluster at an address such as ``tcp://host:8786``; its number of workers may change at any time.
 
-    Args:
-        address: The scheduler's address, such as ``tcp://host:8786``.
-
-    Raises:
-        WorkersError: Dask is not installed, there is no scheduler with workers at the address, it is lost, or several workers in
-            a row are lost over the same piece.
+    Other workers repeat the pieces of a lost one. WorkersError if there are no workers, or several are lost over the same piece.
     """
     try:
         from distributed import Client, KilledWorker
@@ -102,11 +87,7 @@ def cluster(address: str) -> Iterator[Workers]:
 
 
 def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers | None]:
-    """Use a cluster if a scheduler's address is given, else ``jobs`` processes; None if this process does all work.
-
-    Raises:
-        WorkersError: See ``cluster`` and ``processes``.
-    """
+    """Use a cluster if a scheduler's address is given, else ``jobs`` processes; None if this process does all work."""
     if scheduler is not None:
         return cluster(scheduler)
     return processes(jobs) if jobs > 1 else nullcontext()
@@ -115,12 +96,7 @@ def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers 
 def spread(
     over: Workers | None, work: Callable[[Piece], Outcome], pieces: Iterable[tuple[Tag, Piece]]
 ) -> Iterator[tuple[Tag, Outcome]]:
-    """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process.
-
-    Raises:
-        WorkersError: See ``Workers.finished``.
-        Exception: Whatever the work raised.
-    """
+    """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process."""
     if over is None:
         for tag, piece in pieces:
             yield tag, work(piece)

@@ -9,10 +9,7 @@ import pytest
 
 from tests.walking import MAX, ROOT
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")]
 
 # The package without its __init__.py, whose imports take longer than all else here.
 MODULE = f"""

@@ -16,11 +16,7 @@ WEAR_CRITERION = UNDISTURBED.tool.wear_criterion
 
 @pytest.mark.parametrize("rule", RULES)
 @settings(max_examples=25)
-@given(
-    set_points=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
-    interval=st.floats(0.5, 20),
-    sub_steps=st.integers(1, 50),
-)
+@given(set_points=st.tuples(st.floats(-1, 1), st.floats(-1, 1)), interval=st.floats(0.5, 20), sub_steps=st.integers(1, 50))
 def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_steps):
     env = RoughTurningEnv(changed(SCENARIOS[rule], control={"interval": interval, "sub_steps": sub_steps}))
     env.reset(seed=0)

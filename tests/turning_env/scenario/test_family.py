@@ -24,7 +24,7 @@ SMALL = {
     "base": "shift",
     "jobs": 8,
     "variables": {
-        "factor": {"log_uniform": [0.8, 1.2], "unit": "-", "source": "assumption", "truth": {"log_normal": [1.0, 0.1]}},
+        "factor": {"log_uniform": [0.8, 1.2], "unit": "-", "source": "assumption", "truth": {"log_normal": [1.0, 0.1]}}
     },
     "fields": {"material.power.coefficient": "0.30338170 * factor", "workpiece.diameter": "100 * factor"},
 }

@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from turning_env.scoring.statistics import (
-    Bootstrap,
-    Estimate,
-    improvement,
-    interquartile_mean,
-    severe_limit,
-    severe_share,
-)
+from turning_env.scoring.statistics import Bootstrap, Estimate, improvement, interquartile_mean, severe_limit, severe_share
 
 
 def test_resamples_vary_as_means_do() -> None:
