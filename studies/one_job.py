@@ -45,8 +45,9 @@ def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path
         speed, life = figure.subplots(2, 1, sharex=True)
         for k, (name, (values, total)) in enumerate(runs.items()):
             colour, _ = style.LINES[k]
-            speed.plot(values["clock"], values["cutting_speed"] / start_speed, color=colour, label=f"{name}: {total:.0f} s")
             stopped = np.diff(values["clock"], prepend=0.0) > 0.5  # the edge was changed
+            speeds = np.where(stopped, np.nan, values["cutting_speed"] / start_speed)
+            speed.plot(values["clock"], speeds, color=colour, label=f"{name}: {total:.0f} s")
             life.plot(values["clock"], np.where(stopped, np.nan, values["used_life"]), color=colour)
             before = np.maximum(np.flatnonzero(values["edges_broken"] > 0) - 1, 0)
             life.plot(values["clock"][before], values["used_life"][before], "x", color=colour, markersize=9)

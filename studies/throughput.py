@@ -2,11 +2,13 @@
 
     python -m studies.throughput
     python -m studies.throughput --training
+    python -m studies.throughput --against ../before
 
 It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
 turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
 used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
-``--training`` measures trainings by PPO instead, all with the same network and batches.
+``--training`` measures trainings by PPO instead, all with the same network and batches. ``--against`` compares one environment of
+RoughTurning-v0 and a batch with those of another checkout; a process of each takes turns.
 """
 
 import argparse
@@ -14,9 +16,11 @@ import importlib
 import os
 import platform
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import cycle, product
@@ -30,7 +34,7 @@ from tqdm import tqdm
 
 from turning_env import FAMILY_ID, IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.console import described, exits
+from turning_env.console import Mistake, described, exits
 
 MAIN = "RoughTurning-v0"
 NUM_ENVS = 1024  # number of environments of a batch, unless stated
@@ -38,6 +42,25 @@ SIZES = (1, 16, 256, 4096, 65536)  # numbers of environments side by side
 REFERENCE = "Gymnasium Pendulum, unwrapped"  # the case that ratios refer to
 _ACTIONS = 16  # batches of random actions, drawn beforehand and used in turn
 _SCAN = 64  # steps in one call of a compiled loop
+_TURNS = f"""
+import sys, time, gymnasium, turning_env
+envs = gymnasium.make("{MAIN}").unwrapped, gymnasium.make_vec("{MAIN}", {NUM_ENVS}, vectorization_mode="vector_entry_point")
+for env in envs:
+    env.action_space.seed(0)
+actions = [[env.action_space.sample() for _ in range({_ACTIONS})] for env in envs]
+for line in sys.stdin:
+    for size, env, drawn in zip((1, {NUM_ENVS}), envs, actions):
+        env.reset(seed=0), env.step(drawn[0])
+        steps, begun = 0, time.process_time()
+        while (taken := time.process_time() - begun) < float(sys.argv[1]):
+            for action in drawn:
+                _, _, terminated, truncated, _ = env.step(action)
+                if size == 1 and (terminated or truncated):
+                    env.reset()
+            steps += size * len(drawn)
+        print(steps / taken, end=" ")
+    print(flush=True)
+"""  # runs in each of two checkouts, and prints the steps per CPU second of a turn for each line of input
 
 
 class Case(NamedTuple):
@@ -254,6 +277,33 @@ def machine() -> str:
     return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
 
 
+def against(other: Path, repeats: int, seconds: float) -> list[str]:
+    """Return a line per case: steps per CPU second of this checkout over those of another, median and range over the turns."""
+    with ExitStack() as stack:
+        checkouts: list[Any] = []
+        for folder in (Path(__file__).parents[1], other.resolve()):
+            command, variables = [sys.executable, "-P", "-c", _TURNS, str(seconds)], os.environ | {"PYTHONPATH": str(folder)}
+            process = subprocess.Popen(
+                command, env=variables, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+            )
+            checkouts.append(stack.enter_context(process))
+        turns = []
+        for _ in tqdm(range(repeats), unit="turn", dynamic_ncols=True, disable=None):
+            rates = []
+            for process in checkouts:
+                process.stdin.write("\n")
+                rates.append([float(rate) for rate in process.stdout.readline().split()])
+            if not all(rates):
+                raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
+            turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
+    ratios = [sorted(each) for each in zip(*turns, strict=True)]
+    names = f"one {MAIN}", f"{NUM_ENVS} environments"
+    return [
+        f"{name}: {statistics.median(each):.3g} ({each[0]:.3g} to {each[-1]:.3g}) times {other}"
+        for name, each in zip(names, ratios, strict=True)
+    ]
+
+
 @exits()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and draw; return the exit status."""
@@ -261,9 +311,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
     parser.add_argument("--training", action="store_true", help="measure trainings by PPO instead of environments")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
     options = parser.parse_args(arguments)
     if options.repeats < 1 or not options.seconds > 0:
         parser.error("--repeats must be at least 1, and --seconds above 0")
+    if options.against is not None:
+        if not (options.against / "turning_env").is_dir():
+            raise Mistake(f"--against {options.against}: there is no folder turning_env")
+        print(*against(options.against, options.repeats, options.seconds), sep="\n")
+        return 0
     cases, remarks = runnable_cases({"stable_baselines3": training_cases} if options.training else PEERS)
     timings = measure(cases, options.repeats, options.seconds)
     print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")

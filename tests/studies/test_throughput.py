@@ -1,6 +1,9 @@
-"""Speed is measured in turns, beside peers that run here."""
+"""Speed is measured in turns, beside peers that run here and beside another checkout."""
 
 from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 
 from studies import throughput
 from studies.throughput import Case, Timing, measure, vector
@@ -34,3 +37,13 @@ def test_peers_that_do_not_run_are_left_out_and_said() -> None:
     assert remarks[2].startswith("numpy ")
     ((timing,),) = measure(cases, 1, 0.001)
     assert timing.rate > 0.0
+
+
+@pytest.mark.slow
+def test_two_checkouts_take_turns(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    root = Path(throughput.__file__).parents[1]
+    assert throughput.main(["--against", str(root), "--repeats", "2", "--seconds", "0.01"]) == 0
+    single, batch = capsys.readouterr().out.splitlines()
+    assert single.startswith("one RoughTurning-v0: ")
+    assert batch.startswith("1024 environments: ")
+    assert throughput.main(["--against", str(tmp_path)]) == 2
