@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from baselines.guided import HOLD, GuidedRule, decision_space, feature_space
 from train import ppo
-from train.run import Run
 from train.training import command_line
 from turning_env import Family, FamilyVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
@@ -65,9 +63,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
             self._returns += counted
             if (ended := terminated | truncated).any():
                 for i in np.flatnonzero(ended & ~done).tolist():
-                    episode = {"r": float(self._returns[i]), "l": int(self._lengths[i])}
-                    last = {"terminal_observation": self._features[i], "TimeLimit.truncated": bool(truncated[i])}
-                    env_infos[i] = last | {"episode": episode}
+                    env_infos[i] = self.info_at_end(i, self._features[i], bool(truncated[i]))
                 done |= ended
                 self._begin(ended)
             self._features = self._rule.features(self._observations)
@@ -82,12 +78,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._returns[ended], self._lengths[ended] = 0.0, 0
 
 
-def new_model(run: Run, vec_env: VecEnv) -> ppo.LeanPPO:
-    """Return an untrained model, as PPO's."""
-    return ppo.new_model(run, vec_env)
-
-
-ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", new_model=new_model, vec_env=GuidedVecEnv)
+ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", vec_env=GuidedVecEnv)
 
 main = partial(command_line, ALGORITHM)
 

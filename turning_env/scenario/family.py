@@ -331,7 +331,8 @@ class Family(Section):
                 f"the context of family {self.name!r} needs {', '.join(self.shown) or 'no values'}, got {dict(shown)}"
             )
         nominal = scenario.nominal()
-        return self._standardised(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
+        context: Array = self._standardised(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
+        return context
 
     def _standardised(self, numbers: Mapping[str, Any]) -> Array:
         mean, spread = self.context_scale
