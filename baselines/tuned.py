@@ -60,7 +60,8 @@ def contents(scenario: Scenario) -> dict[str, Any]:
 def on_family(family: Family, name: str) -> Parameters:
     """Return the parameters that a rule has on the jobs of this family alone."""
     values = read(FOLDER / "families" / f"{family.name}.json")
-    own = values["rules"].get(name, {}) if values.get("family_digest") == family.digest() else {}
+    digest = family.model_copy(update={"held_out_key": ""}).digest()  # whichever jobs are held out
+    own = values["rules"].get(name, {}) if values.get("family_digest") == digest else {}
     return dict(own.get("parameters", {}))
 
 

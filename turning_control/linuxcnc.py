@@ -171,7 +171,8 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
         raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
     loaded = Scenario.load(scenario)
-    policy = str(Path(policy).resolve()) if Path(policy).is_file() else policy  # LinuxCNC runs in a folder of its own
+    # LinuxCNC runs in a folder of its own.
+    policy, scenario = (str(Path(each).resolve()) if Path(each).is_file() else str(each) for each in (policy, scenario))
     places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
     command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_control"]
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
@@ -182,17 +183,17 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         turning: dict[str, Any] = CONTROLLER_PINS | {
             "period": interval,
             "safe": {"adaptive-feed": safe_feed(loaded), "spindle-override": 1.0, "status": int(Status.SAFE)},
-            "command": [*command, "serve", "--policy", policy, "--scenario", str(scenario)],
+            "command": [*command, "serve", "--policy", policy, "--scenario", scenario],
         }
         plant: dict[str, Any] = PLANT_PINS | {
             "period": min(interval / loaded.control.sub_steps, 0.02),
             "safe": {},  # late: the readings before hold
-            "command": [*command, "plant", "--seed", str(seed), "--log", str(log), "--scenario", str(scenario)],
+            "command": [*command, "plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario],
         }
         panel = {"parent": os.getpid(), "fault": fault._asdict() if fault else None}
         for part, plan in {"turning": turning, "plant": plant, "panel": panel}.items():
             (folder / f"{part}.json").write_text(json.dumps(plan))
-        output = _start(folder, 60.0 + bars * 120.0)
+        output = _start(folder, 60.0 + bars * 600.0)
         lines = log.read_text().splitlines() if log.is_file() else []
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
         if not rows:
@@ -206,8 +207,7 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
     velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
     values = {"PYTHON": PYTHON, "FOLDER": str(folder), "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}"}
     values |= {"LAG_SHARE": f"{lag_share(0.001, lag):.9f}"}  # in a servo cycle
-    power = scenario.limits.power
-    values |= {"METAL_POWER": f"{0.02 * power:.4f}", "METAL_HYSTERESIS": f"{0.01 * power:.4f}"}
+    values |= {f"METAL_{name}": f"{share * scenario.limits.power:.4f}" for name, share in (("POWER", 0.02), ("HYSTERESIS", 0.01))}
     for source in (files("turning_control") / "lathe").iterdir():
         if source.is_file():
             text = source.read_text()

@@ -106,8 +106,10 @@ def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
 
 def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
     shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
-    usual, own = (one_named("self_tuning", task).parameters for task in (shop, unmodelled))
+    private = family_task(Family.load("unmodelled").model_copy(update={"held_out_key": "of an organiser"}), "validation", 1)
+    usual, own, again = (one_named("self_tuning", task).parameters for task in (shop, unmodelled, private))
     assert own.keys() - usual.keys() == {"top_speed", "change_at"}
+    assert again == own
     assert one_named("self_tuning", unmodelled, None, "true_forms").title == "self_tuning with true forms"
     assert one_named(CAUSAL, shop).version < one_named(CAUSAL, unmodelled).version
 

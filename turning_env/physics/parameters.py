@@ -230,6 +230,7 @@ PARAMETERS = (
     P("bar_flexibility", "1/(N mm2)", "1 / (3 E I)", _bar_flexibility),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P("per_thrust_force_limit", "1/N", "1 / thrust_force_limit", lambda s: 1.0 / s.limits.thrust_force),
+    P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
     P("per_power_limit", "1/kW", "1 / power_limit", lambda s: 1.0 / s.limits.power),
     P("further_limits", "-", "how many further limits there are", lambda s: np.count_nonzero(_further_laws(s)[:, 1]), np.int64),
     P("further_laws", "-", "log response over limit of each at f = d = H = 1; exponents of f, d, H", _further_laws, shape=(3, 4)),
