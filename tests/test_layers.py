@@ -15,7 +15,7 @@ LEANS_ON = {
     "turning_shop": {"turning_env", "turning_render"},
     "turning_nc": {"turning_env", "turning_render", "turning_shop"},
     "turning_control": {"turning_env", "turning_render"},
-    "baselines": 4563{"turning_env"},
+    "baselines": {"turning_env"},
     "train": {"turning_env", "baselines", "turning_nc", "turning_render"},
     "papers": {"turning_env", "baselines", "train", "turning_render", "turning_shop"},
     "leaderboard": {"turning_env", "baselines", "train", "turning_render"},
