@@ -110,7 +110,7 @@ LINES = {
     "turning_nc": 4034,
     "turning_control": 1500,
     "baselines": 4563,
-    "train": 3885,
+    "train": 3892,
     "leaderboard": 3198,
     "papers": 2487,
     "studies": 2017,

@@ -50,15 +50,15 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
 @pytest.mark.slow
 def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> None:
     told = truthful(Family.load("unmodelled"), FORMS)
-    env, plans = FamilyVectorEnv(2, told, context="hidden"), [schedule(told.job(seed).scenario.nominal()) for seed in range(2)]
-    policy = SelfTuning([told.job(seed).scenario.nominal() for seed in range(2)], 2, *SETTINGS)
-    observations, _ = env.reset(seed=0)
+    models = [told.job(seed).scenario.nominal() for seed in (1, 2)]
+    env, policy = FamilyVectorEnv(2, told, context="hidden"), SelfTuning(models, 2, *SETTINGS)
+    observations, _ = env.reset(seed=1)
     policy.reset(np.ones(2, np.bool_))
     for _ in range(60):
         observations, *_, infos = env.step(policy.act(observations))
-    fastest = SPEED_MARGIN * np.array([plan.cutting_speed.max() for plan in plans])
+    fastest = SPEED_MARGIN * np.array([schedule(model).cutting_speed.max() for model in models])
     assert (infos["commanded_cutting_speed"] <= fastest * (1.0 + 1e-6)).all()
-    assert (fastest < [plan.machine.cutting_speed_max for plan in (told.job(0).scenario, told.job(1).scenario)]).all()
+    assert (fastest < [model.machine.cutting_speed_max for model in models]).all()
 
 
 def test_a_rule_for_one_scenario_refuses_several() -> None:
