@@ -234,11 +234,11 @@ class Batch:
         observations, table = self.observations, self.table
         if not self._single:
             observations, table = np.empty(observations.shape, np.float32), np.empty(self._table_shape)
-        arrays = self.actions, observations, table
-        if self._helpers is None or len(self._states) < MIN_BLOCKS:
-            finite = step_blocks(self._states, self._parameters, self._scratches[0], *arrays, 0, len(self._states))
-        elif finite := bool(np.isfinite(self.actions).all()):
-            self._share_steps(arrays)
+        states, actions = self._states, self.actions
+        if self._helpers is None or len(states) < MIN_BLOCKS:
+            finite = step_blocks(states, self._parameters, self._scratches[0], actions, observations, table, 0, len(states))
+        elif finite := bool(np.isfinite(actions).all()):
+            self._share_steps((actions, observations, table))
         if not finite:
             i = int(np.isfinite(self.actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self.actions[i].tolist()}")
