@@ -111,8 +111,8 @@ class GuidedRule(SelfTuning):
         law, exponent = scenario.edge_failure.temperature, scenario.material.wear.time
         fresh, measured = reading.cutting_time < time, reading.removed_wear / scenario.tool.wear_criterion
         surprise = np.where(measured > 0.0, log(np.maximum(measured, 1e-3)) - log_wear, 0.0)
-        worn = exp(log_wear + surprise)  # an estimate where removed edges are not measured
-        used, broke = exp((log_wear + surprise) / exponent), fresh & (asked == 0.0) & (worn < WORN)
+        end = log_wear + surprise  # an estimate where removed edges are not measured
+        used, broke = exp(end / exponent), fresh & (asked == 0.0) & (exp(end) < WORN)
         history[0] = np.minimum(history[0] + broke / 3.0, 1.0)
         history[1] = np.where(broke, heat + law.wear / law.cutting_speed * surprise, history[1])
         history[2] = np.where(broke, used, history[2])

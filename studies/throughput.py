@@ -262,10 +262,14 @@ def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[st
     rounded = EngFormatter(places=1, sep=" ")
     for case, turns in zip(cases, timings, strict=True):
         rate, cpu_rate = (rounded(statistics.median(rates)) for rates in zip(*turns, strict=True))
-        ratios = sorted(turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True))
-        ratio = f"{statistics.median(ratios):.3g} ({ratios[0]:.3g} to {ratios[-1]:.3g})"
+        ratio = text([turn.rate / base.rate for turn, base in zip(turns, timings[0], strict=True)])
         lines.append(f"| {case.name} | {case.num_envs} | {rate} | {cpu_rate} | {ratio} |")
     return lines
+
+
+def text(ratios: Sequence[float]) -> str:
+    """Return the median and the range of ratios."""
+    return f"{statistics.median(ratios):.3g} ({min(ratios):.3g} to {max(ratios):.3g})"
 
 
 def machine() -> str:
@@ -296,12 +300,8 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
             if not all(rates):
                 raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
             turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
-    ratios = [sorted(each) for each in zip(*turns, strict=True)]
     names = f"one {MAIN}", f"{NUM_ENVS} environments"
-    return [
-        f"{name}: {statistics.median(each):.3g} ({each[0]:.3g} to {each[-1]:.3g}) times {other}"
-        for name, each in zip(names, ratios, strict=True)
-    ]
+    return [f"{name}: {text(ratios)} times {other}" for name, ratios in zip(names, zip(*turns, strict=True), strict=True)]
 
 
 @exits()
