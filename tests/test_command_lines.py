@@ -49,8 +49,6 @@ train.tune: --algorithm ppo --scenario nothing | --algorithm nobody | --algorith
 train.curves: nothing | . --out made.png | nothing --level x
 train.export: nothing --out made | . --out made | nothing
 train.export --nc: nothing
-train.export --nc schedule: --rule nobody --out made.mpf | --agent nothing.onnx --out made.mpf | --agent . --out made.mpf
-train.export --nc table: --scenario nothing --out made.mpf | --interval x --out made.mpf
 train.export --nc law: --rule nobody --out made.mpf
 train.export --nc check: nothing.mpf | .
 leaderboard: nothing
@@ -84,13 +82,7 @@ train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did
 train.ppo: --set learning_rate => learning_rate is '', but must be a float of 0 or more, such as 0.002
 train.ppo: --set discount=nan => discount is nan, but
 train.ppo: --set "hidden_layers=[1, 'x']" => hidden_layers is 'x', but
-train.export --nc schedule: --rule grid_search --scenario shift --out made.mpf => control.edge_changes is 'commanded'
-train.export --nc schedule: --rule parts_pv --scenario batch_casting --out made.mpf => control.action is "part"
-train.export --nc schedule: --rule grid_search --tuning-seed -1 --out made.mpf => --tuning-seed is -1
-train.export --nc schedule: --rule grid_search --bars 0 --out made.mpf => 0 bars asked for, but there must be 1 to 1000
-train.export --nc schedule: --rule fixed_handbook --tolerance 2 --out made.mpf => must be 0 to 1
-train.export --nc table: --scenario batch_casting --out made.mpf => control.action is "part"
-train.export --nc table: --interval 0 --out made.mpf => must be 0.0017 to 17
+train.export --nc law: --rule one_line_law --tuning-seed -1 --out made.mpf => --tuning-seed is -1
 train.export --nc law: --rule tmac --out made.mpf => those that can are one_line_law
 baselines.tune: --scenario harder_lot --out made.json => scenario 'harder_lot' has a model mismatch
 baselines.tune: --scenario rough_turning --rules fixed_handbook --out made.json => fixed_handbook has nothing to tune

@@ -7,8 +7,7 @@
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
 A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
 
-Run ``python -m train.export --nc --help`` to write the commands of agents and controllers as part
-programs for a lathe's control.
+Run ``python -m train.export --nc --help`` to write override controllers as programs for a lathe's control.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Override laws of controllers, and the scenario of the grid search's interval table.
+"""Override laws of controllers, as synchronized actions.
 
 A law runs in the control, in every interpolation cycle. ``one_line_law`` is a function of the load: one polynomial into the
 override. The other laws go from the present override to the next. That is kept in ``STATE``, and what depends on the load is
@@ -18,7 +18,6 @@ from baselines.models.part_program import PartProgram, on_override, target_load
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share
-from turning_env.scenario.sections import Mismatch
 from turning_nc.expression import DECIMALS, number_text
 from turning_nc.law import (
     GAIN,
@@ -33,13 +32,11 @@ from turning_nc.law import (
     Law,
     LawWriter,
 )
-from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Block, Program, rounded_within
-from turning_nc.simulate import with_bars
+from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Program, rounded_within
 from turning_nc.words import NcError
 
 WANTED, TIME_IN_METAL = PARAMETERS[2:4]
 AIR_LOAD = 1.0  # load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it
-MAX_SUB_STEPS = 10_000
 
 
 def law_program(name: str, scenario: Scenario) -> Program:
@@ -50,15 +47,13 @@ def law_program(name: str, scenario: Scenario) -> Program:
     entry = catalogue.spec(name, scenario)
     if name not in LAWS:
         raise NcError(f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}")
-    with_bars(scenario, 1)  # raises if no program can be written
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
     machine = scenario.machine
     parameters = {key: float(value) for key, value in entry.parameters.items()}  # type: ignore[arg-type]
     part = PartProgram(scenario.nominal(), parameters)
     speed = rounded_within(part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS)
-    block = Block(-scenario.workpiece.bar_length, speed, _programmed_feed(part))
-    return Program.of(scenario, ((block,),), LAWS[name](part, parameters))
+    return Program.of(scenario, speed, _programmed_feed(part), LAWS[name](part, parameters))
 
 
 def _programmed_feed(part: PartProgram) -> float:
@@ -138,25 +133,3 @@ LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
     "omative": _air_gap,
 }
 """Controllers that can be written as synchronized actions, by name."""
-
-
-def table_scenarios(scenario: Scenario, interval: float | None) -> tuple[Scenario, Scenario]:
-    """Return a scenario without spreads and model mismatch, and the same with another control interval [min]."""
-    with_bars(scenario, 1)  # raises if no program can be written
-    control = scenario.control
-    step = control.interval / control.sub_steps  # [s]
-    seconds = control.interval if interval is None else 60.0 * interval
-    if not step <= seconds <= MAX_SUB_STEPS * step:
-        raise NcError(f"the interval is {interval} min, but must be {step / 60.0:.2g} to {MAX_SUB_STEPS * step / 60.0:.2g}")
-    workpiece = {name: 0.0 for name in type(scenario.workpiece).model_fields if name.endswith("_spread")}
-    tool = {name: 0.0 for name in type(scenario.tool).model_fields if name.endswith("_spread")}
-    even = scenario.model_copy(
-        update={
-            "workpiece": scenario.workpiece.model_copy(update={**workpiece, "depth_ripple": 0.0, "depth_profile": ()}),
-            "tool": scenario.tool.model_copy(update=tool),
-            "mismatch": Mismatch(),
-        }
-    )
-    held = {"action": "set_point", "interval": seconds, "sub_steps": round(seconds / step)}
-    longer = control.model_copy(update=held)
-    return even, even.model_copy(update={"control": longer})

@@ -1,14 +1,13 @@
-"""Programs of the project: blocks of one cutting speed and feed along Z, bar by bar, and optionally an override law.
+"""Programs of the project: one cut along a bar at a constant cutting speed and feed, under an override law.
 
 They are SINUMERIK programs, and are read as those of users are. X is a diameter. Z is 0 at the bar's face and decreases towards
 the chuck.
 """
 
-import itertools
 import math
 import textwrap
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
@@ -32,69 +31,52 @@ UNITS = (
 
 
 @dataclass(frozen=True)
-class Block:
-    """A feed block."""
-
-    z: float  # position of its end [mm]
-    cutting_speed: float  # [m/min]
-    feed: float  # [mm/rev]
-
-
-@dataclass(frozen=True)
 class Program:
-    """A turning program: the same cut on successive bars, each with its own blocks."""
+    """A turning program of one cut along a bar."""
 
-    diameter: float  # diameter of the cut [mm]
-    start: float  # Z at which every bar's first block starts, in the air before the face [mm]
+    diameter: float  # of the cut [mm]
+    start: float  # Z at which the cut starts, in the air before the face [mm]
+    end: float  # Z at which it ends [mm]
     max_spindle_speed: float  # [rev/min]
-    bars: tuple[tuple[Block, ...], ...]
-    law: Law = field(default_factory=Law)  # law from measured load to feed override; without actions, there is none
+    cutting_speed: float  # [m/min]
+    feed: float  # at an override of 100 % [mm/rev]
+    law: Law  # from measured load to feed override
 
     @classmethod
-    def of(cls, scenario: Scenario, bars: tuple[tuple[Block, ...], ...], law: Law | None = None) -> Self:
-        """Return a program for a scenario's machine and bars."""
+    def of(cls, scenario: Scenario, cutting_speed: float, feed: float, law: Law) -> Self:
+        """Return the program of a cut along a whole bar of a scenario."""
         workpiece = scenario.workpiece
-        highest = _spindle_speed(scenario.machine.cutting_speed_max, workpiece.diameter)
+        highest = _highest_spindle_speed(scenario)
         limit = rounded_within(highest, 0.0, highest, LIMIT_DECIMALS)
-        diameter, start = round(workpiece.diameter, LENGTH_DECIMALS), round(workpiece.approach, LENGTH_DECIMALS)
-        program = cls(diameter, start, limit, bars, law or Law())
+        lengths = workpiece.diameter, workpiece.approach, -workpiece.bar_length
+        diameter, start, end = (round(length, LENGTH_DECIMALS) for length in lengths)
+        program = cls(diameter, start, end, limit, cutting_speed, feed, law)
         program.check(scenario)
         return program
 
     def check(self, scenario: Scenario) -> None:
-        """Check that a scenario's machine can run the program and that its bars are the program's.
+        """Check that a scenario's machine can run the program and that its bar is the program's.
 
         Raises:
-            NcError: a speed or feed is outside the machine's range, or a position is not the scenario's. Names bar and block.
+            NcError: cutting speed, feed or spindle speed is outside the machine's range, or a position is not the scenario's.
         """
         workpiece, machine = scenario.workpiece, scenario.machine
-        lengths = {"diameter": (self.diameter, workpiece.diameter), "first position": (self.start, workpiece.approach)}
+        lengths = {
+            "diameter": (self.diameter, workpiece.diameter),
+            "first position": (self.start, workpiece.approach),
+            "last position": (self.end, -workpiece.bar_length),
+        }
         for what, (mine, its) in lengths.items():
             if abs(mine - its) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
                 raise NcError(f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm")
-        highest = _spindle_speed(machine.cutting_speed_max, workpiece.diameter)
-        if self.max_spindle_speed > highest * (1.0 + 1e-9):
-            raise NcError(f"LIMS is {self.max_spindle_speed} rev/min, but the machine's highest is {highest:.1f}")
-        if not self.bars or not all(self.bars):
-            raise NcError("a program must cut at least one bar, and every bar in at least one block")
-        for number, blocks in enumerate(self.bars, 1):
-            position = self.start
-            for index, block in enumerate(blocks, 1):
-                where = f"bar {number}, feed block {index}"
-                speeds, feeds = (machine.cutting_speed_min, machine.cutting_speed_max), (machine.feed_min, machine.feed_max)
-                for what, value, (low, high) in (("cutting speed", block.cutting_speed, speeds), ("feed", block.feed, feeds)):
-                    if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
-                        raise NcError(f"{where}: {what} is {value}, but the machine's range is {low} to {high}")
-                if not -workpiece.bar_length - 1e-3 <= block.z < position:
-                    raise NcError(f"{where}: Z is {block.z}, but must lie below {position} and not below -{workpiece.bar_length}")
-                position = block.z
-            if number < len(self.bars) and abs(position + workpiece.bar_length) > 1e-3:
-                raise NcError(f"bar {number} ends at Z{position}, but all but the last must end at -{workpiece.bar_length}")
-
-    @property
-    def blocks(self) -> int:
-        """Number of feed blocks."""
-        return sum(len(bar) for bar in self.bars)
+        ranges = {
+            "cutting speed": (self.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
+            "feed": (self.feed, machine.feed_min, machine.feed_max),
+            "LIMS": (self.max_spindle_speed, 0.0, _highest_spindle_speed(scenario)),
+        }
+        for what, (value, low, high) in ranges.items():
+            if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
+                raise NcError(f"the program's {what} is {value}, but the machine's range is {low:g} to {high:g}")
 
 
 def rounded_within(value: float, low: float, high: float, decimals: int) -> float:
@@ -110,8 +92,8 @@ def rounded_within(value: float, low: float, high: float, decimals: int) -> floa
     return float(round(min(max(round(value * scale), first), last) / scale, decimals))
 
 
-def _spindle_speed(cutting_speed: float, diameter: float) -> float:
-    return 1000.0 * cutting_speed / (math.pi * diameter)
+def _highest_spindle_speed(scenario: Scenario) -> float:
+    return 1000.0 * scenario.machine.cutting_speed_max / (math.pi * scenario.workpiece.diameter)
 
 
 # Read.
@@ -121,7 +103,7 @@ def read(text: str) -> Program:
     """Return the program of a text.
 
     Raises:
-        NcError: the text is not understood, or is no turning of one diameter along bars; names the line and the reason.
+        NcError: the text is not understood, or is not one cut along a bar; names the line and the reason.
     """
     return _program(divide(text, SINUMERIK))
 
@@ -134,47 +116,32 @@ def read_file(path: Path) -> Program:
 
 
 def _program(program: PartProgram) -> Program:
-    """Return a part program as bars: runs of moves at feed along Z, on one diameter and from one start."""
+    """Return a part program as one cut: the only move at feed, along Z."""
     done = run(program)
     last = program.parts[program.main][-1]
-    if not (done.moves and any(word.address == "M" and word.value == 30 for word in last.words)):
+    if not any(word.address == "M" and word.value == 30 for word in last.words):
         raise NcError(f"line {last.number}: the program must end with M30")
-    first = next(move for move in done.moves if move.kind != "rapid")
-    start, radius = first.path.start
-    bars = []
-    for rapid, group in itertools.groupby(done.moves, lambda move: move.kind == "rapid"):
-        if rapid:
-            _check_clear((move for move in group if move is not done.moves[0]), radius)  # the first comes from anywhere
-            continue
-        moves = list(group)
-        if moves[0].path.start[0] != start:
-            raise NcError(f"line {moves[0].line}: every bar must be approached at Z{start}, as the first")
-        bars.append(tuple(_block(move, radius, first.max_spindle_speed) for move in moves))
-    limit = _in_resolution("LIMS", first.max_spindle_speed, LIMIT_DECIMALS, first)
-    diameter = _in_resolution("X", 2.0 * radius, LENGTH_DECIMALS, first)
-    return Program(diameter, _in_resolution("Z", start, LENGTH_DECIMALS, first), limit, tuple(bars), done.law)
-
-
-def _block(move: Move, radius: float, max_spindle_speed: float) -> Block:
-    path = move.path
-    along_z = path.centre is None and path.start[1] == path.end[1] == radius and path.end[0] < path.start[0]
-    if move.kind != "feed" or not along_z:
-        raise NcError(f"line {move.line}: feed must go towards the chuck with G01 Z..., at X{2.0 * radius}")
-    if not (move.constant_cutting_speed and move.per_revolution and move.max_spindle_speed == max_spindle_speed):
-        raise NcError(f"line {move.line}: feed must be under G95 and G96, with one LIMS")
-    return Block(
-        _in_resolution("Z", path.end[0], LENGTH_DECIMALS, move),
-        _in_resolution("S", move.speed.value, SPEED_DECIMALS, move),
-        _in_resolution("F", move.feed.value, FEED_DECIMALS, move),
-    )
-
-
-def _check_clear(moves: Iterable[Move], radius: float) -> None:
-    """Check that rapid moves keep beside the bar, except for those out of it or before its face along X."""
-    for move in moves:
+    cut, *others = [move for move in done.moves if move.kind != "rapid"]
+    path, radius = cut.path, cut.path.end[1]
+    if others:
+        raise NcError(f"line {others[0].line}: the cut must be one block, that of line {cut.line}")
+    if not (cut.kind == "feed" and path.centre is None and path.start[1] == radius and path.end[0] < path.start[0]):
+        raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
+    if not (cut.constant_cutting_speed and cut.per_revolution):
+        raise NcError(f"line {cut.line}: feed must be under G95 and G96")
+    for move in done.moves[1:]:  # the first comes from anywhere
         (z, x), (end, end_x) = move.path.start, move.path.end
-        if min(x, end_x) < radius + RETRACTION - 1e-9 and not (z == end and (end_x >= x or z >= 0.0)):
+        if move is not cut and min(x, end_x) < radius + RETRACTION - 1e-9 and not (z == end and (end_x >= x or z >= 0.0)):
             raise NcError(f"line {move.line}: a rapid move along Z must keep to X{2.0 * (radius + RETRACTION)} or beyond")
+    return Program(
+        _in_resolution("X", 2.0 * radius, LENGTH_DECIMALS, cut),
+        _in_resolution("Z", path.start[0], LENGTH_DECIMALS, cut),
+        _in_resolution("Z", path.end[0], LENGTH_DECIMALS, cut),
+        _in_resolution("LIMS", cut.max_spindle_speed, LIMIT_DECIMALS, cut),
+        _in_resolution("S", cut.speed.value, SPEED_DECIMALS, cut),
+        _in_resolution("F", cut.feed.value, FEED_DECIMALS, cut),
+        done.law,
+    )
 
 
 def _in_resolution(address: str, value: float, decimals: int, move: Move) -> float:
@@ -190,35 +157,27 @@ def _in_resolution(address: str, value: float, decimals: int, move: Move) -> flo
 def write(program: Program, comments: Iterable[str] = ()) -> str:
     """Return the text of a program: warning, comments, units, and numbered blocks."""
     lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), 100) or [""]]
-    for index, block in enumerate(_blocks(program), 1):
-        lines.append(f"N{10 * index} {block}")
+    diameter, across, start, end = (
+        f"{length:.{LENGTH_DECIMALS}f}"
+        for length in (program.diameter, program.diameter + 2.0 * RETRACTION, program.start, program.end)
+    )
+    set_points = f"S{program.cutting_speed:.{SPEED_DECIMALS}f} F{program.feed:.{FEED_DECIMALS}f}"
+    blocks = (
+        SAFE_START,
+        "T1 D1",
+        *(["STOPRE"] if program.law.first_values else []),
+        *program.law.lines,
+        f"G96 {set_points} LIMS={program.max_spindle_speed:.{LIMIT_DECIMALS}f} M03",
+        f"G00 X{across} Z{start}",
+        f"G00 X{diameter}",
+        f"G01 Z{end}",
+        f"G00 X{across}",
+        f"G00 Z{start}",
+        "M05",
+        "M30",
+    )
+    lines += [f"N{10 * number} {block}" for number, block in enumerate(blocks, 1)]
     return "\n".join(lines) + "\n"
-
-
-def _blocks(program: Program) -> Iterator[str]:
-    yield SAFE_START
-    yield "T1 D1"
-    if program.law.first_values:
-        yield "STOPRE"
-    yield from program.law.lines
-    limit = f" LIMS={program.max_spindle_speed:.{LIMIT_DECIMALS}f}"
-    across = f"{program.diameter + 2.0 * RETRACTION:.{LENGTH_DECIMALS}f}"
-    start = f"{program.start:.{LENGTH_DECIMALS}f}"
-    for number, blocks in enumerate(program.bars):
-        set_points = [(f"S{block.cutting_speed:.{SPEED_DECIMALS}f}", f"F{block.feed:.{FEED_DECIMALS}f}") for block in blocks]
-        yield f"G96 {' '.join(set_points[0])}{limit} M03 ; bar {number + 1}"
-        limit = ""
-        yield f"G00 X{across} Z{start}"
-        yield f"G00 X{program.diameter:.{LENGTH_DECIMALS}f}"
-        for block, before, words in zip(blocks, [set_points[0], *set_points], set_points, strict=False):
-            new = [word for word in words if word not in before]
-            yield " ".join((f"G01 Z{block.z:.{LENGTH_DECIMALS}f}", *new))
-        yield f"G00 X{across}"
-        yield f"G00 Z{start}"
-        yield "M05"
-        if number + 1 < len(program.bars):
-            yield "M00 ; the next bar is put in"
-    yield "M30"
 
 
 def _plain(text: str) -> str:

@@ -1,6 +1,7 @@
-"""Programs of controllers and agents repeat their originals, and the command writes them or nothing."""
+"""Programs of override laws act as their controllers do, and the command writes them or nothing."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,68 +12,20 @@ from hypothesis import strategies as st
 from baselines import catalogue
 from train import export, nc_programs
 from turning_env import Scenario
-from turning_nc.law import LOAD
-from turning_nc.program import WARNING, Block, Program, read, read_file, write
-from turning_nc.simulate import compare, play_schedule, simulate
+from turning_nc.law import LOAD, Law
+from turning_nc.program import WARNING, Program, read, write
+from turning_nc.simulate import compare, simulate
 from turning_nc.words import NcError
 
-ROOT = Path(__file__).parents[2]
-AGENT = str(ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
-SCENARIO, OVERRIDES = Scenario.load("rough_turning"), Scenario.load("override")
-
-
-def written_and_read(program: Program) -> Program:
-    back = read(write(program))
-    assert back == program
-    return back
-
-
-# Schedules.
-
-
-@pytest.mark.parametrize(
-    ("preset", "rule", "bars", "tolerance"),
-    [
-        ("rough_turning", "rescaled_grid_search", 1, 0.0),
-        pytest.param("rough_turning", "fixed_handbook", 30, 0.01, marks=pytest.mark.slow),  # to the end of the edge
-        ("paper", "grid_search", 2, 0.01),
-        pytest.param("override", "omative", 1, 0.01, marks=pytest.mark.slow),
-    ],
-)
-def test_a_schedule_does_what_the_controller_did(preset: str, rule: str, bars: int, tolerance: float) -> None:
-    scenario = Scenario.load(preset)
-    program, original = play_schedule(catalogue.spec(rule, scenario).make, scenario, 11, bars, tolerance)
-    assert simulate(written_and_read(program), scenario, 11).difference(original) < 0.01
-    assert original.removed > 30.0
-    assert len(program.bars) <= bars
-
-
-@pytest.mark.parametrize(
-    ("diameter", "start", "limit", "blocks", "complaint"),
-    [
-        (60.0, 3.0, 636.6, [(-300.0, 150.0, 0.3)], "diameter is 60.0 mm"),
-        (100.0, 3.0, 700.0, [(-300.0, 150.0, 0.3)], "LIMS is 700.0 rev/min, but the machine's highest is 636.6"),
-        (100.0, 3.0, 636.6, [(-300.0, 200.1, 0.3)], "cutting speed is 200.1, but the machine's range is 50"),
-        (100.0, 3.0, 636.6, [(-300.0, 150.0, 0.601)], "feed is 0.601"),
-        (100.0, 3.0, 636.6, [(-301.0, 150.0, 0.3)], "Z is -301.0"),
-        (100.0, 3.0, 636.6, [(-200.0, 150.0, 0.3), (-300.0, 150.0, 0.3)], "bar 1 ends at Z-200.0"),
-        (100.0, 3.0, 636.6, [], "at least one bar"),
-    ],
-)
-def test_a_program_of_another_machine_or_bar_is_refused(
-    diameter: float, start: float, limit: float, blocks: list[tuple[float, float, float]], complaint: str
-) -> None:
-    bars = tuple((Block(*block),) for block in blocks)
-    with pytest.raises(NcError, match=complaint):
-        simulate(Program(diameter, start, limit, bars), SCENARIO, 1)
-
-
-# Override laws.
+OVERRIDES = Scenario.load("override")
 
 
 @cache
 def law_program(rule: str) -> Program:
-    return written_and_read(nc_programs.law_program(rule, OVERRIDES))
+    program = nc_programs.law_program(rule, OVERRIDES)
+    back = read(write(program))
+    assert back == program
+    return back
 
 
 @pytest.mark.slow
@@ -98,6 +51,22 @@ def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float,
         assert machine.feed_min - 1e-12 <= feed <= machine.feed_max + 1e-12
 
 
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"diameter": 90.0}, "diameter is 90.0 mm"),
+        ({"end": -200.0}, "last position is -200.0 mm"),
+        ({"max_spindle_speed": 9000.0}, "LIMS is 9000.0, but the machine's range is 0 to"),
+        ({"cutting_speed": 900.1}, "cutting speed is 900.1"),
+        ({"feed": 3.001}, "feed is 3.001"),
+        ({"law": Law()}, "no override law"),
+    ],
+)
+def test_a_program_of_another_machine_or_bar_is_refused(changes: dict[str, float | Law], complaint: str) -> None:
+    with pytest.raises(NcError, match=complaint):
+        simulate(replace(law_program("one_line_law"), **changes), OVERRIDES, 1)  # type: ignore[arg-type]
+
+
 def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> None:
     text = write(law_program("one_line_law"))
     for effect, complaint in (("$AC_OVR=0.5", "sets a feed of 0.002000"), ("$AC_OVR=1.0/$AC_PARAM[0]", "divides by 0")):
@@ -105,35 +74,16 @@ def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> 
             simulate(read(text.replace("SYNFCT(1,$AC_OVR,$AA_LOAD[S1])", effect)), OVERRIDES, 11)
 
 
-# The command.
-
-
-def run(*arguments: str) -> int:
-    return export.main(["--nc", *arguments])
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "scenario"),
-    [
-        (("schedule", "--rule", "omative", "--scenario", "override", "--seed", "5"), "override"),
-        (("table", "--interval", "2"), "rough_turning"),
-        (("law", "--rule", "iadapts"), "override"),
-        (("schedule", "--agent", AGENT), "rough_turning"),
-        (("schedule", "--agent", AGENT, "--scenario", "ck45"), "ck45"),
-    ],
-)
-def test_programs_are_written_with_a_summary(
-    arguments: tuple[str, ...], scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_a_law_with_a_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "folder" / "program.mpf"
-    assert run(*arguments, "--out", str(path), "--json") == 0
+    assert export.main(["--nc", "law", "--rule", "iadapts", "--out", str(path), "--json"]) == 0
     captured = capsys.readouterr()
-    done, text, program = json.loads(captured.out), path.read_text("ascii"), read_file(path)
+    done, text = json.loads(captured.out), path.read_text("ascii")
     assert captured.err == ""
-    assert (done["path"], done["bars"], done["blocks"]) == (str(path), len(program.bars), program.blocks)
+    assert (done["path"], done["polynomials"], done["actions"]) == (str(path), 1, 5)
     assert done["largest_difference"] < 0.01
     assert text.startswith(f"; {WARNING}\n")
-    assert f"python -m train.export --nc {arguments[0]}" in text
-    assert run("check", str(path), "--scenario", scenario) == 0
+    assert "python -m train.export --nc law" in text
+    assert export.main(["--nc", "check", str(path)]) == 0
     assert "read back and played: " in capsys.readouterr().out
