@@ -15,6 +15,9 @@ TUTORIALS = DOCS / "tutorials"
 INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks this one, interpreted
 ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
 ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
+WRITTEN = (DOCS / "papers" / "index.md", DOCS / "figures" / "README.md")  # by python -m papers.reproduce and papers.figures
+UNCOUNTED = re.compile(r"^(?:```.*?^```|<!-- [^\n]*-->)$(?:\n\n(?:\|[^\n]*\n)+)?", re.MULTILINE | re.DOTALL)
+"""Code, comments, and tables that a command right above them prints."""
 # This suite itself, and the installation of what is under test.
 ELSEWHERE = ("make test", "pip install")
 # How a command is made small: options added to it, words replaced in it.
@@ -73,6 +76,13 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         text = (tmp_path / page).read_text("utf-8")
         assert "RoughTurning" in text
         assert "fonts.googleapis.com" not in text
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted(set(DOCS.rglob("*.md")) - set(WRITTEN))], ids=lambda page: page.stem
+)
+def test_a_page_is_short(page: Path) -> None:
+    assert len(UNCOUNTED.sub("", page.read_text("utf-8")).split()) <= (900 if page.stem == "README" else 1200)
 
 
 def test_every_public_name_is_in_the_reference() -> None:

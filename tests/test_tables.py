@@ -31,6 +31,18 @@ def test_a_table_is_what_its_command_prints(
     assert capsys.readouterr().out == table
 
 
+def test_the_leads_of_the_ladder_are_those_of_its_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    (command,) = re.findall(r"<!-- Leads: python -m leaderboard (.*) -->", PAGES["README.md"])
+    assert leaderboard(shlex.split(command)) == 0
+    printed = {tuple(line.split(" | ")[1::2]) for line in capsys.readouterr().out.splitlines()}
+    ladder = {tuple(line.split(" | ")[3:]) for line in PAGES["README.md"].splitlines() if line.startswith("| `RoughTurning-")}
+    assert len(ladder) == 7
+    assert ladder <= printed
+
+
 @pytest.mark.parametrize(("command", "picture", "page"), FIGURES)
 def test_a_figure_is_what_its_command_draws(
     command: str, picture: str, page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
