@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from baselines.guided import HOLD, GuidedRule, decision_space, feature_space
 from train import ppo
-from train.run import Run
 from train.training import command_line
 from turning_env import Family, FamilyVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
@@ -80,12 +78,7 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._returns[ended], self._lengths[ended] = 0.0, 0
 
 
-def new_model(run: Run, vec_env: VecEnv) -> ppo.LeanPPO:
-    """Return an untrained model, as PPO's; its module describes the command."""
-    return ppo.new_model(run, vec_env)
-
-
-ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", new_model=new_model, vec_env=GuidedVecEnv)
+ALGORITHM = replace(ppo.ALGORITHM, name="guided_ppo", vec_env=GuidedVecEnv)
 
 main = partial(command_line, ALGORITHM)
 

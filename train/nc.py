@@ -4,7 +4,7 @@ import argparse
 import inspect
 import json
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -34,39 +34,31 @@ Options = argparse.Namespace
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit status."""
-    options = _parser().parse_args(arguments)
+    about = f"Write a controller as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
+    texts = {run: inspect.cleandoc(run.__doc__ or "").split("\n\n") for run in (_law, _check)}
+    examples = "\n".join(example for _, example in texts.values())
+    parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{examples}"))
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for run, (title, example) in texts.items():
+        added = commands.add_parser(run.__name__[1:], help=title, **described(f"{title} {CAUTION}\n\n{example}"))
+        added.set_defaults(run=run)
+        if run is _law:
+            added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(nc_programs.LAWS)}")
+            added.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as override.mpf")
+        else:
+            added.add_argument("file", type=Path, metavar="FILE", help="the program")
+        added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
+        added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
+        help_ = "bar and edge of the tuning seed number N (default: %(default)s)"
+        added.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=help_)
+    options = parser.parse_args(arguments)
     options.command = f"{PROGRAM} {shlex.join(arguments)}"
-    if options.seed is None:
-        if options.tuning_seed < 0:
-            raise NcError(f"--tuning-seed is {options.tuning_seed}, but must be 0 or more")
-        options.seed = tuning_seeds(options.tuning_seed + 1)[-1]
+    if options.tuning_seed < 0:
+        raise NcError(f"--tuning-seed is {options.tuning_seed}, but must be 0 or more")
+    options.seed = tuning_seeds(options.tuning_seed + 1)[-1]
     done: dict[str, Any] = options.run(options)
     print(json.dumps(done) if options.json else _lines(done))
     return 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    about = f"Write a controller as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
-    examples = [line.strip() for run in (_law, _check) for line in (run.__doc__ or "").splitlines() if PROGRAM in line]
-    parser = argparse.ArgumentParser(prog=PROGRAM, **described("\n\n".join((about, "\n".join(examples)))))
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(run: Callable[[Options], dict[str, Any]]) -> argparse.ArgumentParser:
-        title, *others = inspect.cleandoc(run.__doc__ or "").split("\n\n")
-        added = commands.add_parser(run.__name__[1:], help=title, **described("\n\n".join((f"{title} {CAUTION}", *others))))
-        added.set_defaults(run=run)
-        added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
-        added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
-        seeds, help_ = added.add_mutually_exclusive_group(), "bar and edge of the tuning seed number N (default: 0)"
-        seeds.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=help_)
-        seeds.add_argument("--seed", type=int, metavar="S", help="bar and edge of any seed")
-        return added
-
-    law = command(_law)
-    law.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(nc_programs.LAWS)}")
-    law.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as override.mpf")
-    command(_check).add_argument("file", type=Path, metavar="FILE", help="the program")
-    return parser
 
 
 def _law(options: Options) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 """Override laws of controllers, as synchronized actions.
 
 A law runs in the control, in every interpolation cycle. ``one_line_law`` is a function of the load: one polynomial into the
-override. The other laws go from the present override to the next. That is kept in ``STATE``, and what depends on the load is
-tabulated: polynomials of third degree between loads, into ``GAIN``.
+override. The other laws go from the present override, which is kept in ``STATE``, to the next:
 
-    fuzzy forms, iadapts    next = present + gain(load) (end - present)
-    omative                 wanted = gain(load) actual feed / programmed feed; next = wanted, or on the way up a share of the way
+    next = present + gain(load) (end - present)
+
+The gain is tabulated in polynomials of third degree between loads, into ``GAIN``.
 """
 
 import math
@@ -13,30 +13,15 @@ from collections.abc import Callable
 
 from baselines import catalogue
 from baselines.fuzzy_override import MIN_HEADROOM
-from baselines.load_override import ENTRY_TIME, LOWEST_OVERRIDE
+from baselines.load_override import LOWEST_OVERRIDE
 from baselines.models.part_program import PartProgram, on_override, target_load
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share
 from turning_nc.expression import DECIMALS, number_text
-from turning_nc.law import (
-    GAIN,
-    LOAD,
-    MAX_LOAD,
-    MAX_OVERRIDE,
-    OVERRIDE,
-    PARAMETERS,
-    PATH_VELOCITY,
-    SPINDLE_SPEED,
-    STATE,
-    Law,
-    LawWriter,
-)
+from turning_nc.law import GAIN, LOAD, MAX_LOAD, MAX_OVERRIDE, OVERRIDE, STATE, Law, LawWriter
 from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Program, rounded_within
 from turning_nc.words import NcError
-
-WANTED, TIME_IN_METAL = PARAMETERS[2:4]
-AIR_LOAD = 1.0  # load below which the tool is taken to be in air [%] (assumption): the control has no other sign of it
 
 
 def law_program(name: str, scenario: Scenario) -> Program:
@@ -102,34 +87,10 @@ def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
     return writer.law((max(100.0 * LOWEST_OVERRIDE, low), high))
 
 
-def _air_gap(part: PartProgram, parameters: Parameters) -> Law:
-    scenario = part.scenario
-    target = 100.0 * target_load(scenario, parameters["target"])
-    exponent, interval = scenario.material.power.feed, scenario.control.interval
-    share = lag_share(interval, 1.0 / parameters["rise"])
-    limits, writer = _range_of(part), LawWriter()
-    in_air, in_metal = (f"{LOAD}{comparison}{number_text(AIR_LOAD)}" for comparison in ("<", ">="))
-    lowest, highest = (number_text(value) for value in (max(100.0 * LOWEST_OVERRIDE, limits[0]), limits[1]))
-    writer.act(f"{TIME_IN_METAL}=0.0", in_air)
-    writer.table(lambda load: (target / load) ** (1.0 / exponent), AIR_LOAD, MAX_LOAD, beyond=True)
-    actual = f"100.0*{PATH_VELOCITY}/({SPINDLE_SPEED}*{number_text(_programmed_feed(part))})"
-    writer.act(f"{WANTED}={GAIN}*{actual}", in_metal)
-    writer.act(f"{WANTED}={lowest}", f"{WANTED}<{lowest}")
-    writer.act(f"{WANTED}={highest}", f"{WANTED}>{highest}")
-    writer.act(f"{STATE}={STATE}+{number_text(share)}*({WANTED}-{STATE})", in_metal, f"{WANTED}>{STATE}")
-    writer.act(f"{STATE}={WANTED}", in_metal, f"{WANTED}<={STATE}")
-    entering = f"{TIME_IN_METAL}<{number_text(ENTRY_TIME)}"
-    writer.act(f"{STATE}={number_text(100.0 * parameters['entry'])}", in_metal, entering)
-    writer.act(f"{TIME_IN_METAL}={TIME_IN_METAL}+{number_text(interval)}", in_metal)
-    writer.act(f"{STATE}={highest}", in_air)
-    return writer.law(limits)
-
-
 LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {
     "one_line_law": _one_line,
     "fuzzy_override": _fuzzy,
     "modified_fuzzy_override": _fuzzy,
     "iadapts": _constant_load,
-    "omative": _air_gap,
 }
 """Controllers that can be written as synchronized actions, by name."""

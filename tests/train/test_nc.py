@@ -39,14 +39,12 @@ def test_a_law_does_what_the_controller_does(rule: str) -> None:
     assert simulate(program, OVERRIDES, 11).difference(original) < 0.005
 
 
-@given(
-    st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 500)), min_size=1, max_size=20)
-)
-def test_no_law_leaves_the_machines_range(rule: str, measured: list[tuple[float, float]]) -> None:
+@given(st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.floats(0, 1000), min_size=1, max_size=20))
+def test_no_law_leaves_the_machines_range(rule: str, loads: list[float]) -> None:
     law, machine = law_program(rule).law, OVERRIDES.machine
-    variables = law.variables() | {"$AA_S[1]": 710.0}
-    for load, velocity in measured:
-        variables |= {LOAD: load, "$AC_VACTB": velocity}
+    variables = law.variables()
+    for load in loads:
+        variables[LOAD] = load
         feed = 0.4 * 0.01 * law.cycle(variables)
         assert machine.feed_min - 1e-12 <= feed <= machine.feed_max + 1e-12
 

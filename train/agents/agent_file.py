@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-import numpy as np
 from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
@@ -26,7 +25,7 @@ from baselines.guided import GuidedPolicy, decision_space, feature_space
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
-from turning_env import FAMILY_ID, IDS, Family, Scenario
+from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
@@ -129,30 +128,20 @@ def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     return box
 
 
-def informed(
-    agent: PolicySpec, scenarios: Scenario | Sequence[Scenario], shown: Mapping[str, float] | None = None
-) -> PolicyFactory:
+def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
     """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
 
-    If the nominal model of its training was wrong, the belief expects errors of the laws. ``shown`` is what a guide must know of
-    a scenario that is no job of a family, beside its nominal model: the values of ``Family.shown`` of its training.
-
-    Raises ValueError if a value of ``shown`` is missing, or has another name.
+    If the nominal model of its training was wrong, the belief expects errors of the laws.
     """
     guides = agent.parameters.get("guide") is True
     if not guides and agent.parameters.get("belief") is not True:
         return agent.make
 
-    context: Any = None
-    if shown is not None and isinstance(scenarios, Scenario):
-        family = Family.load(str(agent.parameters["family"]))
-        context = family.context_of(scenarios, shown).astype(np.float32)
-
     def with_model(num_envs: int) -> Policy:
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
         models = [each.nominal() for each in played]
         if guides:
-            return GuidedPolicy(agent.make(num_envs), models, None if context is None else np.tile(context, (num_envs, 1)))
+            return GuidedPolicy(agent.make(num_envs), models)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
         return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
 
