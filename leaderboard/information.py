@@ -96,8 +96,9 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
 
 
 def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
-    """Return the inputs of a training; ``life_price`` is a term of every algorithm that has it (``train/terms.py``)."""
-    price, given = parameters.get("life_price"), _ALGORITHMS[algorithm]
+    """Return the inputs of a training; ``life_price`` and ``asymmetric`` are terms of it (``train/terms.py``)."""
+    hidden = {"true states"} if parameters.get("asymmetric") is True else set()
+    price, given = parameters.get("life_price"), _ALGORITHMS[algorithm] | hidden
     return given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
 
 
@@ -108,5 +109,4 @@ def _algorithm(command: str | None) -> str | None:
 
 
 def _whole(parameters: Mapping[str, object], name: str) -> int | None:
-    value = parameters.get(name)
-    return value if type(value) is int else None
+    return value if type(value := parameters.get(name)) is int else None

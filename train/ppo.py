@@ -18,6 +18,7 @@ from optuna.distributions import FloatDistribution, IntDistribution
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -108,6 +109,26 @@ class LeanPPO(PPO):
             self.logger.record(f"train/{name}", value.item())
 
 
+class FirstEntries(torch.nn.Linear):
+    """A layer that sees the first entries of its input alone."""
+
+    def forward(self, input: Tensor) -> Tensor:
+        return super().forward(input[..., : self.in_features])
+
+
+class AsymmetricPolicy(ActorCriticPolicy):
+    """Networks whose actor does not see the last ``hidden`` entries of observations (Pinto et al. 2018, arXiv 1710.06542)."""
+
+    def __init__(self, *arguments: Any, hidden: int, **options: Any) -> None:
+        self.hidden = hidden
+        super().__init__(*arguments, **options)
+
+    def _build_mlp_extractor(self) -> None:
+        super()._build_mlp_extractor()
+        layers: Any = self.mlp_extractor.policy_net
+        layers[0] = FirstEntries(layers[0].in_features - self.hidden, layers[0].out_features)
+
+
 def log_probability(actions: Tensor, means: Tensor, log_deviations: Tensor) -> Tensor:
     """Return the logarithms of normal probability densities of actions, shape (n,)."""
     squares = ((actions - means) * torch.exp(-log_deviations)).square().sum(dim=1)
@@ -143,7 +164,10 @@ def settings(run: Run) -> dict[str, Any]:
 
 def new_model(run: Run, vec_env: VecEnv) -> LeanPPO:
     """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
-    model = LeanPPO("MlpPolicy", vec_env, **settings(run))
+    values, asymmetric = settings(run), run.parameters.get("asymmetric") is True
+    if asymmetric:
+        values["policy_kwargs"]["hidden"] = vec_env.get_attr("hidden")[0]
+    model = LeanPPO(AsymmetricPolicy if asymmetric else ActorCriticPolicy, vec_env, **values)
     means = run.parameters.get("initial_actions", [])
     last_layer: Any = model.policy.action_net
     with torch.no_grad():

@@ -6,6 +6,7 @@ The same hyperparameters mean the same for every algorithm that has them:
     position = true          # readings of the tool's position along the bar (DistanceTracker)
     frames = 4               # number of successive observations, with their positions
     life_price = "marginal"  # "flat": the environment's; "marginal": p(D); "end": the whole edge at its end
+    asymmetric = true        # PPO's critic sees the hidden state (HiddenObservation), its actor does not
 
 Position and earlier observations are part of the trained agent and of its file. Who plays an agent with a belief computes that
 for it, from nominal models and observations (``train.agents.agent_file.informed``).
@@ -34,6 +35,7 @@ from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.physics.quantities import OBS
+from turning_env.scenario.family import CHUNK
 from turning_env.vector_env import info_at_end_of_step
 
 MAX_TIME = 4.0  # time to the end of the bar [s] beyond which the reading is constant
@@ -206,6 +208,48 @@ class ViewActor(Actor):
         return action, torch.cat([next_memory, own], dim=1)
 
 
+class HiddenObservation(VectorWrapper):
+    """Vector environments with SAME_STEP whose observations end in the hidden state, which a critic may see in training.
+
+    The entries are ``STATES`` of order one and, on a family, the true less the nominal numbers of the job's laws, over their
+    standard deviation among training jobs.
+    """
+
+    STATES = ("hardness", "depth_of_cut", "wear")
+
+    def __init__(self, env: Any, scenario: Scenario) -> None:
+        super().__init__(env)
+        self._scale = np.array([1.0, scenario.workpiece.depth_of_cut, scenario.tool.wear_criterion])
+        self._errors = np.zeros((0, 0))
+        if family := getattr(env.unwrapped, "family", None):
+            draws = [family.draw("train", chunk).fields for chunk in range(math.ceil(family.jobs / CHUNK))]
+            errors = [np.hstack([np.full(CHUNK, 1.0 * true[name] - told[name]) for told, true in draws]) for name in draws[0][1]]
+            self._errors = np.stack([each / each.std() for each in errors if np.ptp(each) > 0.0], axis=1)
+        (entries,), self.hidden = env.single_observation_space.shape, len(self.STATES) + self._errors.shape[1]
+        self.single_observation_space = Box(-np.inf, np.inf, (entries + self.hidden,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, env.num_envs)
+
+    def reset(self, **options: Any) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start episodes in all environments; arguments are the environments'."""
+        observations, infos = self.env.reset(**options)
+        return np.hstack([observations, self._state(infos.__getitem__)]), infos
+
+    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
+        """Run one step in every environment."""
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        if "final_obs" in infos:
+            final, state = infos["final_obs"].copy(), self._state(partial(info_at_end_of_step, infos))
+            for index in np.flatnonzero(terminated | truncated):
+                final[index] = np.append(final[index], state[index])
+            infos = infos | {"final_obs": final}
+        return np.hstack([observations, self._state(infos.__getitem__)]), rewards, terminated, truncated, infos
+
+    def _state(self, info: Callable[[str], Any]) -> NDArray[np.float32]:
+        states = np.stack([info(name) for name in self.STATES], axis=1) / self._scale
+        errors = [self._errors[info("job").astype(int)]] if self._errors.size else []
+        return np.hstack([states, *errors]).astype(np.float32)
+
+
 LIFE_PRICES = ("flat", "marginal", "end")  # charges for the edge's life
 
 
@@ -220,6 +264,7 @@ class Terms:
     position: bool = False
     frames: int = 1
     life_price: str = "flat"
+    asymmetric: bool = False
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
@@ -232,7 +277,8 @@ class Terms:
     @classmethod
     def of(cls, run: Run) -> Self:
         """Return the terms of a run."""
-        known = {name: run.parameters[name] for name in ("belief", "position", "frames", "life_price") if name in run.parameters}
+        names = ("belief", "position", "frames", "life_price", "asymmetric")
+        known = {name: run.parameters[name] for name in names if name in run.parameters}
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
         return cls(run.scenario, entries, run.family is not None, **known)
 
@@ -249,10 +295,10 @@ class Terms:
         return View(self.scenario, self.entries, self.position, self.frames)
 
     def shown(self, env: Any) -> Any:
-        """Return vector environments that return the agent's inputs."""
-        if self.belief:
-            env = VectorBeliefObservation(env)
-        return ViewObservation(env, self._view) if self._view else env
+        """Return vector environments that return the agent's inputs, followed by those of an asymmetric critic."""
+        env = VectorBeliefObservation(env) if self.belief else env
+        env = ViewObservation(env, self._view) if self._view else env
+        return HiddenObservation(env, self.scenario) if self.asymmetric else env
 
     def actor(self, actor: Actor) -> Actor:
         """Return the actor on observations for one on the inputs of ``shown``."""

@@ -50,6 +50,7 @@ def test_terms_of_training_are_stated_and_count() -> None:
     assert (every.given, every.seen) == (("rewards", "life price", "spreads"), ("memory", "position"))
     classes = [class_of(spec("any", seed=0, command=command, parameters={"life_price": each})) for each in ("end", "marginal")]
     assert classes == ["model-free agent", "privileged agent"]
+    assert told(command, asymmetric=True).given == ("rewards", "true states")
     fewer = told("python -m train.analytic_gradient", position=False, memory=False, life_price="flat")
     assert fewer.seen == ()
     assert "life price" not in (fewer.given or ())

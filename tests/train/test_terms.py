@@ -5,17 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from gymnasium.vector import AutoresetMode
 
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
-from train import analytic_gradient, ppo
-from train.terms import ShapedVecEnv
+from train import analytic_gradient, export, ppo
+from train.agents import agent_file, onnx_policy
+from train.terms import HiddenObservation, ShapedVecEnv
 from train.training import Algorithm, train
-from turning_env import RoughTurningVectorEnv
+from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv
 
 # Of its edges some wear out, some break, and some last till the end.
 MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
 NUM_ENVS = 8
+FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
 
 
 @pytest.mark.parametrize("life_price", ["end", "marginal"])
@@ -65,3 +68,32 @@ def test_hyperparameters_that_no_model_can_have_are_named(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         train(small_run(algorithm, tmp_path, **parameters), algorithm)
+
+
+def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
+    env = HiddenObservation(RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"), MIXED)
+    env.reset(seed=5)
+    ended = 0
+    for _ in range(300):
+        observations, _, terminated, truncated, infos = env.step(np.full((NUM_ENVS, 2), 0.5, np.float32))
+        np.testing.assert_allclose(observations[:, -env.hidden], infos["hardness"], rtol=1e-6)
+        for i in np.flatnonzero(terminated | truncated):
+            ended += 1
+            assert infos["final_obs"][i][-1] == pytest.approx(infos["final_info"]["wear"][i] / MIXED.tool.wear_criterion)
+    assert ended >= NUM_ENVS
+    jobs = FamilyVectorEnv(2, FAMILY, autoreset_mode=AutoresetMode.SAME_STEP)
+    first, second = HiddenObservation(jobs, MIXED).reset(seed=[3, 4])[0][:, -10:]
+    assert (first != second).all()
+
+
+def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
+    run = small_run(ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, belief=True, asymmetric=True)
+    model = ppo.LeanPPO.load(train(run, ppo.ALGORITHM), device="cpu")
+    agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
+    policy, seen = agent.make(5), torch.rand(5, *(model.observation_space.shape or ()))
+    entries = len(agent_file.read(tmp_path).metadata.observation_space.low)
+    other = torch.cat([seen[:, :entries], -seen[:, entries:]], dim=1)
+    for observations in (seen, other):
+        expected, _ = model.predict(observations.numpy(), deterministic=True)
+        np.testing.assert_allclose(policy.act(observations[:, :entries].numpy()), expected, atol=1e-5)
+    assert (model.policy.predict_values(seen) != model.policy.predict_values(other)).all()
