@@ -1,6 +1,6 @@
 """Chatter: about one spindle speed n_c, a dynamic force adds to the thrust force; power stays, as its mean does.
 
-Dynamic over static force: c (depth / nominal depth) exp(-(log(n / n_c) / s)^2), an assumption (``docs/models.md``).
+Dynamic over static force: c (depth / nominal depth) exp(-(log(n / n_c) / s)^2), an assumption (``docs/effects.md``).
 """
 
 from turning_env.numerics.compilation import compiled

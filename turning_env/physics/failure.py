@@ -1,7 +1,7 @@
 """Failures of the edge beside too large a force: plastic collapse, chipping and notch wear. They count as breakage.
 
-``docs/models.md`` has equations and sources. An edge chips when the integral of its hazard rate over the cutting time exceeds its
-margin, an exponential number with mean 1 that is drawn when the edge is fitted. So the result converges with shorter sub-steps.
+``docs/effects.md`` has equations and sources. An edge chips when the integral of its hazard rate over the cutting time exceeds
+its margin, an exponential number with mean 1 that is drawn when the edge is fitted. So the result converges with the sub-step.
 """
 
 from turning_env.numerics.compilation import compiled

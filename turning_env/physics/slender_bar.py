@@ -1,4 +1,4 @@
-"""Slender bars bend away from the tool, so the cut is shallower than commanded by the deflection (``docs/models.md``).
+"""Slender bars bend away from the tool, so the cut is shallower than commanded by the deflection (``docs/effects.md``).
 
 Force and deflection depend on each other: the force is taken as proportional to the depth, with the ratio of the sub-step before.
 """

@@ -1,4 +1,4 @@
-"""Chips that do not break tangle, and the machine stops until they are cleared (``docs/models.md``).
+"""Chips that do not break tangle, and the machine stops until they are cleared (``docs/effects.md``).
 
 The next stop comes when the integral of the rate over the cutting time outside the window of feed and depth exceeds a margin, an
 exponential number with mean 1 that is drawn anew after every stop.

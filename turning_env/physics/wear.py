@@ -1,4 +1,4 @@
-"""Used life and wear of the edge; ``docs/models.md`` has the two rules, the phases of wear, built-up edges and their sources.
+"""Used life and wear of the edge; ``docs/models.md`` has the two rules, ``docs/effects.md`` phases and built-up edges.
 
 A fresh edge at constant parameters wears as W = K t^n, where K comes from the wear law and n is its exponent of time.
 The state is the used share of the edge's life, D = (W / W_max)^(1/n), from which the wear follows: W = W_max D^n.
