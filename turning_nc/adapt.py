@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, tool_life
 from turning_nc.edges import change_wear
+from turning_nc.expression import number_text
 from turning_nc.moves import run
 from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
@@ -256,10 +257,8 @@ class _Search:
         changes = []
         for key in sorted(self._used):
             address, line, span = self.keys[key]
-            text = f"{values[key] / self.scales[key]:.{self._decimals(key)}f}"
-            if "." in text:
-                whole, _, part = text.partition(".")
-                text = f"{whole}.{part.rstrip('0') or '0'}"
+            value, decimals = values[key] / self.scales[key], self._decimals(key)
+            text = number_text(value, decimals) if decimals else f"{value:.0f}"
             cuts = (self.feed_of == key) & self.situation.engaged
             feeds = (float(self.before.feed[cuts].max(initial=0.0)), float(values[key])) if address == "F" else None
             if span is None:

@@ -76,8 +76,8 @@ def parse(text: str) -> Expression:
         raise ValueError(f"{text.strip()!r} is not an expression of numbers, variables, + - * / and parentheses") from None
 
 
-def number_text(value: float) -> str:
-    """Return a number as a decimal with 1 to ``DECIMALS`` decimals, without needless zeros and without exponent."""
-    whole, _, decimals = f"{value:.{DECIMALS}f}".partition(".")
-    text = f"{whole}.{decimals.rstrip('0') or '0'}"
+def number_text(value: float, decimals: int = DECIMALS) -> str:
+    """Return a number as a decimal with 1 to ``decimals`` decimals, without needless zeros and without exponent."""
+    whole, _, digits = f"{value:.{decimals}f}".partition(".")
+    text = f"{whole}.{digits.rstrip('0') or '0'}"
     return text.removeprefix("-") if float(text) == 0.0 else text

@@ -127,8 +127,8 @@ def _program(program: PartProgram) -> Program:
         raise NcError(f"line {others[0].line}: the cut must be one block, that of line {cut.line}")
     if not (cut.kind == "feed" and path.centre is None and path.start[1] == radius and path.end[0] < path.start[0]):
         raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
-    if not (cut.constant_cutting_speed and cut.per_revolution):
-        raise NcError(f"line {cut.line}: feed must be under G95 and G96")
+    if not (cut.constant_cutting_speed and cut.per_revolution and math.isfinite(cut.max_spindle_speed)):
+        raise NcError(f"line {cut.line}: feed must be under G95 and G96, with LIMS")
     for move in done.moves[1:]:  # the first comes from anywhere
         (z, x), (end, end_x) = move.path.start, move.path.end
         if move is not cut and min(x, end_x) < radius + RETRACTION - 1e-9 and not (z == end and (end_x >= x or z >= 0.0)):

@@ -78,6 +78,7 @@ def test_a_program_is_written_as_it_should_look() -> None:
         ("N150 M30\n", "", 14, "must end with M30"),
         ("G95 ", "G94 ", 11, "no feed"),
         ("G96", "G97", 11, "G95 and G96"),
+        (" LIMS=636.6", "", 11, "with LIMS"),
         ("FCTDEF(1,1.0,120.0", "FCTDEF(1,121.0,120.0", 5, "the lower limit of polynomial 1 is 121.0"),
         ("SYNFCT(1", "SYNFCT(2", 6, "polynomial 2 is not defined"),
         ("ID=2", "ID=1", 7, "ID=1 must precede ID=1"),
