@@ -2,10 +2,13 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tests.walking import MAX
 
 # The first call of a compiled function takes seconds, and whether the suite passes must not depend on chance.
 settings.register_profile("suite", deadline=None, derandomize=True, database=None)
@@ -44,3 +47,25 @@ def browser() -> Iterator[object]:
         started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         yield started
         started.close()
+
+
+@pytest.fixture
+def opened(browser: Any) -> Iterator[Callable[..., Any]]:
+    """Open pages by their addresses; at the end they must have said nothing and asked for nothing else."""
+    contexts, heard = [], []
+
+    def go(address: str, width: int = 1280) -> Any:
+        context = browser.new_context(viewport={"width": width, "height": 844})
+        context.set_default_timeout(1000 * MAX)
+        contexts.append(context)
+        page, own = context.new_page(), address.partition("#")[0]
+        page.on("console", lambda message: heard.append(message.text))
+        page.on("pageerror", lambda error: heard.append(str(error)))
+        page.on("request", lambda request: None if request.url.startswith(own) else heard.append(request.url))
+        page.goto(address)
+        return page
+
+    yield go
+    for context in contexts:
+        context.close()
+    assert heard == []

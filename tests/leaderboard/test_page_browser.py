@@ -1,11 +1,10 @@
 """The page in a browser: what it does on clicks and keys, how it looks on narrow and dark screens, whom it trusts."""
 
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from leaderboard import page
 from leaderboard.ranking import Leaderboard
@@ -13,7 +12,6 @@ from leaderboard.result import Task
 from leaderboard.standings import rank
 from leaderboard.trajectories import Trajectories, record
 from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
-from tests.walking import MAX
 from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
@@ -52,52 +50,30 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
 
 
 @pytest.fixture(scope="module")
-def file(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def address(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("page") / "index.html"
     path.write_text(page.render([leaderboard]), "utf-8")
-    return path
-
-
-@pytest.fixture
-def opened(browser: Browser, file: Path) -> Iterator[Open]:
-    """Opens a page; at the end it must have said nothing and asked for nothing."""
-    contexts, heard = [], []
-
-    def go(at: str = file.as_uri(), width: int = 1280) -> Page:
-        context = browser.new_context(viewport={"width": width, "height": 844})
-        context.set_default_timeout(1000 * MAX)
-        contexts.append(context)
-        shown = context.new_page()
-        shown.on("console", lambda message: heard.append(message.text))
-        shown.on("pageerror", lambda error: heard.append(str(error)))
-        shown.on("request", lambda request: None if request.url.startswith(file.as_uri()) else heard.append(request.url))
-        shown.goto(at)
-        return shown
-
-    yield go
-    for context in contexts:
-        context.close()
-    assert heard == []
+    return path.as_uri()
 
 
 def row(shown: Page, name: str) -> Locator:
     return shown.locator("section:visible .open").filter(has_text=re.compile(f"^{re.escape(name)}$"))
 
 
-def test_a_link_opens_its_policy(opened: Open, file: Path) -> None:
-    shown = opened()
+def test_a_link_opens_its_policy(opened: Open, address: str) -> None:
+    shown = opened(address)
     row(shown, HOSTILE).click()
     link = shown.url
     assert shown.get_by_role("link", name="Link to this policy").evaluate("link => link.href") == link
     row(shown, HOSTILE).click()
-    assert shown.url == f"{file.as_uri()}#{ENV_ID}/rough_turning"
-    again = opened(at=link)
+    assert shown.url == f"{address}#{ENV_ID}/rough_turning"
+    again = opened(link)
     expect(row(again, HOSTILE)).to_be_in_viewport()
     expect(again.locator(".inner:visible .panels svg").first).to_be_visible()
 
 
-def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
-    shown = opened()
+def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open, address: str) -> None:
+    shown = opened(address)
     button = row(shown, HOSTILE)
     button.click()
     expect(button).to_have_attribute("aria-expanded", "true")
@@ -121,8 +97,8 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 1280])
-def test_the_page_is_no_wider_than_the_screen(opened: Open, width: int) -> None:
-    shown = opened(width=width)
+def test_the_page_is_no_wider_than_the_screen(opened: Open, address: str, width: int) -> None:
+    shown = opened(address, width)
     expect(shown.locator("section:visible .policy").first.locator("td.g0").first).to_be_in_viewport(ratio=1.0)  # the best return
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()

@@ -1,12 +1,12 @@
 """The page of ``advise --page`` in a browser: its numbers are Python's, it asks for nothing, and it fits phones."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
-from tests.walking import MAX, ROOT
+from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.advise import advise, plan
@@ -15,7 +15,7 @@ from turning_shop.provenance import load
 
 pytestmark = pytest.mark.slow
 
-Open = Callable[..., Page]
+Show = Callable[..., Page]
 MACHINE = """
 base = "rough_turning"
 [limits]
@@ -48,28 +48,15 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
 
 
 @pytest.fixture
-def opened(browser: Browser, tmp_path: Path) -> Iterator[Open]:
-    """Opens the page of a scenario; at the end it must have said nothing and asked for nothing."""
-    contexts, heard = [], []
+def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
+    """Open the page of a scenario."""
 
-    def go(scenario: Scenario, width: int = 1280) -> Page:
-        evidence = load(scenario.file or "rough_turning")[1]
-        path = tmp_path / "page.html"
+    def show(scenario: Scenario, width: int = 1280) -> Page:
+        evidence, path = load(scenario.file or "rough_turning")[1], tmp_path / "page.html"
         path.write_text(render(scenario, evidence, advise(scenario, evidence)), "utf-8")
-        context = browser.new_context(viewport={"width": width, "height": 800})
-        context.set_default_timeout(1000 * MAX)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: heard.append(message.text))
-        page.on("pageerror", lambda error: heard.append(str(error)))
-        page.on("request", lambda request: None if request.url == path.as_uri() else heard.append(request.url))
-        page.goto(path.as_uri())
-        return page
+        return opened(path.as_uri(), width)
 
-    yield go
-    for context in contexts:
-        context.close()
-    assert heard == []
+    return show
 
 
 def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float], dict[str, tuple[float, float]], bool]:
@@ -89,8 +76,8 @@ def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
-def test_the_numbers_are_those_of_python(settings: dict[str, float], scenario: Scenario, opened: Open) -> None:
-    page = opened(scenario)
+def test_the_numbers_are_those_of_python(settings: dict[str, float], scenario: Scenario, show: Show) -> None:
+    page = show(scenario)
     for name, value in settings.items():
         page.locator(f"#{name}").fill(str(value))
     at, found = page.evaluate("settings"), page.evaluate("results(settings)")
@@ -107,8 +94,8 @@ def test_the_numbers_are_those_of_python(settings: dict[str, float], scenario: S
         expect(page.locator(f"[data-name={name}]")).to_contain_text(shown)
 
 
-def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, opened: Open) -> None:
-    page = opened(scenario)
+def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, show: Show) -> None:
+    page = show(scenario)
     least, *_, metal = (each.plan for each in advise(*load(scenario.file or "")))
     assert page.evaluate("cheapest().cost") == pytest.approx(least.cost, rel=1e-6)
     assert page.evaluate("results(settings).values.cost") == pytest.approx(least.cost, rel=1e-6)
@@ -118,15 +105,15 @@ def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, opened: Open
     assert page.evaluate("settings.feed - cheapest().feed") == 0
 
 
-def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, opened: Open) -> None:
-    page = opened(scenario.model_copy(update={"name": "<i>plain</i>"}))
+def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) -> None:
+    page = show(scenario.model_copy(update={"name": "<i>plain</i>"}))
     assert page.get_by_role("listitem").all_inner_texts() == list(load(scenario.file or "")[1].warnings) != []
     expect(page.get_by_role("status")).to_contain_text("</b>$ a part")
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
 
 
-def test_without_prices_costs_are_minutes(opened: Open) -> None:
-    page = opened(Scenario())
+def test_without_prices_costs_are_minutes(show: Show) -> None:
+    page = show(Scenario())
     expect(page.get_by_role("status")).to_contain_text("min a part")
     assert page.locator(".warnings").is_hidden()
     page.locator("#insert_price").fill("12")
@@ -134,7 +121,7 @@ def test_without_prices_costs_are_minutes(opened: Open) -> None:
     expect(page.locator("[data-name=cost]")).to_have_count(0)
 
 
-def test_it_fits_phones(scenario: Scenario, opened: Open) -> None:
-    page = opened(scenario, width=360)
+def test_it_fits_phones(scenario: Scenario, show: Show) -> None:
+    page = show(scenario, width=360)
     expect(page.locator("#map path")).not_to_have_count(0)
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") == 0
