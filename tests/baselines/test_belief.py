@@ -7,8 +7,6 @@ import pytest
 from baselines.belief import ENTRIES, BeliefObservation, VectorBeliefObservation
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, FamilyEnv, FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv
-from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.scenario.family import Family
 
 STEPS = 150
 
@@ -81,25 +79,11 @@ def test_expected_loads_are_as_sure_as_they_say():
     assert np.mean(np.abs(errors) < 3.0) > 0.9
 
 
-def test_it_is_a_wrapper_of_gymnasium_and_of_stable_baselines3():
+def test_it_wraps_environments_of_gymnasium_and_refuses_others():
     env = gymnasium.make(FAMILY_ID)
     believing = BeliefObservation(env)
     assert believing.observation_space.shape == (env.observation_space.shape[0] + len(ENTRIES),)
     assert believing.reset(seed=0)[0] in believing.observation_space
-    training = RoughTurningVecEnv(Family.load(BRIEF), 4, wrapper=VectorBeliefObservation)
-    training.seed(0)
-    assert training.reset().shape == (4, *believing.observation_space.shape)
-    ends = []
-    while not ends:
-        *_, infos = training.step(np.zeros((4, 3), np.float32))
-        ends = [info["terminal_observation"] for info in infos if info]
-    assert ends[0].shape == believing.observation_space.shape
-
-
-@pytest.mark.parametrize(
-    ("env", "message"),
-    [("RoughTurning-Override-v0", "control.action 'override'"), ("Pendulum-v1", "needs a RoughTurning")],
-)
-def test_other_environments_are_refused(env, message):
-    with pytest.raises(ValueError, match=message):
-        BeliefObservation(gymnasium.make(env))
+    for other, message in (("RoughTurning-Override-v0", "control.action 'override'"), ("Pendulum-v1", "needs a RoughTurning")):
+        with pytest.raises(ValueError, match=message):
+            BeliefObservation(gymnasium.make(other))

@@ -42,6 +42,8 @@ def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
         spec(tunable, OTHER_ACTIONS)
     with pytest.raises(KeyError, match=r"'nonsense'.*fixed_handbook"):
         spec("nonsense", Scenario())
+    with pytest.raises(ValueError, match="one scenario at a time"):
+        spec("fixed_tuned", [Scenario(), Scenario()])
 
 
 def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(tunable: str) -> None:
@@ -75,9 +77,7 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
 
 
-def test_a_rule_that_is_tuned_on_one_preset_plays_others_with_what_was_found_there(
-    tunable: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rule_tuned_on_one_preset_plays_others_with_what_was_found_there(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
     home = Scenario.load("forging")
     with pytest.raises(tuned.NotTuned, match=r"--scenario forging --shipped`"):

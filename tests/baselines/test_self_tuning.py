@@ -8,7 +8,7 @@ from baselines.catalogue import spec
 from baselines.models.schedule import FORMS, schedule
 from baselines.predictive import SPEED_MARGIN
 from baselines.self_tuning import SelfTuning
-from turning_env import FamilyVectorEnv, Scenario
+from turning_env import FamilyVectorEnv
 from turning_env.scenario.family import Family
 from turning_env.scoring.family import play_family, play_jobs, truthful
 
@@ -59,11 +59,6 @@ def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> N
     fastest = SPEED_MARGIN * np.array([schedule(model).cutting_speed.max() for model in models])
     assert (infos["commanded_cutting_speed"] <= fastest * (1.0 + 1e-6)).all()
     assert (fastest < [model.machine.cutting_speed_max for model in models]).all()
-
-
-def test_a_rule_for_one_scenario_refuses_several() -> None:
-    with pytest.raises(ValueError, match="one scenario at a time"):
-        spec("fixed_tuned", [Scenario(), Scenario()])
 
 
 def test_the_errors_that_ship_are_those_of_training_jobs():

@@ -133,9 +133,7 @@ def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     assert sorted(folder.iterdir()) == [folder / "short.toml", path]
 
 
-def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(folder: Path, capsys: Any) -> None:
     path = folder / "short.toml"
     assert tune.main(["--scenario", str(path), "--quick"]) == 0
     values, scenario = tuned.read(folder / "short.tuned.json"), Scenario.load(path)
@@ -148,12 +146,6 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
     assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert run(folder) == 0
     assert spec("other", scenario).command == f"python -m baselines.tune --scenario {path} --trials 3 --seeds 2 --rules other"
-
-
-def test_files_that_ship_are_not_written_for_a_users_scenario(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(folder, "--scenario", "forging", "--out", str(tuned.FOLDER / "forging.json")) == 2
-    assert "ships with the project" in capsys.readouterr().err
-    assert not tuned.FOLDER.exists()
 
 
 @pytest.mark.parametrize("content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3))

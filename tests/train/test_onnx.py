@@ -17,7 +17,6 @@ from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 
 ALL = np.ones(5, np.bool_)
-ACTORS = {False: onnx_agents.memoryless, True: onnx_agents.remembering}
 
 
 def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
@@ -27,7 +26,7 @@ def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
 @pytest.mark.parametrize("memory", [False, True])
 def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory: bool) -> None:
     file = agent_file.checked(onnx_agents.content(memory))
-    original, exported = ActorPolicy(ACTORS[memory](), 5), OnnxPolicy(session_of(file.content), file.memory_size, 5)
+    original, exported = ActorPolicy(onnx_agents.actor(memory), 5), OnnxPolicy(session_of(file.content), file.memory_size, 5)
     for step, observation in enumerate(observations(20)):
         started = np.arange(5) == step % 7
         for each in (original, exported):

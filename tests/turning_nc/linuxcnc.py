@@ -1,17 +1,12 @@
-"""LinuxCNC's interpreter ``rs274`` as the reference for moves and times: programs in its dialect, and what it makes of them."""
+"""LinuxCNC's interpreter ``rs274`` as the reference for moves, feeds and speeds: programs in its dialect, and its moves."""
 
 import itertools
-import math
 import re
 import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-
-Point = tuple[float, float]
 
 INSTALLED = shutil.which("rs274") is not None
 HOME = "G0 X400 Z200"
@@ -20,13 +15,17 @@ INCH, FOOT = 25.4, 0.3048
 
 @dataclass(frozen=True)
 class Canonical:
-    """A move: kind, end and centre as Z and X (radius) [mm], sense, and its duration [s]."""
+    """A move: kind, end and centre as Z and X (radius) [mm], and sense."""
 
     kind: str
     end: tuple[float, float]
     centre: tuple[float, float] | None
     clockwise: bool
-    time: float
+    feed: float = 0.0  # [mm/rev] or [mm/min]
+    per_turn: bool = False
+    speed: float = 0.0  # [rev/min], or [m/min] with a limit of the spindle's speed
+    limit: float = 0.0  # [rev/min]
+    time: float = 0.0  # of a dwell [s]
 
 
 _WORDS: dict[str, list[tuple[str, Any]]] = {
@@ -77,58 +76,37 @@ def canonical(program: str, folder: Path) -> list[Canonical]:
 
 
 def _moves(output: str) -> list[Canonical]:
-    """Follow the canonical commands, and integrate the times with 500 steps per move."""
-    moves = []
-    here = 0.0, 0.0
-    scale, per_turn, feed, lead, limit, speed, spindle_scale = 1.0, False, 0.0, 0.0, 0.0, 0.0, 1.0
+    """Follow the canonical commands."""
+    moves, here = [], (0.0, 0.0)
+    scale, per_turn, feed, lead, limit, speed = 1.0, False, 0.0, 0.0, 0.0, 0.0
     for name, given in re.findall(r"(\w+)\(([^)]*)\)", output):
         values = [float(value) for value in re.findall(r"-?\d+\.?\d*", given)]
-        if name == "USE_LENGTH_UNITS":
-            scale = INCH if "INCHES" in given else 1.0
-            spindle_scale = FOOT if "INCHES" in given else 1.0
-        elif name == "SET_FEED_MODE":
-            per_turn = values[1] == 1.0
-        elif name == "SET_FEED_RATE":
-            feed = values[0] * scale
-        elif name == "SET_SPINDLE_MODE":
-            limit = values[1]
-        elif name == "SET_SPINDLE_SPEED":
-            speed = values[1]
-        elif name == "START_SPEED_FEED_SYNC":
-            lead = values[0] * scale
-        elif name == "STOP_SPEED_FEED_SYNCH":
-            lead = 0.0
-        elif name == "DWELL":
-            moves.append(Canonical("dwell", here, None, False, values[0]))
-        elif name in ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED", "ARC_FEED"):
-            centre, clockwise = None, False
-            if name == "ARC_FEED":
-                z, x, centre_z, centre_x, turns = values[:5]
-                centre, clockwise = (centre_z * scale, centre_x * scale), turns < 0
-            else:
-                x, _, z = values[:3]
-            end = z * scale, x * scale
-            rapid = name == "STRAIGHT_TRAVERSE"
-            time = 60.0 * math.dist(here, end) / 10_000.0
-            if not rapid:
-                turning = speed * (spindle_scale if limit else 1.0)
-                time = _feed_time(here, end, centre, clockwise, lead or feed, per_turn or lead > 0.0, limit, turning)
-            moves.append(Canonical("rapid" if rapid else "feed", end, centre, clockwise, time))
-            here = end
+        match name:
+            case "USE_LENGTH_UNITS":
+                scale = INCH if "INCHES" in given else 1.0
+            case "SET_FEED_MODE":
+                per_turn = values[1] == 1.0
+            case "SET_FEED_RATE":
+                feed = values[0] * scale
+            case "SET_SPINDLE_MODE":
+                limit = values[1]
+            case "SET_SPINDLE_SPEED":
+                speed = values[1]
+            case "START_SPEED_FEED_SYNC":
+                lead = values[0] * scale
+            case "STOP_SPEED_FEED_SYNCH":
+                lead = 0.0
+            case "DWELL":
+                moves.append(Canonical("dwell", here, None, False, time=values[0]))
+            case "STRAIGHT_TRAVERSE":
+                here = values[2] * scale, values[0] * scale
+                moves.append(Canonical("rapid", here, None, False))
+            case "STRAIGHT_FEED" | "ARC_FEED":
+                centre, clockwise = None, False
+                here = values[2] * scale, values[0] * scale
+                if name == "ARC_FEED":
+                    here, centre = (values[0] * scale, values[1] * scale), (values[2] * scale, values[3] * scale)
+                    clockwise = values[4] < 0
+                turning = speed * (FOOT if limit and scale == INCH else 1.0)
+                moves.append(Canonical("feed", here, centre, clockwise, lead or feed, per_turn or lead > 0.0, turning, limit))
     return moves
-
-
-def _feed_time(
-    start: Point, end: Point, centre: Point | None, clockwise: bool, feed: float, per_turn: bool, limit: float, speed: float
-) -> float:
-    shares = (np.arange(500) + 0.5) / 500
-    length, radii = math.dist(start, end), start[1] + shares * (end[1] - start[1])
-    if centre is not None:
-        radius, sign = math.dist(start, centre), -1.0 if clockwise else 1.0
-        first, last = (math.atan2(point[1] - centre[1], point[0] - centre[0]) for point in (start, end))
-        turn = sign * (last - first) % (2 * math.pi)
-        length, radii = radius * turn, centre[1] + radius * np.sin(first + sign * turn * shares)
-    if not per_turn:
-        return 60.0 * length / feed
-    turns = np.minimum(1000.0 * speed / (2 * math.pi * np.maximum(abs(radii), 1e-6)), limit) if limit else speed
-    return float(np.mean(60.0 * length / (feed * turns)))

@@ -170,20 +170,6 @@ def test_assumptions_are_named_and_cancelled_offsets_change_no_tool() -> None:
     assert [move.tool for move in made.moves[-2:]] == ["T0101", "T0200"]
 
 
-COORDINATES = {
-    "G1 X=IC(2) Z=IC(-3)": (-3.0, 11.0),
-    "G91 G1 X2 Z-3": (-3.0, 11.0),
-    "DIAM90 G91 G1 X2 Z-3": (-3.0, 12.0),
-    "DIAMOF G1 X15 Z-3": (-3.0, 15.0),
-    "G91 G1 X=AC(30) Z-3": (-3.0, 15.0),
-}
-
-
-@pytest.mark.parametrize("line", COORDINATES)
-def test_coordinates_of_sinumerik(line: str) -> None:
-    assert moves(f"DIAMON G90 G95 G97 S500 F0.2\nG0 X20 Z0\n{line}").moves[-1].path.end == COORDINATES[line]
-
-
 # Cycles, chamfers, radii and variables.
 
 TURN = "G21 G99 T0101\nG96 S150 M3\nG0 X20. Z2.\nG1 Z0. F0.2\n"
@@ -282,8 +268,7 @@ def test_passes_of_g76_are_those_of_linuxcnc(tmp_path: Path) -> None:
     threads = [move for move in ours.moves if move.kind == "thread"]
     expected = [move for move in theirs if move.kind == "feed"]
     assert [move.path.end for move in threads] == [pytest.approx(move.end, abs=1e-3) for move in expected]
-    times = [60.0 * move.path.length / (move.feed.value * move.speed.value) for move in threads]
-    assert times == pytest.approx([move.time for move in expected], rel=1e-3)
+    assert {(move.feed.value, move.speed.value) for move in threads} == {(move.feed, move.speed) for move in expected}
 
 
 def test_threads_leave_their_allowance_and_taper_and_their_lead_is_never_adapted() -> None:
@@ -314,6 +299,7 @@ JUMP = (
     "#1=3\nN5 #2=#1*10.\nG0 X[#2+20.]\nG1 Z-#1 F0.2\nIF [#1 LE 1] THEN #3=7\n#1=#1-1\nIF [#1 GT 0] GOTO 5\nGOTO 9\nG1 X0.\nN9 M30"
 )
 AGAIN = "R1=2\nANF: G1 Z=-R1\nR1=R1-1\nIF R1>0 GOTOB ANF\nWHILE R1<2\nG1 X=20-R1\nR1=R1+1\nENDWHILE\nM30"
+AT_20 = "DIAMON G90 G95 G97 S500 F0.2\nG0 X20 Z0\n"
 CUTS: dict[str, list[tuple[float, float]]] = {
     f"{BAR}G90 X56. Z-40. F0.25\nX52.\nG0 X70.": [(-40.0, 28.0), (-40.0, 31.0), (-40.0, 26.0), (-40.0, 31.0)],
     f"{BAR}G90 X50. Z-40. R-2. F0.25": [(-40.0, 25.0), (-40.0, 31.0)],
@@ -329,16 +315,19 @@ CUTS: dict[str, list[tuple[float, float]]] = {
     "\ufeff%\nG21 G91 G28 X0. Z0.\nG90\nG99 G97 S500 M3\nG0 X62. Z2.\nG1 Z-5. F0.2 (A (NESTED) COMMENT\nM30%": [(-5.0, 31.0)],
     "G50 X200. Z100.\nG21 G99 G97 S500 M3\nG1 U-80. F0.2": [(100.0, 60.0)],
     "TRANS Z100\nDIAMON G71 G95 G97 S500 M3\nG0 X30 Z5\nG33 Z-25 K1.5 SF=0": [(-25.0, 15.0)],
-    f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R3.\nZ-12.": [(0.0, 30.0), (5.0, 25.0), (-10.0, 26.0), (-12.0, 26.0)],
+    f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R9.\nZ-12.": [(0.0, 30.0), (5.0, 25.0), (-10.0, 26.0), (-12.0, 26.0)],
+    f"{AT_20}G1 X=IC(2) Z=IC(-3)": [(-3.0, 11.0)],
+    f"{AT_20}G91 G1 X2 Z-3": [(-3.0, 11.0)],
+    f"{AT_20}DIAM90 G91 G1 X2 Z-3": [(-3.0, 12.0)],
+    f"{AT_20}DIAMOF G1 X15 Z-3": [(-3.0, 15.0)],
+    f"{AT_20}G91 G1 X=AC(30) Z-3": [(-3.0, 15.0)],
 }
 
 
 @pytest.mark.parametrize("text", CUTS)
 def test_everyday_words_make_the_cuts_of_a_control(text: str) -> None:
-    text = text.replace("R3.", "R9.")  # an arc that exists
     made = [move.path for move in moves(text).moves if move.kind in ("feed", "thread")]
-    ends = [path.end for path in made if path.end != path.start]
-    assert ends == [pytest.approx(end, abs=1e-3) for end in CUTS[text.replace("R9.", "R3.")]]
+    assert [path.end for path in made if path.end != path.start] == [pytest.approx(end, abs=1e-3) for end in CUTS[text]]
 
 
 PROFILE = "N10 G0 X{first}\nG1 Z-20.\nX{last}\n{more}N20 {leave}\nG0 X100."

@@ -36,9 +36,8 @@ QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewi
 
 @pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
 @pytest.mark.parametrize("name", WITHOUT_CYCLES)
-def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
-    situation = situation_of(name, Machine(max_spindle_speed=1e9, tool_change=0.0))
-    moves = situation.moves
+def test_moves_feeds_and_speeds_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
+    moves = situation_of(name).moves
     reference = canonical(translated(path_of(name).read_text(), moves.program.dialect.name), tmp_path)
     expected: list[Canonical] = []
     here = reference[0].end  # the first moves to where our tool stands before the program
@@ -53,8 +52,13 @@ def test_moves_and_times_are_those_of_linuxcnc(name: str, tmp_path: Path) -> Non
         if theirs.centre is not None:
             assert ours.path.centre == pytest.approx(theirs.centre, abs=1e-3)
             assert ours.path.clockwise == theirs.clockwise
-    time = motion(situation, situation.feed, situation.speed)[0].sum()
-    assert time == pytest.approx(sum(move.time for move in expected), rel=0.02)
+        assert ours.time == pytest.approx(theirs.time)
+        if theirs.kind == "feed":
+            values = ours.feed.value, ours.speed.value
+            assert values == pytest.approx((theirs.feed, theirs.speed), rel=1e-4), ours.line
+            assert (ours.per_revolution, ours.constant_cutting_speed) == (theirs.per_turn, theirs.limit > 0.0)
+            if ours.constant_cutting_speed:
+                assert min(ours.max_spindle_speed, 1e9) == pytest.approx(min(theirs.limit, 1e9))
 
 
 @pytest.mark.parametrize("name", COLLECTION)

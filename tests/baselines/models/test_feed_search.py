@@ -53,14 +53,3 @@ def test_no_set_point_of_a_grid_within_reach_gains_more(scenario: Scenario, fixe
         grid = np.stack(np.meshgrid(np.linspace(slowest, fastest, 13), np.linspace(lowest, highest, 13)), axis=-1).reshape(-1, 2)
         gains = [outlook(parameters[0], lefts[0], env, ahead, *place)[0] for place in grid]
         assert outlook(parameters[0], lefts[0], env, ahead, *best)[0] >= max(gains) - 1e-4
-
-
-def test_compiled_it_finds_the_bits_that_it_finds_interpreted_and_alone() -> None:
-    parameters, lefts, environments, points = task = states(KINKED, 2, unmeasured=1.0)
-    together, interpreted, alone = np.empty((3, NUM_ENVS, 2))
-    search(*task, together)
-    getattr(search, "py_func", search)(*task, interpreted)
-    for i in range(NUM_ENVS):
-        search(parameters, lefts, environments[i : i + 1], points[i : i + 1], alone[i : i + 1])
-    np.testing.assert_array_equal(together, interpreted)
-    np.testing.assert_array_equal(together, alone)

@@ -1,4 +1,4 @@
-"""Exponential, logarithm, sine and cosine, against the C library's."""
+"""Exponential, logarithm, powers, sine and cosine, against the C library's; arrays have the bits of single numbers."""
 
 import numpy as np
 import pytest
@@ -6,50 +6,34 @@ import pytest
 from turning_env.numerics.functions import exp, expm1, log, real_power, sine_and_cosine
 
 NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
-
-
-@pytest.mark.parametrize("x", [np.linspace(-708.0, 708.0, 4001), np.linspace(-2.0, 2.0, 4001), NEAR_ZERO, -NEAR_ZERO])
-def test_exponential(x):
-    assert [exp(value) for value in x] == pytest.approx(np.exp(x), rel=5e-16)
-
-
-@pytest.mark.parametrize(
-    "x", [np.geomspace(1e-300, 1e300, 4001), np.linspace(0.5, 2.0, 4001), 1.0 + NEAR_ZERO, 1.0 - NEAR_ZERO[:-1]]
+BOTH_SIDES = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
+LOGARITHMS = np.concatenate(
+    [np.geomspace(1e-300, 1e300, 4001), np.linspace(0.5, 2.0, 4001), 1.0 + NEAR_ZERO, 1.0 - NEAR_ZERO[:-1]]
 )
-def test_logarithm(x):
-    assert [log(value) for value in x] == pytest.approx(np.log(x), rel=7e-16, abs=1e-300)
-
-
-def test_exponential_less_1():
-    x = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
-    assert expm1(x) == pytest.approx(np.expm1(x), rel=1e-15)
+BASES, EXPONENTS = np.geomspace(1e-6, 1e6, 500), (0.245, 4.08, -1.5)
+TURNS = np.concatenate([np.linspace(0.0, 1.0, 4001), np.arange(0.0, 3.0, 0.125)])
 
 
 @pytest.mark.parametrize(
-    ("function", "values"),
+    ("function", "reference", "x", "rel", "tiny"),
     [
-        (exp, np.linspace(-720.0, 720.0, 4001)),
-        (log, np.geomspace(1e-300, 1e300, 4001)),
-        (lambda x: real_power(x, 0.245), np.linspace(0.0, 3.0, 301)),
-        (lambda x: sine_and_cosine(x)[0], np.linspace(0.0, 3.0, 301)),
-        (lambda x: sine_and_cosine(x)[1], np.linspace(0.0, 3.0, 301)),
+        (exp, np.exp, np.concatenate([np.linspace(-708.0, 708.0, 4001), BOTH_SIDES]), 5e-16, 0.0),
+        (expm1, np.expm1, BOTH_SIDES, 1e-15, 0.0),
+        (log, np.log, LOGARITHMS, 7e-16, 1e-300),
+        *((lambda x, e=e: real_power(x, e), lambda x, e=e: x**e, BASES, 1e-13, 0.0) for e in EXPONENTS),
+        # The C library's angle is rounded.
+        (lambda x: sine_and_cosine(x)[0], lambda x: np.sin(2 * np.pi * x), TURNS, 0.0, 4e-15),
+        (lambda x: sine_and_cosine(x)[1], lambda x: np.cos(2 * np.pi * x), TURNS, 0.0, 4e-15),
     ],
 )
-def test_arrays_have_the_bits_of_single_numbers(function, values):
-    assert function(values).tobytes() == np.array([function(value) for value in values]).tobytes()
-    assert function(values[:, np.newaxis]).shape == (len(values), 1)
+def test_values_are_the_c_librarys_and_arrays_hold_the_same_bits(function, reference, x, rel, tiny):
+    values = function(x)
+    assert values == pytest.approx(reference(x), rel=rel, abs=tiny)
+    assert values.tobytes() == np.array([function(value) for value in x]).tobytes()
+    assert function(x[:, np.newaxis]).shape == (len(x), 1)
 
 
-@pytest.mark.parametrize("exponent", [0.245, 1 / 0.245, -1.5])
-def test_raised(exponent):
-    bases = np.geomspace(1e-6, 1e6, 500)
-    assert [real_power(base, exponent) for base in bases] == pytest.approx(bases**exponent, rel=1e-13)
-    assert real_power(0.0, exponent) == 0.0
-
-
-def test_sine_and_cosine():
-    turns = np.concatenate([np.linspace(0.0, 1.0, 4001), np.arange(0.0, 3.0, 0.125)])
-    waves = np.array([sine_and_cosine(value) for value in turns])
-    assert waves[:, 0] == pytest.approx(np.sin(2 * np.pi * turns), abs=4e-15)  # the C library's angle is rounded
-    assert waves[:, 1] == pytest.approx(np.cos(2 * np.pi * turns), abs=4e-15)
-    assert np.hypot(*waves.T) == pytest.approx(1.0, abs=1e-15)
+def test_ends():
+    assert [real_power(0.0, exponent) for exponent in EXPONENTS] == [0.0] * 3
+    assert [exp(-720.0), exp(720.0)] == [exp(np.array([each]))[0] for each in (-720.0, 720.0)]
+    assert np.hypot(*sine_and_cosine(TURNS)) == pytest.approx(1.0, abs=1e-15)

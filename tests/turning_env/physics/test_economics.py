@@ -39,4 +39,5 @@ def test_overload_is_the_excess_over_each_limit():
 def test_a_broken_edge_pays_what_is_left_and_the_downtime():
     info = first_interval(changed(SCENARIO, tool={"edge_strength": 100}))
     assert info["broken"]
+    assert info["thrust_force"] > info["edge_strength"]
     assert info["reward_breakage"] == pytest.approx(-60 * (4 + 2) * (1 - info["used_life"]) - 60 * 7)

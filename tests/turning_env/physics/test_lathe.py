@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_actions, play
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env import RoughTurningEnv, Scenario
 
 
 @pytest.mark.parametrize("scenario", [SHORT_LIVED, "shift", "batch_casting"])
@@ -18,28 +18,6 @@ def test_every_edge_is_paid_for_whole(scenario):
     assert -paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
     assert record["edges_used"].sum() > 0.5
     assert record["broken"].tolist() == (record["edges_broken"] > 0).tolist()
-
-
-def test_episodes_end_worn_broken_or_out_of_time():
-    num_envs = 200
-    env = RoughTurningVectorEnv(num_envs, SHORT_LIVED, "SameStep")
-    env.reset(seed=0)
-    worn_count = broken_count = truncated_count = 0
-    for count, actions in enumerate(fixed_actions(30, num_envs), start=1):
-        _, _, terminated, truncated, infos = env.step(actions)
-        if (terminated | truncated).any():
-            final = infos["final_info"]
-            worn = final["wear"] >= SHORT_LIVED.tool.wear_criterion
-            broken = final["broken"]
-            assert (terminated == (terminated & (worn | broken))).all()
-            assert (final["thrust_force"] > final["edge_strength"])[terminated & broken].all()
-            assert not (terminated & truncated).any()
-            if count < 30:
-                assert not truncated.any()
-            worn_count += (terminated & worn).sum()
-            broken_count += (terminated & broken).sum()
-            truncated_count += truncated.sum()
-    assert min(worn_count, broken_count, truncated_count) > 10
 
 
 def test_a_worn_edge_ends_the_interval_at_once():

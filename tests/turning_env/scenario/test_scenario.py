@@ -5,6 +5,9 @@ import pytest
 from tests.turning_env.playing import slightly_different, variants
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError, presets
 
+BEYOND = "coefficient = 1e12\ncutting_speed = 10\nwear = -10\n"
+"""A law whose numbers cannot be represented within a machine's ranges."""
+
 
 @pytest.fixture
 def toml(tmp_path):
@@ -48,6 +51,11 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[control]\ninitial_feed = 5\n", ["control.initial_feed is 5.0", "0.06 to 0.6"]),
         ("[control]\ninterval = 3600\ntime_limit = 1\n", ["time_limit is 1.0 min", "3600.0 s"]),
         ("[material.wear]\ncoefficient = 1\n", ["wear.time is 0.0", "above 0"]),
+        ("[material.wear]\ntime = 0.01\ncoefficient = 1e12\n", ["material.wear comes to 1e"]),
+        (
+            f"[material.thrust_force]\n{BEYOND}[material.power]\n{BEYOND}",
+            ["thrust_force comes to 1e", "power comes to 1e", "within"],
+        ),
         ("[mismatch]\ninitial_wear = 0.3\n", ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"]),
         ("base = 'forgings'\n", ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"]),
         ("base = 'none.toml'\n", ["mine.toml: base: no preset and no file is called", "none.toml"]),

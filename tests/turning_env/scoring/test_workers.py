@@ -33,16 +33,14 @@ def interrupted(number: int) -> int:
     return number
 
 
-def test_without_workers_pieces_are_done_here_in_order() -> None:
-    with workers.workers(1, None) as over:
-        assert list(spread(over, lambda number: number + 1, PIECES)) == [(str(number), number + 1) for number in range(5)]
-
-
 @pytest.mark.slow
 def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> None:
     factor, mark = 3, tmp_path / "process"  # they travel with the function
+    expected = [(str(number), 3 * number) for number in range(5)]
+    with workers.workers(1, None) as here:
+        assert list(spread(here, lambda number: factor * number, PIECES)) == expected  # in this process, in order
     with processes(1) as over:
-        assert dict(spread(over, lambda number: factor * number, PIECES)) == {str(number): 3 * number for number in range(5)}
+        assert dict(spread(over, lambda number: factor * number, PIECES)) == dict(expected)
         with pytest.raises(LookupError, match="no 4"):
             list(spread(over, fail, [("fails", 4)]))
         assert list(spread(over, interrupted, [("ignored", 5)])) == [("ignored", 5)]
