@@ -32,7 +32,7 @@ turning_env program: nothing.mpf --scenario rough_turning --adapt nothing | noth
 turning_env score: nothing.onnx | nothing:policy | math:pi | nothing.onnx --env nothing | math:cos --seeds 0
 turning_env calibrate: nothing.csv --out made.toml | . --out made.toml
 turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging --cutting-speed x --feed 0.3 --wear 0.2
-turning_env advise: nothing | . --seeds 1 | forging --seeds -1
+turning_env advise: nothing | batch_casting --seeds 0 | . --seeds 1 | forging --seeds -1
 turning_env map: nothing --wear 0.2 --out made.png | forging --wear 0.2 --out made.txt
 baselines.law_errors: nothing
 turning_control: nothing
@@ -95,6 +95,11 @@ leaderboard.watch: --policy grid_search --seed -1 --out made.gif => seed -1
 leaderboard.watch: --policy grid_search --split train --out made.gif => --split is of RoughTurning-Family-v0
 leaderboard.watch: --policy grid_search --out cut.avi => cut.avi must end in one of .mp4, .gif, .png
 leaderboard.watch: --policy grid_search --beside fixed_handbook --human => --human shows one policy
+turning_env whatif: forging --cutting-speed -1 --feed 0.3 --wear 0.2 => -1 is outside the allowed range 0.1 to 5000 m/min
+turning_env whatif: forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2 => '0.1:0.2' is not a number
+turning_env whatif: forging --cutting-speed 100 --feed 0.3 => one of the arguments --time --wear is required
+turning_env whatif: forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1 => not allowed with
+turning_env map: forging --wear 0.31 --out made.png => --wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm
 leaderboard run: --private-key short --results made => the private key has 5 characters, but must have at least 16
 """
 """Mistakes with a part of what is said of them."""
@@ -157,9 +162,7 @@ def test_every_command_is_among_these() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_shows_examples_that_parse(
-    command: str, capsys: pytest.CaptureFixture[str], parse: Callable[[list[str]], None]
-) -> None:
+def test_help_shows_examples_that_parse(command: str, capsys, parse: Callable[[list[str]], None]) -> None:
     assert status_of(command, ["--help"]) == 0
     _, title, shown = re.split(r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE)
     examples = [shlex.split(line) for line in shown.splitlines() if line.startswith("  python -m ")]

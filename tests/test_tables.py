@@ -23,9 +23,7 @@ FIGURES = [pytest.param(*found.groups(), ROOT / page, id=page) for page, text in
 
 
 @pytest.mark.parametrize(("command", "table"), TABLES)
-def test_a_table_is_what_its_command_prints(
-    command: str, table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_is_what_its_command_prints(command: str, table: str, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.chdir(ROOT)
     assert leaderboard(shlex.split(command)[1:]) == 0
     assert capsys.readouterr().out == table
@@ -44,9 +42,7 @@ def test_the_leads_of_the_ladder_are_those_of_its_command(
 
 
 @pytest.mark.parametrize(("command", "picture", "page"), FIGURES)
-def test_a_figure_is_what_its_command_draws(
-    command: str, picture: str, page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_figure_is_what_its_command_draws(command: str, picture: str, page: Path, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(ROOT)
     program, *words = shlex.split(command)
     main = {"leaderboard": leaderboard, "train.curves": curves.main}[program]

@@ -6,7 +6,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +32,7 @@ class Block:
 
 
 def blocks(page: str) -> Iterator[Block]:
-    """The fenced blocks of a page in order."""
+    """Yield the fenced blocks of a page in order."""
     for language, title, text in re.findall(r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$', page, re.DOTALL | re.MULTILINE):
         yield Block(language, title or None, text)
 
@@ -90,6 +91,14 @@ def walk(page: str, folder: Path, smaller: Smaller, done: tuple[str, ...] = ()) 
         elif block.language == "python":
             check(run([sys.executable, "-W", "error", "-c", block.text], folder), block.text)
     return tuple(ran)
+
+
+def until(holds: Callable[[], bool]) -> None:
+    """Wait until something holds."""
+    limit = time.monotonic() + MAX
+    while not holds():
+        assert time.monotonic() < limit
+        time.sleep(0.02)
 
 
 def check(finished: "subprocess.CompletedProcess[str]", what: str) -> None:

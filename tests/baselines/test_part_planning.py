@@ -42,7 +42,7 @@ def test_depths_of_passes():
 
 
 def test_no_pass_is_planned_too_deep_for_a_further_limit():
-    scenario = changed(Scenario.load("batch_p20"), workpiece=SPREADS | {"depth_of_cut": 4.0})
+    scenario = changed("batch_p20", workpiece=SPREADS | {"depth_of_cut": 4.0})
     for margin in (1.0, 0.6):  # 400 N allow 4 mm at the lowest feed, 240 N do not
         found = infos(RuledParts(scenario, "PV", True, margin, margin), scenario)[1]
         assert (found["passes"] > 1) == (margin < 1.0)

@@ -11,18 +11,16 @@ import pytest
 
 from baselines import tune as rule_tuning
 from baselines import tuned
-from baselines.fixed import FixedParameters
-from leaderboard import run
 from leaderboard.result import Task, read_part, result_folder
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
+from tests.leaderboard.conftest import ENV_ID, Steady, play_all, spec
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from tests.walking import ROOT
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
 from turning_env.files import FolderTaken, exclusive_lock, shared_lock
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
 
-ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys
 from pathlib import Path
@@ -31,7 +29,6 @@ with getattr(files, sys.argv[1])(Path(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.readline()
 """
-ENV_ID = "RoughTurning-v0"
 
 
 @contextmanager
@@ -71,18 +68,9 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
             assert list(tmp_path.iterdir())
         with pytest.raises(FolderTaken), exclusive_lock(tmp_path):
             pass
-        entered = threading.Event()
-
-        def wait() -> None:
-            with exclusive_lock(tmp_path, wait=True):
-                entered.set()
-
-        thread = threading.Thread(target=wait)
-        thread.start()
-        assert not entered.wait(0.2)
-        other.kill()
-        assert entered.wait(60.0)
-        thread.join()
+        threading.Timer(0.2, other.kill).start()
+        with exclusive_lock(tmp_path, wait=True):
+            assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
@@ -124,31 +112,21 @@ def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pyt
 
 @pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
-    scenario = Scenario.model_validate({"control": {"time_limit": 0.2}})
-    task = Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
-
-    def policy(name: str, feed: float, make: PolicyFactory | None = None) -> PolicySpec:
-        return PolicySpec(
-            name=name, parameters={"feed": feed}, make=make or (lambda num_envs: FixedParameters(scenario, 150.0, feed))
-        )
-
-    def play(folder: Path, *policies: PolicySpec) -> None:
-        run.play_all([run.TaskRun(task, policies, folder)], fresh=False)
-
-    here, expected = (result_folder(tmp_path / name, ENV_ID, scenario.name) for name in ("two", "one"))
-    second, third = policy("second", 0.2), policy("third", 0.3)
+    task = Task(env_id=ENV_ID, scenario=Scenario.model_validate({"control": {"time_limit": 0.2}}), seeds=[7, 8, 9, 10])
+    here, expected = (result_folder(tmp_path / name, ENV_ID, task.scenario.name) for name in ("two", "one"))
+    second, third = spec("second", (0.0, 0.2)), spec("third", (0.0, 0.3))
     recording = 0
 
-    def make(num_envs: int) -> FixedParameters:
+    def make(num_envs: int) -> Steady:
         nonlocal recording
         recording += num_envs == 1
         if recording == 1:  # while the first run records what its policy does
             recording += 1
-            play(here, second, third)
-        return FixedParameters(scenario, 150.0, 0.1)
+            play_all(task, [second, third], here)
+        return Steady(num_envs, (0.0, 0.1))
 
-    play(here, policy("first", 0.1, make), third)
-    play(expected, policy("first", 0.1), second, third)
+    play_all(task, [spec("first", (0.0, 0.1), make=make), third], here)
+    play_all(task, [spec("first", (0.0, 0.1)), second, third], expected)
     assert recording > 1
     names = [path.name for path in sorted(expected.iterdir())]
     assert names == ["first.json.xz", "manifest.json", "second.json.xz", "third.json.xz", "trajectories.json.xz"]

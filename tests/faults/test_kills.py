@@ -3,8 +3,6 @@
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -12,7 +10,7 @@ from random import Random
 import pytest
 
 from studies import soak
-from tests.walking import MAX, ROOT
+from tests.walking import MAX, ROOT, until
 
 SMALLER = partial(soak.leaderboard, more=("--seeds", "4"))
 
@@ -50,10 +48,10 @@ def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None
     program, mark = tmp_path / "long.py", tmp_path / "long.number"
     program.write_text(LONG)
     with subprocess.Popen([sys.executable, "-c", PARENT, str(program)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:
-        _until(lambda: mark.exists() and mark.read_text() != "")
+        until(lambda: mark.exists() and mark.read_text() != "")
         parent.kill()
     number = int(mark.read_text())
-    _until(lambda: _has_ended(number))
+    until(lambda: _has_ended(number))
 
 
 def _has_ended(number: int) -> bool:
@@ -64,10 +62,3 @@ def _has_ended(number: int) -> bool:
     # Where nobody takes its status, an ended process stays as a zombie.
     status = Path(f"/proc/{number}/stat")
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
-
-
-def _until(holds: Callable[[], bool]) -> None:
-    start = time.monotonic()
-    while not holds():
-        assert time.monotonic() - start < MAX
-        time.sleep(0.05)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.policy import Policy, PolicySpec
+from turning_env.scoring.policy import PolicySpec
 
 FAMILY = Family.load(BRIEF)
 JOBS = 16
@@ -71,28 +72,14 @@ def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> 
     assert all(each.job_score is None for each in ranked(**rows).values())
 
 
-class Watching(Policy):
-    """Keeps what it sees and what it is told to forget."""
-
-    def __init__(self) -> None:
-        self.forgotten = np.zeros(2, np.int64)
-
-    def reset(self, mask: Any) -> None:
-        self.forgotten += mask
-
-    def act(self, observations: Any) -> Any:
-        self.seen = observations
-        return np.zeros((len(observations), 3), np.float32)
-
-
 def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
-    watching = Watching()
-    forgetful = Forgetful(watching)
+    masks: list[Any] = []
+    forgetful = Forgetful(SimpleNamespace(reset=masks.append, act=lambda observations: np.zeros((2, 3), np.float32)))
     for wear in ((0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)):
         observations = np.zeros((2, 11), np.float32)
         observations[:, OBS.nominal_wear] = wear
         forgetful.act(observations)
-    assert watching.forgotten.tolist() == [0, 1]
+    assert np.sum(masks, axis=0).tolist() == [0, 1]
 
 
 def test_variants_are_of_controllers_and_jobs_are_counted() -> None:

@@ -1,8 +1,8 @@
 """One's own agents: ranked beside those that come with the project, marked, limited in time."""
 
-import importlib
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -86,20 +86,13 @@ def test_rules_that_are_not_tuned_are_skipped(words: list[str], tmp_path: Path, 
     assert "nothing to play" in capsys.readouterr().err
 
 
-def test_code_of_ones_own_is_ranked_and_played_again_each_time(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = "def idle(observations):\n    return [[{}] * 2] * len(observations)\n"
-    (tmp_path / "some_policy.py").write_text(code.format(0.0))
-    monkeypatch.syspath_prepend(tmp_path)
+def test_code_of_ones_own_is_ranked_and_played_again_each_time(words: list[str], tmp_path: Path, monkeypatch, capsys) -> None:
     path = result_folder(tmp_path / "results", ENV_ID, SHORT.name) / "mine-seed0.json.xz"
     returns = []
     for speed in (0.0, 1.0):
-        (tmp_path / "some_policy.py").write_text(code.format(speed))
-        monkeypatch.delitem(sys.modules, "some_policy", raising=False)
-        importlib.invalidate_caches()
-        monkeypatch.setattr(sys, "dont_write_bytecode", True)
-        assert main([*words, "--policy", "some_policy:idle", "--name", "mine"]) == 0
+        policy = SimpleNamespace(steady=lambda observations, speed=speed: [[speed] * 2] * len(observations))
+        monkeypatch.setitem(sys.modules, "some_policy", policy)
+        assert main([*words, "--policy", "some_policy:steady", "--name", "mine"]) == 0
         last = capsys.readouterr().out.splitlines()[-1]
         assert last.startswith("your agent: rank ")
         assert "mine on" in last

@@ -109,9 +109,7 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
         assert ends(known[name].over_least_cost) == pytest.approx((gap,) * 3)  # all seeds are alike
 
 
-def test_agents_are_one_if_their_training_is_and_none_is_merged_into_one_that_ships(
-    make_result: MakeResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_agents_are_one_if_their_training_is_and_none_joins_one_that_ships(make_result: MakeResult, monkeypatch) -> None:
     monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo", "b": "ppo"})
     trained = {0: ("mine", 0.9), 1: ("a", 0.9), 2: ("b", 0.9), 3: ("mine too", 0.9), 4: ("another", 0.99)}
     policies = [spec("ppo", seed=seed, parameters={"gamma": gamma}, sha256=file) for seed, (file, gamma) in trained.items()]

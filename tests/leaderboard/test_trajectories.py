@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from leaderboard import policies
-from leaderboard.trajectories import MAX_STEPS, SERIES, kept, record
-from tests.leaderboard.conftest import on
+from leaderboard.trajectories import MAX_STEPS, SERIES, kept
 from turning_env import Scenario
 
 
@@ -23,11 +21,3 @@ def test_thinning_loses_no_overload_and_prefers_metal() -> None:
     in_air = steps[trajectory["depth_of_cut"][steps] == 0.0]
     assert ((in_air >= 2000) & (in_air < 2100)).all()
     assert in_air.size
-
-
-def test_the_means_of_a_part_are_recorded() -> None:
-    scenario = Scenario.load("batch_casting")
-    trajectory = record(policies.one_named("parts_mt", on(scenario)), scenario, 7)
-    assert trajectory.steps == scenario.workpiece.bars
-    assert min(trajectory.series["thrust_force"]) > 0.0
-    assert min(trajectory.series["power"]) > 0.0

@@ -175,10 +175,8 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeResult) -> None:
     path = file_of(shipped, RULE)
-    bound = make_result(
-        CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=task.model_copy(update={"scenario": SHORT}), **{"return": 9.0}
-    )
-    write_result(bound, path.parent)
+    own = task.model_copy(update={"scenario": SHORT})
+    write_result(make_result(CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, **{"return": 9.0}), path.parent)
     rewrite(path, {"return": [*only(path).episodes["return"][:-1], 1e6]})
     (found,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]
     assert found.startswith(f"{place(path)}: beyond the clairvoyant bound for 1 seeds, by up to 99")

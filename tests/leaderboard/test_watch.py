@@ -63,11 +63,3 @@ def test_policies_are_watched_on_a_job_of_a_family(tmp_path: Path, capsys: pytes
     assert len(set(pictures)) == 4
     assert main([*job, "--policy", "self_tuning", "--seed", "100000"]) == 2
     assert "100001 seeds asked for, but the split 'unseen_jobs'" in capsys.readouterr().err
-
-
-def test_a_window_shows_it(short: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    assert main([*short, "--policy", "fixed_handbook", "--steps", "2", "--human"]) == 0
-    monkeypatch.setenv("SDL_VIDEODRIVER", "nonsense")
-    assert main([*short, "--policy", "fixed_handbook", "--human"]) == 2
-    assert "error: no window can be opened" in capsys.readouterr().err

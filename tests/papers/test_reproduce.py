@@ -9,11 +9,11 @@ import pytest
 
 from baselines.two_limits import TWO_LIMITS
 from papers import rows
-from papers.catalogue import FIGURES, PAPERS, Item, Paper
+from papers.catalogue import FIGURES, PAPERS, Paper
 from papers.reproduce import part_programming
 from papers.reproduce.__main__ import markdown, reproduce, text
 from papers.reproduce.checks import PASSED, Check, at_least, at_most, claim
-from papers.reproduce.part_programming import Blank, divided_cost, gain, pass_cost, uncorrected_cost
+from papers.reproduce.part_programming import Blank, gain
 
 ROOT = Path(__file__).parents[2]
 
@@ -48,32 +48,17 @@ def test_items_name_files_and_figures_that_exist_and_miss_no_figure() -> None:
     assert {item.figure for item in items if item.figure} == FIGURES.keys()
 
 
-def test_an_item_counts_its_checks_once_and_gives_reasons() -> None:
-    checks = [claim("a: 1", True), claim("a: 1", True), claim("a: 2", False, "reason"), claim("b", True)]
-    checks += [Check(f"a: {number}", 1.0, 1.0, constructed="input") for number in (3, 4)]
-    agreement = "Agrees (1). Consistent by construction (2): input. Not reproduced (1): reason."
-    assert Item("item", pattern="a").agreement(checks) == agreement
-    assert Item("item", pattern="b").agreement(checks) == "Agrees (1)."
-    caption, *lines = Item("item", pattern="b", figure="grid_search_02").description(checks)
-    assert caption.endswith("(Alaskari and Oraby (2018), Figure 2.)")
-    assert lines == ["Agrees (1).", FIGURES["grid_search_02"]["remark"]]
-
-
 @pytest.mark.parametrize(
     ("check", "verdict"),
     [
         (Check("figure", 1.0, 1.05, 0.1), "agrees"),
-        (Check("figure", 1.0, 1.2, 0.1), "MISMATCH"),
         (Check("figure", 1.0, math.nan, 0.1), "MISMATCH"),
         (at_least("figure", 1.0, 1.0), "agrees"),
         (at_least("figure", 1.0, 0.9), "MISMATCH"),
-        (at_most("figure", 1.0, 1.0), "agrees"),
         (at_most("figure", 1.0, math.nan), "MISMATCH"),
-        (claim("claim", True), "agrees"),
         (claim("claim", False), "MISMATCH"),
         (claim("claim", False, not_reproduced="reason"), "not reproduced"),
         (claim("claim", True, not_reproduced="reason"), "REASON OUT OF DATE"),
-        (Check("figure", 1.0, 1.2, 0.1, not_reproduced="reason"), "not reproduced"),
         (Check("figure", 1.0, 1.0, constructed="reason"), "consistent by construction"),
         (Check("figure", 1.0, 1.1, constructed="reason"), "MISMATCH"),
     ],
@@ -90,28 +75,11 @@ def test_verdicts_and_exit_status(check: Check, verdict: str, capsys: pytest.Cap
     assert f"{verdict} 1" in printed.splitlines()[-2]
 
 
-def test_blanks_are_those_of_the_paper() -> None:
-    found = {(blank.name, blank.source): (blank.least, blank.dispersion) for blank in part_programming.blanks()}
-    assert found["rolling", "handbook"] == (pytest.approx(0.32 + 0.4 + 2.1), 4.32)
-    assert found["welding", "experience"] == (pytest.approx(1.5 + 1.06), 8.1)  # no roughness or deviation of its own
-    assert found["welding", "literature"] == (pytest.approx(1.5 + 3.5 + 5.6), 16.8)
-    assert ("rolling", "experience") not in found  # no dispersion
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", TWO_LIMITS)
 def test_measuring_gains_nothing_where_blanks_are_equal_and_never_loses(rule: str) -> None:
     assert gain(rule, Blank("equal", "test", 5.0, 0.0))[1] == pytest.approx(0.0, abs=1e-9)
     assert all(gain(rule, blank)[1] > -1e-9 for blank in part_programming.blanks())
-
-
-def test_a_path_for_the_largest_blank_meets_smaller_ones_with_thinner_passes_and_air() -> None:
-    blank = Blank("blank", "test", 1.0, 5.0)
-    costs = uncorrected_cost("PV", blank, 3)  # passes of 2 mm
-    assert costs[-1] == pytest.approx(divided_cost("PV", np.array([6.0]))[2, 0])
-    deep, thin, air = pass_cost("PV", np.array([2.0, 1.5, 0.0]))
-    middle = int(np.argmin(np.abs(blank.allowances - 3.5)))
-    assert costs[middle] == pytest.approx(deep + thin + air)
 
 
 @pytest.mark.slow

@@ -2,16 +2,8 @@ import numpy as np
 import pytest
 
 from papers import verification
-from papers.verification import TESTS, implied_wear_factor, played, undisturbed, wear
+from papers.verification import TESTS, implied_wear_factor, played
 from turning_env import Scenario
-
-
-def test_a_fixed_set_point_removes_speed_times_feed_times_depth_for_its_nominal_life() -> None:
-    scenario = undisturbed()
-    for test, outcome in zip(TESTS, played(TESTS), strict=True):
-        assert outcome.rate == pytest.approx(2.5 * test.cutting_speed * test.feed)
-        assert wear(test, outcome.life) == pytest.approx(scenario.tool.wear_criterion, rel=1e-3)
-        assert outcome.total == pytest.approx(outcome.rate * outcome.life)
 
 
 @pytest.mark.parametrize("test", [test for test in TESTS if test.life is not None], ids=lambda test: test.name)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.soundness.acting import SEEDS, action, tried
 from tests.soundness.scenarios import scenarios
-from tests.turning_env.playing import UNDISTURBED, changed
+from tests.turning_env.playing import UNDISTURBED, changed, infos
 from turning_env import RoughTurningEnv, Scenario
 from turning_render.fields import Fields
 
@@ -96,18 +96,11 @@ STEADY = changed(UNDISTURBED, control={"interval": 6.0}, tool={"wear_criterion":
 """A lathe with one metal, one depth and no lags; six seconds of constant speed and feed."""
 
 
-def first_interval(scenario: Scenario, speed: float, feed: float) -> dict[str, Any]:
-    """Return ``info`` after an edge's first step at a set point."""
-    env = RoughTurningEnv(scenario)
-    env.reset(seed=3)
-    return env.step(np.array([speed, feed]))[4]
-
-
 @tried(short=50, soak=10_000)
 @given(FACTORS, FACTORS, FACTORS, st.floats(0.05, 50.0), st.floats(0.0, 10.0))
 def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float, other: float, depth: float, lag: float) -> None:
     scenario = changed(STEADY, workpiece={"depth_of_cut": depth}, machine={"feed_time_constant": lag})
-    rates = [first_interval(scenario, speed, feed) for feed in sorted((one, other))]
+    rates = [infos(scenario, [(speed, feed)], 3)[0] for feed in sorted((one, other))]
     less, more = (info["removed"] / info["time"] for info in rates)
     assert less <= more * (1 + 1e-12)
 
@@ -115,7 +108,7 @@ def test_more_feed_never_removes_less_metal_per_minute(speed: float, one: float,
 @tried(short=50, soak=10_000)
 @given(FACTORS, FACTORS, st.sampled_from(("initial_wear", "hardness_factor")), st.floats(0.1, 4.9), st.floats(0.1, 4.9))
 def test_force_and_power_rise_with_wear_and_hardness(speed: float, feed: float, what: str, one: float, other: float) -> None:
-    told = [first_interval(changed(STEADY, mismatch={what: value}), speed, feed) for value in sorted((one, other))]
+    told = [infos(changed(STEADY, mismatch={what: value}), [(speed, feed)], 3)[0] for value in sorted((one, other))]
     less, more = told
     for name in ("thrust_force", "power", "mean_thrust_force", "mean_power", "torque"):
         assert 0.0 < less[name] <= more[name] * (1 + 1e-12), name

@@ -34,9 +34,8 @@ def cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.strip("|").split(" | ")]
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_every_study_asks_for_what_there_is(name: str) -> None:
-    assert Study.read(name).question
+def test_every_study_asks_for_what_there_is() -> None:
+    assert all(Study.read(name).question for name in STUDIES)
 
 
 @pytest.mark.slow
@@ -59,7 +58,7 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
     """Seeds differ by far more than the variants do."""
     study = Study.read("overload_price").model_copy(update={"episodes": 40})
     returns = np.linspace(-500.0, 500.0, 40)
-    variants = {name: [_played(returns + more)] for name, more in (("margin_1", 0.0), ("margin_0.9", 30.0))}
+    variants = {name: [_played(rough_turning=returns + more)] for name, more in (("margin_1", 0.0), ("margin_0.9", 30.0))}
     headings, _, first, second = (cells(line) for line in table(study, variants).splitlines())
     column = headings.index("Difference [s]")
     assert (first[column], second[column]) == ("", "30.0 (30.0 to 30.0)")
@@ -71,23 +70,16 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
 def test_rankings_are_compared_with_that_of_the_first_scenario() -> None:
     study = Study.read("assumptions").model_copy(update={"episodes": 4})
     costs = {"predictive": (1.0, 2.0), "optimiser": (2.0, 1.0), "fixed_tuned": (3.0, 3.0)}
-    variants = {
-        name: [
-            Played(
-                {title: _played(np.full(4, -cost)).episodes["rough_turning"] for title, cost in zip("ab", each, strict=True)},
-                None,
-            )
-        ]
-        for name, each in costs.items()
-    }
+    variants = {name: [_played(a=np.full(4, -a), b=np.full(4, -b))] for name, (a, b) in costs.items()}
     _, _, home, other = (cells(line) for line in table(study, variants).splitlines())
     assert home[:3] == ["`a`", "1.00", "`predictive`"]
     assert other == ["`b`", "0.33", "`optimiser`", "", "`optimiser` before `predictive`"]
 
 
-def _played(returns: Floats) -> Played:
-    episodes = dict.fromkeys(EPISODE_FIELDS, np.ones(len(returns))) | {"return": returns}
-    return Played({"rough_turning": episodes}, None)
+def _played(**returns: Floats) -> Played:
+    """Return made-up episodes by scenario, of given returns."""
+    ones = {name: dict.fromkeys(EPISODE_FIELDS, np.ones(len(values))) for name, values in returns.items()}
+    return Played({name: ones[name] | {"return": values} for name, values in returns.items()}, None)
 
 
 @pytest.mark.slow

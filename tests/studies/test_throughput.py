@@ -1,12 +1,11 @@
 """Speed is measured in turns, beside peers that run here and beside another checkout."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from studies import throughput
-from studies.throughput import Case, Timing, measure, vector
+from studies.throughput import Case, Timing
 
 
 def test_ratios_are_taken_within_a_turn() -> None:
@@ -18,25 +17,6 @@ def test_ratios_are_taken_within_a_turn() -> None:
     ]
     *_, other = throughput.table(cases, timings)
     assert other == "| other | 1 | 200.0 | 300.0 | 3 (2 to 3) |"
-
-
-def test_peers_that_do_not_run_are_left_out_and_said() -> None:
-    def absent() -> Iterator[Case]:
-        raise ModuleNotFoundError("No module named 'absent'")
-
-    def changed() -> Iterator[Case]:
-        yield Case("changed", 1, 1, lambda: 1 / 0)
-
-    def own() -> Iterator[Case]:
-        yield vector("RoughTurning-v0", 4)
-
-    cases, remarks = throughput.runnable_cases({"absent": absent, "changed": changed, "numpy": own})
-    assert [case.name for case in cases] == ["RoughTurning-v0, vector"]
-    assert remarks[0].startswith("left out: absent: ModuleNotFoundError")
-    assert remarks[1].startswith("left out: changed: ZeroDivisionError")
-    assert remarks[2].startswith("numpy ")
-    ((timing,),) = measure(cases, 1, 0.001)
-    assert timing.rate > 0.0
 
 
 @pytest.mark.slow

@@ -39,15 +39,6 @@ def test_actions_and_commands_are_those_of_the_environment(preset: str) -> None:
         np.testing.assert_allclose(log_feed.exp(), infos["commanded_feed"], rtol=1e-5)
 
 
-def test_a_target_out_of_reach_has_a_gradient() -> None:
-    scenario = Scenario.load("rough_turning")
-    observations, _ = RoughTurningVectorEnv(1, scenario).reset(seed=0)
-    target = torch.tensor([[1.0, 1.0]], requires_grad=True)
-    torch.stack(TargetCommands(scenario).commanded(target, torch.from_numpy(observations))).sum().backward()  # type: ignore[no-untyped-call]
-    assert target.grad is not None
-    assert (target.grad > 0.0).all()
-
-
 @pytest.mark.parametrize("preset", ["paper", "batch_casting"])
 def test_other_actions_are_refused(preset: str) -> None:
     with pytest.raises(ValueError, match=r"control\.action is .* but must be"):

@@ -35,21 +35,6 @@ def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_
         observations, *_ = env.step(actions)
 
 
-def test_every_environment_keeps_its_job_and_counts_returns_of_whole_jobs() -> None:
-    env = guided_ppo.GuidedVecEnv(FAMILY, 3, reward_scale=0.5)
-    env.seed(7)
-    first, total, episodes = env.reset(), np.zeros(3), []
-    for _ in range(4):
-        seen, rewards, _, infos = env.step(np.zeros((3, 2), np.float32))
-        total += rewards
-        episodes += [info for info in infos if info]
-    assert first.shape == seen.shape == (3, *env.observation_space.shape)
-    assert not episodes
-    time = 4 * HOLD
-    assert (abs(total) < 0.5 * 3 * time).all()
-    assert total.any()
-
-
 def test_a_guide_learns_on_families_alone() -> None:
     with pytest.raises(ValueError, match="jobs of a family, not on scenario 'rough_turning'"):
         guided_ppo.GuidedVecEnv(Scenario(), 2)

@@ -14,9 +14,6 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.vector_env import info_at_end_of_step
 
 OVERLOADING = Scenario.model_validate({"name": "weak", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 300.0}})
-UNLIMITED = Scenario.model_validate(
-    {"name": "strong", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 1e6, "power": 1e4}}
-)
 FASTER = np.ones((4, 2), np.float32)
 
 
@@ -50,10 +47,7 @@ def test_severe_overload_costs_the_multiplier_in_place_of_its_price() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scenario", "moves"), [(OVERLOADING, True), (UNLIMITED, False)], ids=["overloading", "unlimited"])
-def test_the_multiplier_moves_only_if_something_overloads(scenario: Scenario, moves: bool, tmp_path: Path) -> None:
-    run = small_run(ALGORITHM, tmp_path, scenario, initial_multiplier=3.0)
+def test_the_multiplier_rises_where_edges_are_overloaded(tmp_path: Path) -> None:
+    run = small_run(ALGORITHM, tmp_path, OVERLOADING, initial_multiplier=3.0)
     train(run, ALGORITHM)
-    multipliers = [row["multiplier"] for row in run.read_learning_curve()]
-    assert multipliers
-    assert (multipliers[-1] > 3.0) if moves else set(multipliers) == {3.0}
+    assert run.read_learning_curve()[-1]["multiplier"] > 3.0

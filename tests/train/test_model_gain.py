@@ -28,7 +28,7 @@ def test_its_gradients_teach_an_agent_in_seconds(tmp_path: Path) -> None:
     run = Run.plan("analytic_gradient", "RoughTurning-v0", BASE, 3, tmp_path, "a command", settings)
     train(run, ALGORITHM)
     returns = play(load_agent(run.folder).make, BASE, tuning_seeds(8))["return"]
-    assert returns.mean() > -500.0  # it begins at -2800
+    assert returns.mean() > -1000.0  # it begins at -2800
 
 
 def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None:

@@ -142,9 +142,7 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
     np.testing.assert_allclose(play_family(family, split, seeds, make)["return"], expected, rtol=1e-3)
 
 
-def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path, capsys) -> None:
     algorithm, few = ALGORITHMS["sac"], {"memory": 100_000, "steps": 64}
     run = small_run(algorithm, tmp_path, **few)
     path = train(run, algorithm)

@@ -5,9 +5,8 @@ from typing import Any
 import pytest
 
 from baselines.tune import Played, Trial
-from tests.train.small import PARAMETERS, SCENARIO
+from tests.train.small import SCENARIO
 from train import tune
-from train.training import algorithm_of
 
 FAILED = Played(-math.inf, 1.0, 1.0, 0, "not finite")
 
@@ -50,21 +49,3 @@ def test_an_interrupted_search_finds_what_it_would_have(tmp_path: Path, capsys: 
     assert search(again, 10) == undisturbed
     assert capsys.readouterr().err == expected
     assert search(again, 10, interrupted) == undisturbed  # there is nothing left to do
-
-
-@pytest.mark.slow
-def test_the_command_trains_plays_and_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = [word for name, value in (PARAMETERS["ppo"] | {"epochs": 3}).items() for word in ("--set", f"{name}={value}")]
-    arguments = ["--algorithm", "ppo", "--trials", "1", "--seeds", "2", *settings, "--steps", "100", "--runs", str(tmp_path)]
-    assert tune.main(arguments) == 0
-    command, result, *table = capsys.readouterr().out.splitlines()
-    assert command == "# python -m train.tune " + " ".join(arguments)
-    assert result.startswith("# trial 0: mean return ")
-    assert table[0] == "[RoughTurning-v0]"
-    assert {line.split(" = ")[0] for line in table[1:]} == set(algorithm_of("ppo").search)
-    policies = sorted(tmp_path.rglob("policy.zip"))
-    assert [path.parent.name for path in policies] == ["ppo-seed0", "ppo-seed1"]
-    before = [path.stat().st_mtime_ns for path in policies]
-    assert tune.main(arguments) == 0  # a finished trial is not repeated
-    assert capsys.readouterr().out.splitlines() == [command, result, *table]
-    assert [path.stat().st_mtime_ns for path in policies] == before

@@ -29,19 +29,10 @@ class Scripted(Policy):
 
 
 def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
-    senses_current = scenario.sensors.force == "servo_current"
-    return Readings(
-        spindle_speed=info["spindle_speed"],
-        feed_velocity=info["feed_velocity"],
-        in_feed=True,
-        cutting=bool(info["cutting"]),
-        engaged_time=info["engaged_time"],
-        power=info["measured_power"],
-        thrust_force=math.nan if senses_current else info["measured_thrust_force"],
-        servo_current=info["measured_servo_current"] if senses_current else math.nan,
-        spindle_heat=info["spindle_heat"],
-        roughness_reference=info["roughness_reference"],
-    )
+    sensed = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
+    told = ("spindle_speed", "feed_velocity", "engaged_time", "spindle_heat", "roughness_reference")
+    values = {name: info[name] for name in told} | {name: info[f"measured_{name}"] for name in ("power", sensed)}
+    return Readings(in_feed=True, cutting=bool(info["cutting"]), **values)
 
 
 @pytest.mark.slow

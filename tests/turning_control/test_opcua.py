@@ -4,14 +4,14 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.walking import MAX
+from tests.walking import until
 from turning_control import opcua
 from turning_control.core import Controller, Status
 from turning_env import Scenario
@@ -51,13 +51,6 @@ def served(tmp_path: Path) -> Iterator[tuple[str, Path, dict[str, Any]]]:
         yield url, path, nodes
 
 
-def waits_for(condition: Callable[[], bool]) -> None:
-    limit = time.monotonic() + MAX
-    while not condition():
-        assert time.monotonic() < limit
-        time.sleep(0.02)
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # asyncua's own
 def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(served: tuple[str, Path, dict[str, Any]]) -> None:
@@ -73,15 +66,15 @@ def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(served: tu
 
     thread.start()
     try:
-        waits_for(lambda: status() in (Status.POLICY, Status.SHIELD))
+        until(lambda: status() in (Status.POLICY, Status.SHIELD))
         assert nodes["adaptive_feed"].read_value() > 0.1
         alive = nodes["alive"].read_value()
-        waits_for(lambda: nodes["alive"].read_value() != alive)
+        until(lambda: nodes["alive"].read_value() != alive)
         nodes["spindle_speed"].write_value(0.0)
-        waits_for(lambda: nodes["status"].read_value() == Status.OPERATOR and nodes["adaptive_feed"].read_value() == 0.0)
+        until(lambda: nodes["status"].read_value() == Status.OPERATOR and nodes["adaptive_feed"].read_value() == 0.0)
         nodes["spindle_speed"].write_value(400.0)
         nodes["power"].write_value(math.nan)
-        waits_for(lambda: nodes["status"].read_value() == Status.SAFE)
+        until(lambda: nodes["status"].read_value() == Status.SAFE)
     finally:
         stop.set()
         thread.join(30.0)

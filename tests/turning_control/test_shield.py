@@ -93,21 +93,6 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
     assert changed > 20
 
 
-def test_a_position_before_the_bar_while_cutting_does_not_free_the_feed() -> None:
-    scenario = Scenario.load("override")
-    env = RoughTurningVectorEnv(1, scenario)
-    observations, _ = env.reset(seed=0)
-    shields = [Shield(Constant(np.ones((1, 1), np.float32)), scenario, 1) for _ in range(2)]
-    for each in shields:
-        each.reset(np.ones(1, np.bool_))
-    shields[1].place = np.array([-50.0])
-    for _ in range(250):
-        given, wrong = (each.act(observations) for each in shields)
-        observations, *_ = env.step(given)
-    assert given[0, 0] < 0.9
-    assert wrong[0, 0] < 0.9
-
-
 @pytest.mark.slow
 def test_random_actions_break_no_edge() -> None:
     scenario = Scenario.load("rough_turning")

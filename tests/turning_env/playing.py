@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, get_args
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
@@ -14,9 +15,9 @@ from turning_env.scenario.section import Section
 Record = dict[str, NDArray[Any]]
 
 
-def changed(scenario: Scenario, **sections: dict[str, Any]) -> Scenario:
-    """The scenario with some values replaced, validated anew: ``changed(scenario, tool={"wear_criterion": 0.1})``."""
-    values = scenario.model_dump()
+def changed(scenario: Any, **sections: dict[str, Any]) -> Scenario:
+    """Return a scenario with some values replaced, validated anew: ``changed("paper", tool={"wear_criterion": 0.1})``."""
+    values = Scenario.load(scenario).model_dump()
     for section, replaced in sections.items():
         values[section] |= replaced
     return Scenario.model_validate(values)
@@ -35,7 +36,7 @@ FAILING: dict[str, dict[str, Any]] = {
 }
 """Sections with which edges collapse and chip, wear speeds up, chips tangle and bars bend within a few steps."""
 
-UNDISTURBED = changed(Scenario.load("paper"), tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
+UNDISTURBED = changed("paper", tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
 """A lathe with one metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
 
 
@@ -108,6 +109,18 @@ def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -
         else:
             note(*env.step(action))
     return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def infos(source: Any, actions: Iterable[Any], seed: int = 0) -> list[dict[str, Any]]:
+    """Return the infos of the steps of an environment or a scenario, with what else a step returns, until the episode ends."""
+    env, found = source if isinstance(source, gymnasium.Env) else RoughTurningEnv(source), []
+    env.reset(seed=seed)
+    for action in actions:
+        _, reward, terminated, truncated, info = env.step(action)
+        found.append(info | {"reward": reward, "terminated": terminated, "truncated": truncated})
+        if terminated or truncated:
+            break
+    return found
 
 
 def assert_same_bytes(ours: Record, theirs: Record) -> None:

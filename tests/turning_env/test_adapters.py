@@ -14,19 +14,14 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
 
 
-def few(preset: str, **sections: dict[str, float]) -> Scenario:
-    """A preset made short."""
-    return changed(Scenario.load(preset), **sections)
-
-
 @pytest.mark.parametrize(
     ("scenario", "kinds"),
     [
         pytest.param(SHORT, {True, False}, id="rough_turning"),
-        pytest.param(few("override", workpiece={"bar_length": 1.0, "approach": 0.1}), {False}, id="override"),
-        pytest.param(few("surface", control={"time_limit": 0.003}), {True}, id="surface"),
-        pytest.param(few("shift", control={"time_limit": 5.0}, tool={"edge_strength": 900.0}), {True}, id="shift"),
-        pytest.param(few("batch_casting", workpiece={"bars": 3}), {False}, id="batch"),
+        pytest.param(changed("override", workpiece={"bar_length": 1.0, "approach": 0.1}), {False}, id="override"),
+        pytest.param(changed("surface", control={"time_limit": 0.003}), {True}, id="surface"),
+        pytest.param(changed("shift", control={"time_limit": 5.0}, tool={"edge_strength": 900.0}), {True}, id="shift"),
+        pytest.param(changed("batch_casting", workpiece={"bars": 3}), {False}, id="batch"),
         pytest.param(Family.load(BRIEF), {True}, id="family"),
     ],
 )

@@ -28,9 +28,7 @@ def raising(error: BaseException) -> Callable[[], int]:
         (KeyboardInterrupt(), 130, "stopped; run it again"),
     ],
 )
-def test_exception_becomes_a_line_and_a_status(
-    error: BaseException, status: int, message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_exception_becomes_a_line_and_a_status(error: BaseException, status: int, message: str, capsys) -> None:
     assert exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))() == status
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", f"{message}\n")

@@ -28,19 +28,19 @@ _SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5, "hardnes
 OTHERS = ("override_current", "override_torque", "practitioner", "rough_turning_current")
 SCENARIOS = {
     "clock_time": changed(Scenario(), tool={"wear_rule": "clock_time", "wear_criterion": 0.12}, machine={"chip_lag": 1.5}),
-    "skin": changed(Scenario.load("shift"), mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE),
+    "skin": changed("shift", mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE),
     "breaking": changed(Scenario(), tool={"edge_strength": 700.0}),
-    "breaking_shift": changed(Scenario.load("shift"), tool={"edge_strength": 800.0}, economics={"unplanned_stop": 1.0}),
-    "worn_shift": changed(Scenario.load("shift"), tool={"wear_criterion": 0.1}, control={"time_limit": 20.0}),
-    "worn_batch": changed(Scenario.load("batch_casting"), tool={"wear_criterion": 0.1, "wear_rule": "clock_time"}),
+    "breaking_shift": changed("shift", tool={"edge_strength": 800.0}, economics={"unplanned_stop": 1.0}),
+    "worn_shift": changed("shift", tool={"wear_criterion": 0.1}, control={"time_limit": 20.0}),
+    "worn_batch": changed("batch_casting", tool={"wear_criterion": 0.1, "wear_rule": "clock_time"}),
     "overload": changed(Scenario(), limits={"thrust_force": 500.0, "power": 2.0, "overload_tolerance": 0.3}),
     "job": changed(Scenario(), workpiece={"bars": 2, "bar_length": 20.0}, tool={"edge_strength": 1e6}),
     "hot_spindle": HOT_SPINDLE,
     "surface_current": changed(
         Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}, surface={"reference_time": 0.1}
     ),
-    "failing_shift": changed(Scenario.load("shift"), **FAILING),
-    "failing_batch": changed(Scenario.load("batch_casting"), **FAILING),
+    "failing_shift": changed("shift", **FAILING),
+    "failing_batch": changed("batch_casting", **FAILING),
     **{preset: Scenario.load(preset) for preset in sorted({*IDS.values(), *SPLITS, *OTHERS})},
 }
 

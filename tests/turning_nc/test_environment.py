@@ -1,6 +1,6 @@
 """A program's tool path as a workpiece: its time, its metal, the spindle's limit, and what is refused."""
 
-from itertools import product
+from itertools import chain, product, repeat
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ from gymnasium.utils.env_checker import check_env
 pytest.importorskip("shapely")
 
 from examples.adapt_programs import COLLECTION, path_of
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError
+from tests.turning_env.playing import infos
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_nc.environment import ToolPath
 from turning_nc.words import NcError
 
@@ -32,12 +33,8 @@ def test_the_programmed_values_take_the_programs_time_and_remove_its_metal(name:
     path = env.unwrapped.tool_path  # type: ignore[attr-defined]
     speed, machine, workpiece = float(np.median(path.speeds)), path.scenario.machine, path.scenario.workpiece
     low, high = machine.cutting_speed_min, machine.cutting_speed_max
-    env.reset(seed=0)
-    time = removed = 0.0
-    ended = False
-    while not ended:
-        *_, ended, _, info = env.step(np.array([0.0, 2.0 * (speed - low) / (high - low) - 1.0], np.float32))
-        time, removed = time + info["time"], removed + info["removed"]
+    told = infos(env, repeat(np.array([0.0, 2.0 * (speed - low) / (high - low) - 1.0], np.float32)))
+    time, removed = (sum(info[name] for info in told) for name in ("time", "removed"))
     around = np.pi * path.diameter / 1000.0
     assert time == pytest.approx((path.lengths * around / (speed * path.feeds)).sum() * 60.0, rel=0.05)
     assert removed == pytest.approx(around * np.dot(workpiece.depth_profile, workpiece.section_lengths), rel=0.03)
@@ -70,14 +67,9 @@ def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed:
 
     def play(*actions: tuple[float, float]) -> dict[str, float]:
         """Return the sums of an episode; the last action is repeated."""
-        env.reset(seed=seed)
-        sums = dict.fromkeys(("return", "removed", "reward_metal", "time", "edges_used", "edges_broken"), 0.0)
-        ended, step = False, 0
-        while not ended:
-            _, reward, terminated, truncated, info = env.step(np.array(actions[min(step, len(actions) - 1)], np.float32))
-            sums = {name: sum_ + (float(reward) if name == "return" else info[name]) for name, sum_ in sums.items()}
-            ended, step = terminated or truncated, step + 1
-        return sums | {"finished": info["finished"], "cost": (sums["reward_metal"] - sums["return"]) / sums["removed"]}
+        told = infos(env, chain(actions, repeat(actions[-1])), seed)
+        sums = {name: sum(info[name] for info in told) for name in ("reward", "removed", "reward_metal", "time", "edges_broken")}
+        return sums | {"finished": told[-1]["finished"], "cost": (sums["reward_metal"] - sums["reward"]) / sums["removed"]}
 
     programmed, idle, fastest = play(PROGRAMMED), play(IDLE), play(FASTEST)
     constant = [play((feed, speed)) for feed in np.linspace(-1.0, 1.0, 7) for speed in np.linspace(-1.0, 1.0, 7)]
@@ -86,21 +78,18 @@ def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed:
     assert max(each["removed"] for each in finished) == pytest.approx(min(each["removed"] for each in finished), rel=0.01)
     for cheap, dear in product(finished, finished):
         if dear["cost"] > 1.01 * cheap["cost"]:  # the removed metal differs by as much, because sub-steps end elsewhere
-            assert dear["return"] < cheap["return"]
+            assert dear["reward"] < cheap["reward"]
     assert programmed["reward_metal"] == pytest.approx(programmed_time, rel=0.05)
     assert fastest["edges_broken"] > programmed["edges_broken"]
     assert idle["time"] == pytest.approx(10.0 * programmed_time, abs=1.0)
-    assert max(each["return"] for each in (idle, fastest, play(*[IDLE] * 30, PROGRAMMED))) < programmed["return"]
-    assert idle["return"] < min(each["return"] for each in finished)
+    assert max(each["reward"] for each in (idle, fastest, play(*[IDLE] * 30, PROGRAMMED))) < programmed["reward"]
+    assert idle["reward"] < min(each["reward"] for each in finished)
 
 
 def test_the_spindle_limits_the_cutting_speed_at_small_diameters(tmp_path: Path) -> None:
     (tmp_path / "a.nc").write_text("G99 G50 S1000\nG96 S150 M3\nG0 X40. Z0.5\nG1 Z-30. F0.2\n")
-    env = RoughTurningEnv(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario)
-    env.reset(seed=0)
-    for _ in range(5):
-        *_, info = env.step(np.array([1.0, 0.0], np.float32))
-    assert info["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
+    told = infos(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario, [(1.0, 0.0)] * 5)
+    assert told[-1]["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
 
 
 def test_a_tool_path_is_a_scenario_of_every_batch() -> None:
@@ -136,14 +125,3 @@ def test_the_environment_keeps_to_gymnasiums_rules() -> None:
 def test_paths_that_cannot_be_played_are_refused(more: dict[str, Any], named: str) -> None:
     with pytest.raises(NcError, match=named):
         ToolPath(**(arguments("welle") | more))
-
-
-def test_sections_that_disagree_are_refused() -> None:
-    for named, workpiece in {
-        "section_lengths": {"depth_profile": [1.0, 2.0], "section_lengths": [300.0]},
-        "bar_length": {"depth_profile": [1.0, 2.0], "section_lengths": [100.0, 100.0]},
-        "air": {"depth_profile": [1.0, 0.0]},
-        "section_speeds": {"depth_profile": [1.0, 2.0], "section_speeds": [100.0]},
-    }.items():
-        with pytest.raises(ScenarioError, match=named):
-            Scenario.load({"workpiece": workpiece})

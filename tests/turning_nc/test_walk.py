@@ -48,9 +48,7 @@ def messy_sheet() -> str:
     return "\n".join(lines + [row.replace(".", ",") for row in rows])
 
 
-def test_no_two_numbers_of_the_walk_disagree(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_two_numbers_of_the_walk_disagree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     for name, text in (("machine.toml", MACHINE), ("cuts.csv", messy_sheet()), ("priced.toml", PRICED)):
         Path(name).write_text(text, "utf-8")

@@ -1,7 +1,6 @@
 """``python -m turning_env calibrate``: what it writes, prints and refuses."""
 
 import itertools
-import re
 from pathlib import Path
 
 import pytest
@@ -22,19 +21,6 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def calibrate(*options: str, measurements: str = EXAMPLE) -> int:
     return main(["calibrate", measurements, "--out", "my_tool.toml", *options])
-
-
-def test_scenario_states_how_well_each_number_is_known(capsys: pytest.CaptureFixture[str]) -> None:
-    assert calibrate() == 0
-    scenario = Scenario.load("my_tool.toml")
-    assert scenario.name == "my_tool"
-    assert scenario.model_copy(update={"material": Scenario().material, "name": "rough_turning"}) == Scenario()
-    text = Path("my_tool.toml").read_text()
-    assert "depth_of_cut = 0.75 # assumed: depth_of_cut never varies: 2.5 mm in all 32 rows" in text
-    assert "depth_of_cut = 0.15 # assumed: depth_of_cut never varies: 2.5 mm in all 48 rows" in text
-    assert "# 48 rows, R2 1.00000, scatter 0.0021 %." in text
-    assert re.search(r"^time = 0\.24\d+ # 0\.24\d+ to 0\.24\d+$", text, re.MULTILINE)
-    assert "wear: 48 rows, R2 1.00000" in capsys.readouterr().out
 
 
 def test_values_of_a_base_file_are_kept() -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def by_law(name: str, law: Callable[..., np.ndarray]) -> str:
     return text(columns)
 
 
-WRONG: list[tuple[str, tuple[str, ...]]] = [
+WRONG = [
     # All rows in a wrong unit.
     (times(1000, "power"), ("power looks like W", "lines 2 to 28")),
     (times(60, "time"), ("tool life", "time looks like seconds")),
@@ -76,9 +77,7 @@ WRONG: list[tuple[str, tuple[str, ...]]] = [
 
 
 @pytest.mark.parametrize(("content", "words"), WRONG, ids=range(len(WRONG)))
-def test_wrong_sheets_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, words: tuple[str, ...]
-) -> None:
+def test_wrong_sheets_are_refused(tmp_path: Path, capsys: Any, content: str, words: tuple[str, ...]) -> None:
     (tmp_path / "cuts.csv").write_text(content)
     assert main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(tmp_path / "made.toml")]) == 1
     printed = capsys.readouterr()
@@ -124,9 +123,7 @@ def test_an_unusual_edge_is_no_typing_error() -> None:
     assert any("lines 2 to 5" in warning for warning in found.warnings)
 
 
-def test_warnings_travel_with_the_file_and_are_no_part_of_the_identity(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_warnings_travel_with_the_file_and_are_no_part_of_its_identity(tmp_path: Path, capsys: Any) -> None:
     (tmp_path / "cuts.csv").write_text(times(1000, "power"))
     made, child = tmp_path / "made.toml", tmp_path / "child.toml"
     assert main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(made), "--force"]) == 0

@@ -25,9 +25,7 @@ def same(quoted: str, printed: str) -> bool:
 
 
 @pytest.mark.slow
-def test_the_tutorial_works_from_first_to_last(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_tutorial_works_from_first_to_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples")
     monkeypatch.chdir(tmp_path)
     for block in blocks(PAGE):

@@ -42,35 +42,6 @@ def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
     assert outlook.log_power == pytest.approx(np.full((4, 1), np.log(factor)), abs=0.03)
 
 
-@pytest.mark.parametrize("late", [-0.4, 0.4])
-def test_its_position_follows_a_tool_that_enters_bars_earlier_or_later(late: float) -> None:
-    bars = {"bar_length": 12.0, "diameter": 500.0}  # slow: several steps in every approach
-    played = changed(heavier(1.0), workpiece={**bars, "approach": 3.0 + late})
-    estimate, reading = followed(played, changed(NOMINAL, workpiece={**bars, "approach": 3.0}), 130)
-    env = RoughTurningVectorEnv(4, played)
-    env.reset(seed=0)
-    for _ in range(129):
-        _, _, _, _, infos = env.step(np.zeros((4, 2)))
-    assert reading.cutting.all()
-    assert infos["path"][0] > 2 * 15.0
-    assert estimate.along - 3.0 == pytest.approx(infos["path"] % (15.0 + late) - 3.0 - late, abs=0.5)
-
-
-def test_a_fresh_edge_forgets_the_wear_and_a_reset_everything_in_its_environment_alone() -> None:
-    estimate, reading = followed(heavier(1.15), NOMINAL, 60)
-    assert (np.abs(estimate.log_wear_factor) > 0).all()
-    fresh = np.array([True, False, False, False])
-    time = np.where(fresh, 1.0 / 60.0, reading.cutting_time + 1.0 / 60.0)
-    doubt = estimate.wear_deviation.copy()
-    estimate.observe(reading._replace(cutting_time=time))
-    assert estimate.wear_deviation[0] > doubt[0]
-    assert estimate.wear_deviation[1:] == pytest.approx(doubt[1:], rel=0.2)
-    estimate.reset(np.array([False, True, False, False]))
-    assert estimate.log_wear_factor[1] == 0.0
-    assert estimate.along[1] == 0.0
-    assert estimate.along[2] > 0.0
-
-
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
     played = changed(nominal, mismatch={"wear_factor": 1.3})

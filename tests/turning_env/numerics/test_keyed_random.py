@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
-from turning_env.numerics import keyed_random
-from turning_env.numerics.keyed_random import philox_4x32, standard_normals
-from turning_env.physics.records import STATE, new_records
+from turning_env.numerics.keyed_random import philox_4x32
 
 
 # kat_vectors of Random123, lines "philox4x32 10".
@@ -25,15 +22,3 @@ from turning_env.physics.records import STATE, new_records
 def test_published_vectors(counter, key, expected):
     words = philox_4x32(*(np.uint64(word) for word in counter), np.uint64(key[0] | key[1] << 32))
     assert tuple(int(word) for word in words) == expected
-
-
-def normals(seed=1, episode=0, channel=keyed_random.BAR_CHANNEL, bars=range(4000), index=0):
-    state = new_records(STATE, 1)[0]
-    state.seed[0], state.episode[0] = seed, episode
-    return np.array([standard_normals(state, 0, channel, float(bar), float(index)) for bar in bars])
-
-
-def test_numbers_are_standard_normal_and_independent():
-    pairs = normals()
-    assert stats.kstest(pairs.ravel(), "norm").pvalue > 0.01
-    assert abs(np.corrcoef(pairs.T)[0, 1]) < 0.05

@@ -2,21 +2,15 @@
 
 import pytest
 
-from tests.turning_env.playing import UNDISTURBED, changed
-from turning_env import RoughTurningEnv
+from tests.turning_env.playing import UNDISTURBED, changed, infos
 
+ACTION = [(0.0, 0.0)]
 PRICES = {"reference_removal_rate": 100, "edge_cost": 4, "edge_change_time": 2, "breakage_downtime": 7, "overload_price": 5}
 SCENARIO = changed(UNDISTURBED, economics=PRICES, limits={"thrust_force": 1e6, "power": 1e4})
 
 
-def first_interval(scenario, action=(0.0, 0.0)):
-    env = RoughTurningEnv(scenario)
-    env.reset(seed=0)
-    return env.step(action)[-1]
-
-
 def test_metal_time_and_edge():
-    info = first_interval(SCENARIO)  # one minute at 125 m/min, 0.33 mm/rev, 2.5 mm
+    info = infos(SCENARIO, ACTION)[0]  # one minute at 125 m/min, 0.33 mm/rev, 2.5 mm
     assert info["removed"] == pytest.approx(125 * 0.33 * 2.5)
     assert info["reward_metal"] == pytest.approx(60 * info["removed"] / 100)
     assert info["reward_time"] == pytest.approx(-60)
@@ -26,18 +20,18 @@ def test_metal_time_and_edge():
 
 def test_overload_is_the_excess_over_each_limit():
     one_step = changed(SCENARIO, control={"sub_steps": 1, "interval": 30})
-    at_work = first_interval(one_step)
+    at_work = infos(one_step, ACTION)[0]
     limits = {"thrust_force": at_work["thrust_force"] / 1.25, "power": at_work["power"] / 1.5}
-    info = first_interval(changed(one_step, limits=limits))
+    info = infos(changed(one_step, limits=limits), ACTION)[0]
     assert (info["cost_force"], info["cost_power"]) == (pytest.approx(0.25), pytest.approx(0.5))
     assert info["reward_overload"] == pytest.approx(-5 * 30 * (0.25 + 0.5))
     assert info["overload_time"] == info["severe_overload_time"] == pytest.approx(30)
-    tolerated = first_interval(changed(one_step, limits=limits | {"overload_tolerance": 0.6}))
+    tolerated = infos(changed(one_step, limits=limits | {"overload_tolerance": 0.6}), ACTION)[0]
     assert (tolerated["overload_time"], tolerated["severe_overload_time"]) == (pytest.approx(30), 0)
 
 
 def test_a_broken_edge_pays_what_is_left_and_the_downtime():
-    info = first_interval(changed(SCENARIO, tool={"edge_strength": 100}))
+    info = infos(changed(SCENARIO, tool={"edge_strength": 100}), ACTION)[0]
     assert info["broken"]
     assert info["thrust_force"] > info["edge_strength"]
     assert info["reward_breakage"] == pytest.approx(-60 * (4 + 2) * (1 - info["used_life"]) - 60 * 7)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turning_env.scoring.statistics import Bootstrap, Estimate, improvement, interquartile_mean, severe_limit, severe_share
+from turning_env.scoring.statistics import Bootstrap, improvement, interquartile_mean, severe_limit, severe_share
 
 
 def test_resamples_vary_as_means_do() -> None:
@@ -12,12 +12,6 @@ def test_resamples_vary_as_means_do() -> None:
     assert (means.mean(), means.std()) == pytest.approx((values.mean(), values.std() / 10.0), abs=0.01)
     assert middle.mean() == pytest.approx(interquartile_mean(values[0]), abs=0.02)
     assert np.corrcoef(means, middle)[0, 1] > 0.8
-
-
-def test_an_estimate_leaves_the_same_share_out_at_either_end() -> None:
-    estimate = Estimate.of(np.float64(7.0), np.arange(1001.0)[::-1])
-    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((7.0, 25.0, 975.0))
-    assert [type(each) for each in (estimate.value, estimate.low, estimate.high)] == [float] * 3
 
 
 def test_interquartile_mean_drops_a_quarter_at_either_end() -> None:
