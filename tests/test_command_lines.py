@@ -184,9 +184,7 @@ def test_every_command_in_the_documentation_parses(parse: Callable[[list[str]], 
 
 
 @pytest.mark.parametrize(("command", "mistake", "said"), CASES)
-def test_mistake_is_an_error_of_one_line_and_writes_nothing(
-    command: str, mistake: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mistake_is_an_error_of_one_line_and_writes_nothing(command, mistake, said, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     assert status_of(command, shlex.split(mistake)) == 2

@@ -29,9 +29,7 @@ def test_a_table_is_what_its_command_prints(command: str, table: str, monkeypatc
     assert capsys.readouterr().out == table
 
 
-def test_the_leads_of_the_ladder_are_those_of_its_command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_leads_of_the_ladder_are_those_of_its_command(monkeypatch, capsys) -> None:
     monkeypatch.chdir(ROOT)
     (command,) = re.findall(r"<!-- Leads: python -m leaderboard (.*) -->", PAGES["README.md"])
     assert leaderboard(shlex.split(command)) == 0

@@ -62,9 +62,7 @@ def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", commands(Path(), Path()))
-def test_a_folder_that_must_not_be_written_is_an_error(
-    name: str, read_only: Callable[[], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], scenario_file: Path
-) -> None:
+def test_a_folder_that_must_not_be_written_is_an_error(name, read_only, tmp_path, capsys, scenario_file) -> None:
     main, arguments = commands(tmp_path, scenario_file)[name]
     assert main(arguments) == 0  # where it may be written, it is; and all modules are loaded before the user changes
     folder = read_only()

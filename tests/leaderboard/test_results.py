@@ -83,9 +83,7 @@ def test_the_manifest_or_else_most_results_decide_which_task_is_ranked(make_resu
 
 @pytest.mark.parametrize("name", ["broken.json.xz", "trajectories.json.xz", MANIFEST_FILE])
 @pytest.mark.parametrize("content", ["{", "{}", "[" * 100_000])
-def test_an_unusable_file_is_named_and_blocks_nothing(
-    make_result: MakeResult, task: Task, folder: Path, name: str, content: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unusable_file_is_named_and_blocks_nothing(make_result, task, folder, name, content, capsys) -> None:
     written(make_result("one"), folder)
     write_manifest(folder, task)
     lost = folder.with_name("lost") / "lost.json.xz"

@@ -8,8 +8,9 @@ from leaderboard.columns import LIMITS, WORKSHOP
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Result, Task
 from leaderboard.standings import rank
-from tests.leaderboard.conftest import MakeResult, spec
-from turning_env import Scenario
+from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
+from turning_env import SPLITS, Scenario
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.statistics import Estimate
 
 
@@ -62,6 +63,19 @@ def test_splits_are_ranked_by_full_cost(make_result: MakeResult, task: Task) -> 
     assert [each.name for each in by_full_cost.standings] == ["cheap", "ends_early", "idle", "greedy", "known"]
     assert [each["ranked_by"] for each in table.as_data([*boards.values()])["leaderboards"]] == ["mean_return", "full_cost"]
     assert "ranked by full cost" in page.render([by_full_cost])
+
+
+def test_what_was_tuned_for_a_split_or_has_not_played_the_base_does_not_count_across_splits(make_result: MakeResult) -> None:
+    def board(preset: str, *policies: PolicySpec) -> Leaderboard:
+        task = Task(env_id=ENV_ID, scenario=Scenario.load(preset), seeds=[1, 2, 3, 4])
+        results = [make_result(policy.name, policy=policy, on=task) for policy in policies]
+        return Leaderboard(task, results, rank(results), None, [])
+
+    base = ScenarioId.of(Scenario.load("rough_turning"))
+    here, elsewhere, new = spec("rule"), spec("rule", tuned_for=base), spec("new", tuned_for=base)
+    found = table.across([board("rough_turning", here), board(SPLITS[0], elsewhere, new), board(SPLITS[1], here)])
+    assert found is not None
+    assert {name: list(cells) for name, cells in found.rows.items()} == {"rule": ["rough_turning", SPLITS[0]]}
 
 
 def test_comparisons_by_hand(make_result: MakeResult) -> None:

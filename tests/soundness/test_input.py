@@ -45,9 +45,7 @@ def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: di
 
 @tried(short=20, soak=5_000)
 @given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
-def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(
-    num_envs: int, data: st.DataObject, unfit: float
-) -> None:
+def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(num_envs, data, unfit) -> None:
     envs = RoughTurningVectorEnv(num_envs)
     envs.reset(seed=1)
     good = np.zeros((num_envs, 2))

@@ -64,9 +64,7 @@ def test_the_info_of_a_step_adds_up_and_wear_never_falls(data: st.DataObject, sc
 @given(
     SEEDS, st.integers(1, 200), st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=6), st.floats(0, 1), st.floats(0, 1)
 )
-def test_removed_volume_is_the_allowance_over_the_way_cut(
-    seed: int, sub_steps: int, actions: list[tuple[float, float]], along: float, offset: float
-) -> None:
+def test_removed_volume_is_the_allowance_over_the_way_cut(seed, sub_steps, actions, along, offset) -> None:
     """Compared with an integral over the bar's own fields, in steps that are finer than the environment's."""
     scenario = changed(
         Scenario(),
@@ -124,9 +122,7 @@ VARIED = changed(
 
 @tried(short=40, soak=5_000)
 @given(SEEDS, st.lists(st.tuples(FACTORS, FACTORS), min_size=1, max_size=5), st.integers(2, 12), st.integers(1, 10))
-def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(
-    seed: int, set_points: list[tuple[float, float]], pieces: int, sub_steps: int
-) -> None:
+def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(seed, set_points, pieces, sub_steps) -> None:
     """Mean power over the time in metal is the work done, and adds up over one interval as over its pieces; so does wear."""
     done = []
     for parts in (1, pieces):

@@ -12,7 +12,7 @@ from tests.turning_env.playing import changed
 from train import analytic_gradient, export, ppo
 from train.agents import agent_file, onnx_policy
 from train.terms import HiddenObservation, ShapedVecEnv
-from train.training import Algorithm, train
+from train.training import train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv
 
 # Of its edges some wear out, some break, and some last till the end.

@@ -10,7 +10,6 @@ from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
 NOMINAL = Scenario()
 STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
-EVERY = np.ones(4, np.bool_)
 WEAR = np.diag([1.0, *[0.0] * 10])
 QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
 
