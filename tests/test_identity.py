@@ -41,7 +41,6 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def python(copy: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Run Python in the copy."""
     return run([sys.executable, *arguments], copy)
 
 

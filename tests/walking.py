@@ -8,8 +8,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 MAX = 110.0
@@ -21,13 +21,11 @@ Smaller = Mapping[str, tuple[str, Mapping[str, str]]]
 """Changes that make a command small, by its first words: added options, replaced words."""
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """A fenced block."""
 
     language: str
-    title: str | None
-    """The file that it shows, if any."""
+    title: str | None  # the file that it shows, if any
     text: str
 
 
@@ -67,7 +65,6 @@ def small(command: str, smaller: Smaller) -> list[str]:
 
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
-    """Run a command in the copy."""
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=MAX, check=False)
 
 
@@ -94,7 +91,6 @@ def walk(page: str, folder: Path, smaller: Smaller, done: tuple[str, ...] = ()) 
 
 
 def until(holds: Callable[[], bool]) -> None:
-    """Wait until something holds."""
     limit = time.monotonic() + MAX
     while not holds():
         assert time.monotonic() < limit

@@ -18,14 +18,12 @@ from turning_env.scoring.seeds import TUNING_START
 
 
 def made(behaviour: str, out: Path) -> minari.MinariDataset:
-    """A data set of four episodes."""
     assert main(["make", "--behaviours", behaviour, "--episodes", "4", "--out", str(out)]) == 0
     return load(out / f"rough_turning-{behaviour}-v0")
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that holds the mixture."""
     out = tmp_path_factory.mktemp("datasets")
     made("mixture", out)
     return out

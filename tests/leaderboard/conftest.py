@@ -58,7 +58,6 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="session")
 def task(scenario: Scenario) -> Task:
-    """Four episodes."""
     return Task(env_id=ENV_ID, scenario=scenario, seeds=[7, 8, 9, 10])
 
 

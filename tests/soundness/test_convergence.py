@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.turning_env.playing import changed, fixed_actions
-from turning_env import RoughTurningEnv, Scenario
+from tests.turning_env.playing import changed, fixed_actions, infos
+from turning_env import Scenario
 
 SUB_STEPS = (5, 10, 20, 40)
 SMOOTH = {
@@ -20,13 +20,8 @@ SMOOTH = {
 def sums(preset: str, seed: int, sub_steps: int) -> dict[str, float]:
     """Return the sums over a dozen intervals of a swinging command."""
     scenario: Any = changed(Scenario.load(preset), **SMOOTH, control={"sub_steps": sub_steps, "time_limit": 60.0})
-    env = RoughTurningEnv(scenario)
-    env.reset(seed=seed)
-    removed = 0.0
-    for chosen in 0.5 * fixed_actions(12, 1, scenario)[:, 0]:
-        info = env.step(chosen)[4]
-        removed += info["removed"]
-    return {"path": info["path"], "removed": removed, "used_life": info["used_life"]}
+    told = infos(scenario, 0.5 * fixed_actions(12, 1, scenario)[:, 0], seed)
+    return {"removed": sum(info["removed"] for info in told)} | {name: told[-1][name] for name in ("path", "used_life")}
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "forging"])

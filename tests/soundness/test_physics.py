@@ -72,14 +72,8 @@ def test_removed_volume_is_the_allowance_over_the_way_cut(seed, sub_steps, actio
         control={"sub_steps": sub_steps},
         tool={"edge_strength": 1e6},
     )
-    env = RoughTurningEnv(scenario)
-    env.reset(seed=seed)
-    removed, way = 0.0, 0.0
-    for chosen in actions:
-        info = env.step(np.array(chosen))[4]
-        removed += info["removed"]
-        way = info["path"]
-    cut = max(way - scenario.workpiece.approach, 0.0)
+    told = infos(scenario, actions, seed)
+    removed, cut = sum(info["removed"] for info in told), max(told[-1]["path"] - scenario.workpiece.approach, 0.0)
     steps = 20_000
     places = (np.arange(steps) + 0.5) * cut / steps
     _, depth = Fields(scenario).along((seed, 0), 0, places)
@@ -127,9 +121,7 @@ def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(seed, s
     done = []
     for parts in (1, pieces):
         control = {"interval": 6.0 / parts, "sub_steps": sub_steps * pieces // parts}
-        env = RoughTurningEnv(changed(VARIED, control=control))
-        env.reset(seed=seed)
-        told = [env.step(np.array(chosen))[4] for chosen in set_points for _ in range(parts)]
+        told = infos(changed(VARIED, control=control), [chosen for chosen in set_points for _ in range(parts)], seed)
         work = sum(info["mean_power"] * info["engaged_time"] for info in told)
         impulse = sum(info["mean_thrust_force"] * info["engaged_time"] for info in told)
         sums = [sum(info[name] for info in told) for name in ("engaged_time", "removed")]

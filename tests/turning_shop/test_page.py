@@ -49,8 +49,6 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
 
 @pytest.fixture
 def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
-    """Open the page of a scenario."""
-
     def show(scenario: Scenario, width: int = 1280) -> Page:
         evidence, path = load(scenario.file or "rough_turning")[1], tmp_path / "page.html"
         path.write_text(render(scenario, evidence, advise(scenario, evidence)), "utf-8")

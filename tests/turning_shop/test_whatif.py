@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from turning_env import RoughTurningEnv, Scenario
+from tests.turning_env.playing import infos
+from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.plots import draw_map
 from turning_shop.prediction import Evidence
@@ -20,14 +21,12 @@ BASE = Scenario()
 
 
 def test_the_environment_says_the_same() -> None:
-    env = RoughTurningEnv("paper")
-    env.reset(seed=0)
-    machine = env.scenario.machine
+    scenario = Scenario.load("paper")
+    machine = scenario.machine
     action = [2 * (150 - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1]
     action += [2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1]
-    for minutes in (1, 2, 3):
-        info = env.step(np.array(action, np.float32))[-1]
-        cuts = what_if(env.scenario, 150, 0.3, time=minutes)
+    for minutes, info in enumerate(infos(scenario, [np.array(action, np.float32)] * 3), 1):
+        cuts = what_if(scenario, 150, 0.3, time=minutes)
         said = (cuts.wear, cuts.thrust_force, cuts.power, cuts.removal_rate, cuts.spindle_speed)
         names = ("wear", "thrust_force", "power", "removed", "spindle_speed")
         assert said == pytest.approx([info[name] for name in names], rel=1e-4), minutes

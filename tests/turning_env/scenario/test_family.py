@@ -55,6 +55,8 @@ def test_held_out_rows_are_drawn_by_their_split_alone():
             count = len(table.held_out) if name in tables else len(table.rows) - len(table.held_out)
             assert set(rows[name]) == set(range(count))
     assert SHOP.job(0, "train").scenario != SHOP.job(0, "unseen_jobs").scenario
+    with pytest.raises(ValueError, match="did you mean unseen_jobs"):
+        SHOP.job(0, "unseen_job")
 
 
 @pytest.mark.parametrize("split", SHOP.splits)
@@ -134,10 +136,3 @@ def test_a_family_extends_another_and_shows_what_a_catalogue_says(tmp_path):
 def test_errors_name_the_field_and_what_is_allowed(changes, message):
     with pytest.raises(ScenarioError, match=message):
         Family.load(SMALL | changes)
-
-
-def test_unknown_families_and_splits_are_refused():
-    with pytest.raises(ScenarioError, match="no family and no file"):
-        Family.load("shopp")
-    with pytest.raises(ValueError, match="did you mean unseen_jobs"):
-        SHOP.job(0, "unseen_job")
