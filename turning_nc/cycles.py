@@ -286,10 +286,10 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     start = shifted((farthest[0], head[1]) if facing else (head[0], farthest[1]), allowance)
     start = start[0] + away, start[1] + side * away
     kept = control.feed
+    control.go_rapidly(start)
+    upwards = _side(control, contour, allowance, facing, machining).upwards
     if variant not in (5, 6, 7, 8):
         control.feed = feed(5)
-        control.go_rapidly(start)
-        upwards = _side(control, contour, allowance, facing, machining).upwards
         cycle = Roughing(number(1) * control.length_scale, away, allowance, upwards, facing, equal=True)
         _add_passes(control, roughing_passes(contour, start, cycle))
     if variant >= 5:

@@ -291,11 +291,11 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     rapids: dict[int, float] = {}
     taken: list[tuple[int, Any]] = []  # metal of every move, with its line
     left = slim = stock
-    checked: set[int] = set()
+    unchecked = set(moves.sides)
     threading = {move.tool for move in moves.moves if move.kind == "thread"}  # the metal that they cut is not computed
     for index, move in enumerate(moves.moves):
-        if move.cycle_pass and move.line not in checked:
-            checked.add(move.line)
+        if move.line in unchecked:
+            unchecked.remove(move.line)
             _check_side(moves, move.line, left)
         shape, mirror = shapes[move.tool], -1.0 if move.tool in beyond else 1.0
         for start, end in itertools.pairwise((move.path.start, *move.path.points())):
@@ -335,8 +335,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
 
 def _check_side(moves: Moves, line: int, left: Any) -> None:
     """Check that a cycle turns metal, and that there is a hole if it turns inside."""
-    side = moves.sides.get(line)
-    if side is None or side.facing:
+    side = moves.sides[line]
+    if side.facing:
         return
     outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
     within, beyond = (

@@ -34,14 +34,14 @@ COLUMNS = {
 
 UNITS = {
     "speed": {"m/min": 1.0, "m/s": 60.0, "ft/min": 0.3048, "sfm": 0.3048, "sfpm": 0.3048, "fpm": 0.3048},
-    "feed": {"mm/rev": 1.0, "mm/r": 1.0, "mm/u": 1.0, "mm/umdr": 1.0, "um/rev": 0.001, "in/rev": 25.4, "ipr": 25.4},
-    "length": {"mm": 1.0, "um": 0.001, "in": 25.4, "inch": 25.4},
+    "length": (LENGTH := {"mm": 1.0, "um": 0.001, "in": 25.4, "inch": 25.4}),
+    "feed": {"mm/rev": 1.0, "mm/r": 1.0, "mm/u": 1.0, "mm/umdr": 1.0, "um/rev": 0.001, "in/rev": 25.4, "ipr": 25.4} | LENGTH,
     "time": {"min": 1.0, "s": 1 / 60, "sec": 1 / 60, "sek": 1 / 60, "ms": 1 / 60e3, "h": 60.0},
     "force": {"n": 1.0, "kn": 1000.0, "dan": 10.0, "lbf": 4.4482216},
     "power": {"kw": 1.0, "w": 0.001, "hp": 0.745700, "ps": 0.735499},
     "ratio": {"-": 1.0, "1": 1.0, "%": 0.01},
 }
-"""Units of each dimension, in small letters, and their sizes."""
+"""Units of each dimension, in small letters, and their sizes; a feed in mm is one per revolution (DIN 6580)."""
 
 SPOKEN = ("cutting_speed", "feed", "power")
 """Columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"."""
@@ -61,15 +61,13 @@ NAMES = {
     "back_force": ("back force", "fp", "f p", "passive force", "radial force", "passivkraft"),
     "power": ("power", "p", "pc", "cutting power", "spindle power", "leistung", "schnittleistung", "spindelleistung"),
     "hardness": ("hardness", "relative hardness", "haerte", "relative haerte"),
-    EDGE: (
-        *("edge", "cutting edge", "edge id", "edge no", "insert", "insert no", "tool", "tool no"),
-        *("schneide", "wendeplatte", "platte"),
-    ),
+    EDGE: ("edge", "cutting edge", "insert", "tool", "schneide", "wendeplatte", "platte", "werkzeug", "wkz"),
 }
 """Headers of each column without units and in small letters, "_" and "." as spaces, umlauts as two letters."""
 
 _COLUMN = {name: column for column, names in NAMES.items() for name in names}
 _BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*(.*?)\s*[\])}>]\s*", re.DOTALL)
+_NUMBERED = re.compile(r" ?(#|id|no|nr|number|nummer)$")  # end of an edge's header
 _GAP = re.compile(r"[\s_,/]+(?:in\s+)?")
 _MICRO = str.maketrans("µμ·*", "uu  ")
 _LETTERS = dict(zip(map(ord, "äöüßµμ·_."), ("ae", "oe", "ue", "ss", "u", "u", " ", " ", " "), strict=True))
@@ -110,8 +108,8 @@ def read_heading(text: str) -> Heading:
             if likely and likely != EDGE and _unit(unit) in _sizes(COLUMNS[likely].unit):
                 column = likely
                 break
-    if column is None and not bracketed and (bare := [each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)]):
-        column, unit = bare[0], text
+    if column is None and not bracketed and _unit(text) not in LENGTH:
+        column, unit = next((each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)), None), text
     if column is None or column == EDGE or not unit:
         return Heading(text, column)
     own = COLUMNS[column].unit
@@ -130,7 +128,7 @@ def is_unit(text: str) -> bool:
 
 def _column(name: str) -> str | None:
     plain = re.sub(r"\s+", " ", name.casefold().translate(_LETTERS)).strip()
-    return _COLUMN.get(plain)
+    return EDGE if _COLUMN.get(_NUMBERED.sub("", plain)) == EDGE else _COLUMN.get(plain)
 
 
 def _unit(text: str) -> str:

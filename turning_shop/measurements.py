@@ -29,7 +29,7 @@ MAX_ABOVE = 20  # number of rows among which the header is looked for
 STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
 STATISTICS |= {"std", "sd", "stdev", "std dev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
-NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.")
+NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.", "na", "nan", "#n/a", "#nv")
 """Cells, in small letters, of numbers that were not measured."""
 MAX_COMPLAINTS = 5  # number of wrong cells that an error lists; it only counts the others
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)

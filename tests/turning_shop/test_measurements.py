@@ -38,7 +38,7 @@ def reading(folder: Path, content: str | bytes) -> Path:
         (GOOD + "fast,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min"),
         (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a comma: write decimals with a point"),
         (GOOD + "100,-0.3,2.5,0.2,4.5\n", "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev"),
-        (GOOD + "100,0.3,2.5,nan,4.5\n", "line 3, column wear: 'nan' is not a number"),
+        (GOOD + "100,0.3,2.5,inf,4.5\n", "line 3, column wear: 'inf' is not a number"),
         (GOOD + "\n\n100,0.3,2.5,0.2\n", "line 5 has 4 cells, but the header has 5"),
         ("cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n", "hardness: 260 is outside .*: 1 is nominal"),
         (b"\xff\0" + GOOD.encode(), "is not text: save the sheet as CSV, in UTF-8"),
@@ -102,6 +102,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
         *(("SFM", "cutting_speed"), ("IPR", "feed"), ("HP", "power"), ("thrust force", "thrust_force"), ("note, of mine", None)),
         *(("Passivkraft", "back_force"), ("Insert", "edge"), ("Härte [%]", "hardness"), ("", None)),
+        *(("f in mm", "feed"), ("f [in]", "feed"), ("mm", None), ("Insert #", "edge"), ("Platte Nr.", "edge"), ("P Nr.", None)),
     ],
 )
 def test_headers_name_columns(header: str, column: str | None) -> None:
@@ -128,7 +129,7 @@ LOG = """Versuch 3, Halle 2
 SFM,IPR,DOC,VB,Ff,Fp,Fc,note
 ,,in,um,lbf,lbf,lbf,
 500,.012,.1,100,30,40,300,good
-550,.012,.1,n/a,-,,,
+550,.012,.1,NaN,-,,,
 600,.016,.1,200,60,80,350,
 Mean,,,150,45,60,325,
 Std. dev.,20,.002,,50,15,20,
