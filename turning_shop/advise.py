@@ -14,14 +14,14 @@ import numpy as np
 from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
 from turning_shop.fit import LEVEL
-from turning_shop.headers import COLUMNS
 from turning_shop.prediction import Evidence, Prediction, outside, predict
-from turning_shop.whatif import CHANGES, Cuts, records, what_if
+from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, records, what_if
 
 SPEEDS, FEEDS = 120, 60  # largest number of round cutting speeds, and of round feeds, that are tried
 AIMS = ("least cost", "least cost as measured", "most metal")
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
-BINDS = 1e-3  # relative gain of lifting a limit above which it binds [-]
+BINDS = 5e-3  # relative gain of lifting a limit above which it binds [-]
+WIDER = 0.1  # share by which an end of the machine's range is moved to tell what it costs [-]
 
 
 class Prices(NamedTuple):
@@ -64,7 +64,7 @@ class Plan(NamedTuple):
         parts = f"after {self.parts:.0f} part{'s' * bool(self.parts > 1)}"
         if self.parts < 1:
             parts = f"after {self.minutes:.1f} min of cutting ({self.parts:.2f} parts)"
-        return f"{self.cuts.cutting_speed:g} m/min, {self.cuts.feed:g} mm/rev, change {parts}"
+        return f"{self.cuts.cutting_speed:.4g} m/min, {self.cuts.feed:.4g} mm/rev, change {parts}"
 
     def as_record(self) -> dict[str, Any]:
         """Return all numbers for JSON."""
@@ -82,7 +82,7 @@ class Bound(NamedTuple):
 
     limit: str  # name in the scenario, value and unit
     law: str  # what is known of its law; empty for a range of the machine
-    without: Plan | None  # the advice without it; None for a range of the machine
+    without: Plan  # the advice without it, or with the range wider by ``WIDER``
 
 
 class Advice(NamedTuple):
@@ -94,7 +94,7 @@ class Advice(NamedTuple):
 
     def as_record(self) -> dict[str, Any]:
         """Return the advice for JSON, with all numbers of its cut and their intervals."""
-        bounds = [each._asdict() | {"without": each.without and each.without.as_record()} for each in self.bounds]
+        bounds = [each._asdict() | {"without": each.without.as_record()} for each in self.bounds]
         return {"aim": self.aim} | self.plan.as_record() | {"bounds": bounds}
 
 
@@ -139,7 +139,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
     for aim in AIMS:
         best = _best(scenario, evidence, tried, aim)
         if best and (aim != AIMS[1] or found[0].plan.mark):
-            found.append(Advice(aim, best, tuple(_bounds(scenario, evidence, tried, aim, best))))
+            found.append(Advice(aim, best, tuple(_bounds(scenario, evidence, aim, best))))
     return found
 
 
@@ -161,30 +161,37 @@ def round_numbers(low: float, high: float, count: int) -> Values:
     return np.unique(np.round([low, *inner, high], 9))
 
 
+def _aimed(tried: Plan, aim: str) -> Any:
+    """Return what an aim minimises."""
+    return -tried.mean_removal_rate if aim == "most metal" else tried.cost
+
+
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
-    aimed = -tried.mean_removal_rate if aim == "most metal" else tried.cost
     possible = tried.cuts.within_limits & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
     if not possible.any():
         return None
-    index = np.where(possible, aimed, np.inf).argmin()
+    index = np.where(possible, _aimed(tried, aim), np.inf).argmin()
     return plan(scenario, evidence, *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")))
 
 
-def _bounds(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str, best: Plan) -> Iterator[Bound]:
-    limits, machine = scenario.limits, scenario.machine
-    for name, unit in (("power", "kW"), ("thrust_force", "N")):
-        lifted = tried._replace(cuts=tried.cuts._replace(**{f"{name}_share": np.zeros_like(tried.cuts.wear)}))
-        without = _best(scenario, evidence, lifted, aim)
-        if without and (
-            without.cost < best.cost * (1 - BINDS) or without.mean_removal_rate > best.mean_removal_rate * (1 + BINDS)
-        ):
-            law = "its law was measured" if name in evidence.laws else "its law was not measured"
-            yield Bound(f"limits.{name}, {getattr(limits, name):g} {unit}", law, without)
-    speeds, feeds = (machine.cutting_speed_min, scenario.cutting_speed_max), (machine.feed_min, machine.feed_max)
-    for name, (low, high) in (("cutting_speed", speeds), ("feed", feeds)):
-        if (value := getattr(best.cuts, name)) in (low, high) and scenario.control.action != "override":
-            yield Bound(f"machine.{name}_{'min' if value == low else 'max'}, {value:g} {COLUMNS[name].unit}", "", None)
+def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Iterator[Bound]:
+    """Yield the limits that an aim gains from lifting, and the ends of the machine's range that it gains from moving."""
+    machine, high = scenario.machine, scenario.cutting_speed_max * (1 + 1e-9)
+    for section, name, unit in (
+        *(("limits", "power", "kW"), ("limits", "thrust_force", "N"), ("spindle", "max_speed", "rev/min")),
+        *(("machine", "cutting_speed_min", "m/min"), ("machine", "cutting_speed_max", "m/min")),
+        *(("machine", "feed_min", "mm/rev"), ("machine", "feed_max", "mm/rev")),
+    ):
+        values = getattr(scenario, section)
+        moved = NO_LIMIT.get(name, getattr(values, name) * (1.0 - WIDER if name.endswith("min") else 1.0 + WIDER))
+        lifted = scenario.model_copy(update={section: values.model_copy(update={name: moved})})
+        better = _best(lifted, evidence, plan(lifted, evidence, *settings(lifted)), aim)
+        if better and _aimed(best, aim) - _aimed(better, aim) > BINDS * abs(_aimed(best, aim)):
+            in_range = machine.cutting_speed_min <= better.cuts.cutting_speed <= high
+            law = f"its law was {'not ' * (name not in evidence.laws)}measured" if section == "limits" else ""
+            if law or not (in_range and machine.feed_min <= better.cuts.feed <= machine.feed_max):  # not just other round numbers
+                yield Bound(f"{section}.{name}, {getattr(values, name):g} {unit}", law, better)
 
 
 def life_spread(scenario: Scenario) -> float:
@@ -223,10 +230,9 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
         beyond = (f"{name} {values[name]:.3g}, but measured at {at}" for name, at, out in outside(evidence, values) if out)
         yield f"* outside what was measured: {'; '.join(beyond)}"
     for bound in bounds:
-        moved = ""
-        if there := bound.without:
-            moved = f", and {bound.law}; without it {there.where}: {money(there.cost)} {unit} a part{there.mark}"
-        yield f"{bound.limit}, binds{moved}"
+        there = bound.without
+        moved = f", and {bound.law}; without it" if bound.law else f"; with a range {100 * WIDER:g} % wider"
+        yield f"{bound.limit}, binds{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
     if not bounds:
         yield "No limit binds: time and edges are in balance"
 
@@ -252,7 +258,7 @@ def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iter
         ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),
         *(
             (
-                *(aim, f"{best.cuts.cutting_speed:g}", f"{best.cuts.feed:g}", f"{best.parts:.3g}", f"{best.cuts.wear:.3g}"),
+                *(aim, f"{best.cuts.cutting_speed:.4g}", f"{best.cuts.feed:.4g}", f"{best.parts:.3g}", f"{best.cuts.wear:.3g}"),
                 f"{best.cuts.tool_life:.1f}" + _interval(best, "tool_life", ".1f"),
                 *(f"{best.cuts.thrust_force:.0f}", f"{best.cuts.power:.1f}", f"{best.cycle_time:.2f}"),
                 *(f"{best.mean_removal_rate:.1f}", money(best.cost) + best.mark),

@@ -15,7 +15,7 @@ from turning_env.scenario import Scenario
 from turning_render.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_shop.advise import Advice, Plan, headline, summary
 from turning_shop.fit import SETTINGS
-from turning_shop.prediction import Evidence
+from turning_shop.prediction import Evidence, predict
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 
 GRID = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
@@ -58,8 +58,7 @@ def draw_map_on(
     feeds = np.linspace(machine.feed_min, machine.feed_max, GRID)
     cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
     _fill_allowed(axes, cuts)
-    settings = {name: getattr(cuts, name) for name in SETTINGS}
-    unmeasured = sum(law.extrapolates(settings) for law in evidence.laws.values())
+    unmeasured = sum(law.extrapolates({name: getattr(cuts, name) for name in SETTINGS}) for law in evidence.laws.values())
     if np.any(unmeasured):
         dots = axes.contourf(speeds, feeds, unmeasured, levels=(0.5, 9.5), colors="none", hatches=["."])
         dots.set_edgecolor(_DOTS)
@@ -79,18 +78,19 @@ def draw_map_on(
         if share.min() < 1.0 < share.max():
             axes.contour(speeds, feeds, share, levels=(1.0,), colors=colour, linewidths=2.2, linestyles=[dashes])
         handles.append(Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=limit))
-    _mark(axes, cuts, advised)
+    extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
+    _mark(axes, cuts, extrapolated, advised)
     axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
     bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
-    title = f"{scenario.name}: depth of cut {cuts.depth_of_cut.flat[0]:g} mm, {bar}, edge worn to {wear:g} mm"
+    title = f"{scenario.name}: depth of cut {cuts.depth_of_cut.flat[0]:g} mm, {bar}, {_worn(evidence, wear)}"
     axes.set_title(title, loc="left", fontsize="medium")
     handles += [
         Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, see right axis"),
         Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"),
         Line2D([], [], color="black", marker="o", linestyle="none", label="advised" if advised else "highest removal rate"),
     ]
-    if np.any(unmeasured):
-        handles.append(Patch(facecolor="white", edgecolor=_DOTS, hatch="..", label="extrapolated: not measured there"))
+    if extrapolated.any():
+        handles.append(Patch(facecolor="white", edgecolor=_DOTS, hatch="..", label="* extrapolated: not measured there"))
     return handles
 
 
@@ -102,18 +102,24 @@ def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> 
     maps, rest = pages
     for axes, wear in zip(maps.subplots(1, 2), (FRESH * criterion, criterion), strict=True):
         handles = draw_map_on(axes, scenario, evidence, wear, advised=advice[0].plan)
-        axes.set_title(f"edge worn to {wear:.2g} mm", loc="left", fontsize="medium")
+        axes.set_title(_worn(evidence, wear), loc="left", fontsize="medium")
     maps.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     maps.suptitle(f"{scenario.name}: {scenario.workpiece.depth_of_cut:g} mm deep", fontsize="large")
     first, *others = headline(scenario, evidence, advice)
     lines = list(summary(scenario, evidence, advice))
     rest.text(0.02, 0.97, first, fontsize=13, fontweight="bold", verticalalignment="top")
     rest.text(0.02, 0.87, "\n".join(others), fontsize=8, verticalalignment="top")
-    table = [lines[1], *lines[lines.index("", 3) + 1 :]]
+    table = [*lines[:2], *lines[lines.index("", 3) + 1 :]]
     rest.text(0.02, 0.64, "\n".join(table), family="monospace", fontsize=7, verticalalignment="top")
     rest.text(0.02, 0.34, "\n".join(_wrapped(evidence, 175)), fontsize=7, color=VERMILLION, verticalalignment="top")
     rest.text(0.02, 0.02, RULED, fontsize=8, verticalalignment="bottom")
     return _plain(figure)
+
+
+def _worn(evidence: Evidence, wear: float) -> str:
+    """Return the state of the edge, with a star if a law was not measured at this flank wear [mm]."""
+    beyond = any(law.extrapolates({"wear": np.asarray(wear)}) for law in evidence.laws.values())
+    return f"edge worn to {wear:.3g} mm" + " *" * beyond
 
 
 def _wrapped(evidence: Evidence, width: int) -> list[str]:
@@ -157,18 +163,19 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
 
 
-def _mark(axes: Axes, cuts: Cuts, advised: Plan | None) -> None:
-    """Mark the advised cut, or the highest removal rate within limits, if there is any."""
+def _mark(axes: Axes, cuts: Cuts, extrapolated: Any, advised: Plan | None) -> None:
+    """Mark the advised cut, or the highest removal rate within limits, if there is any, with a star if it extrapolates."""
     if not cuts.within_limits.any():
         axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
         return
     index = np.where(cuts.within_limits, cuts.removal_rate, 0.0).argmax()
     marked = advised.cuts if advised else Cuts(*(np.asarray(values.flat[index]) for values in cuts))
     speed, feed = float(marked.cutting_speed), float(marked.feed)
+    star = advised.mark if advised else " *" * bool(extrapolated.flat[index])
     axes.plot(speed, feed, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
     right, upper = speed > cuts.cutting_speed.mean(), feed > cuts.feed.mean()
     axes.annotate(
-        f"{speed:.0f} m/min, {feed:.3g} mm/rev:\n{marked.removal_rate:.0f} cm³/min, tool life {marked.tool_life:.3g} min",
+        f"{speed:.0f} m/min, {feed:.3g} mm/rev:\n{marked.removal_rate:.0f} cm³/min, tool life {marked.tool_life:.3g} min{star}",
         (speed, feed),
         xytext=(-12 if right else 12, -14 if upper else 14),
         textcoords="offset points",

@@ -27,13 +27,14 @@ CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogu
 def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Evidence]:
     """Return a scenario and the evidence for its laws; warnings say what of ``asked`` no file states, and what was not measured.
 
-    A preset counts as stated. In a file based on a preset, a limit of force or power that the file does not state is off, and a
-    law of wear that is the preset's gets the exponent of speed that catalogues state.
+    A preset's values count as stated. In a file based on a preset, a limit of force or power that the file does not state is
+    off, and a law of wear that is the preset's gets the exponent of speed that catalogues state.
     """
     scenario = Scenario.load(source)
     evidence = read_evidence(scenario)
     if scenario.file is None:
-        return scenario, evidence
+        of_preset = (f"laws and limits are those of the preset {scenario.name}, not measured on your machine",)
+        return scenario, evidence.model_copy(update={"warnings": of_preset * isinstance(source, str)})
     stated, preset = stated_by(scenario.file)
     own = {name for name, _ in flat(stated)}
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
@@ -49,10 +50,11 @@ def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Eviden
     warnings += [f"limits.{name} is off: your files do not state it" for name in off]
     wear = scenario.material.wear
     if "wear" not in evidence.laws and is_papers(wear):
-        update["material"] = scenario.material.model_copy(
-            update={"wear": with_speed_exponent(wear, wear.time / TAYLOR, scenario.control.initial_cutting_speed)}
-        )
-        warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {scenario.control.initial_cutting_speed:g} m/min")
+        speed, exponent = scenario.control.initial_cutting_speed, wear.time / TAYLOR
+        coefficient = wear.coefficient * speed ** (wear.cutting_speed - exponent)  # of the same life at this speed
+        law = wear.model_copy(update={"cutting_speed": exponent, "coefficient": coefficient})
+        update["material"] = scenario.material.model_copy(update={"wear": law})
+        warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {speed:g} m/min")
     return scenario.model_copy(update=update), evidence.model_copy(update={"warnings": tuple(warnings)})
 
 
@@ -60,12 +62,6 @@ def is_papers(wear: PowerLaw) -> bool:
     """Return whether a law of wear has the paper's Taylor exponent, 0.42, at which speed is cheap."""
     paper = Material().wear
     return (wear.cutting_speed, wear.time) == (paper.cutting_speed, paper.time)
-
-
-def with_speed_exponent(law: PowerLaw, exponent: float, cutting_speed: float) -> PowerLaw:
-    """Return a law with another exponent of cutting speed and the same response at one cutting speed [m/min]."""
-    scale = cutting_speed ** (law.cutting_speed - exponent)
-    return law.model_copy(update={"cutting_speed": exponent, "coefficient": law.coefficient * scale})
 
 
 def stated_by(path: Path) -> tuple[dict[str, Any], str]:

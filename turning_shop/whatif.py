@@ -70,16 +70,8 @@ def what_if(
 ) -> Cuts:
     """Predict cuts by an edge of a cutting ``time`` or a ``wear``; give exactly one of them.
 
-    All values are positive scalars or arrays that broadcast to one shape. A tool life that overflows is infinite.
-
-    Args:
-        scenario: Source of material, limits, wear criterion and diameter.
-        cutting_speed: [m/min]
-        feed: [mm/rev]
-        depth_of_cut: [mm]; the scenario's nominal depth if None.
-        hardness: Hardness of the bar over nominal [-].
-        time: Cutting time of the edge [min].
-        wear: Flank wear of the edge [mm].
+    All values are positive scalars or arrays that broadcast to one shape, in the units of ``Cuts``. The depth of cut is the
+    scenario's nominal one if it is None. A tool life that overflows is infinite.
 
     Raises:
         TypeError: Both or neither of time and wear are given.
@@ -166,4 +158,4 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     columns.append(["exceeded", "", *(", ".join(np.array(list(shares))[row]) for row in over)])
     yield from aligned(list(zip(*columns, strict=True)))
     if prediction and prediction.extrapolated.any():
-        yield "* extrapolated: a setting lies outside what was measured"
+        yield "* extrapolated: a setting, the time or the wear lies outside what was measured"

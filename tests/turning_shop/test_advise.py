@@ -41,14 +41,29 @@ def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
     assert cost.plan.cost <= metal.plan.cost
     assert cost.plan.mean_removal_rate <= metal.plan.mean_removal_rate
     assert [bound.limit for bound in cost.bounds] == ["limits.power, 7 kW", "limits.thrust_force, 1500 N"]
-    for bound in cost.bounds:
-        assert bound.without is not None
-        assert bound.without.cost < cost.plan.cost
+    assert all(bound.without.cost < cost.plan.cost for bound in cost.bounds)
     first, *others = headline(scenario, Evidence(), [cost, metal])
     assert first == f"Cut {cost.plan.where}: {cost.plan.cost:.2f} CHF a part"
     assert "its law was not measured" in others[0]
     with pytest.raises(WorkshopError, match=r"limits\.thrust_force, 10 N"):
         advise(Scenario.load({"limits": {"thrust_force": 10.0}}), Evidence())
+
+
+@pytest.mark.parametrize(
+    ("values", "limit"),
+    [
+        ({"machine": {"feed_max": 0.3}}, "machine.feed_max, 0.3 mm/rev"),
+        ({"machine": {"cutting_speed_max": 125.0}, "economics": {"edge_cost": 0.1}}, "machine.cutting_speed_max, 125 m/min"),
+        ({"spindle": {"max_speed": 400.0}, "economics": {"edge_cost": 0.1}}, "spindle.max_speed, 400 rev/min"),
+        ({"machine": {"cutting_speed_min": 125.0}, "economics": {"edge_cost": 200.0}}, "machine.cutting_speed_min, 125 m/min"),
+    ],
+)
+def test_an_end_of_the_machines_range_that_binds_has_the_advice_of_a_wider_one(values: dict[str, object], limit: str) -> None:
+    scenario = Scenario.load({"limits": {"power": 1e4, "thrust_force": 1e6}} | values)
+    found = advise(scenario, Evidence())
+    bound = next(bound for bound in found[0].bounds if bound.limit == limit)
+    assert bound.without.cost < 0.995 * found[0].plan.cost
+    assert any("10 % wider" in line and limit in line for line in headline(scenario, Evidence(), found))
 
 
 def test_an_edge_that_lasts_no_part_is_changed_within_one() -> None:
@@ -81,7 +96,10 @@ def test_what_a_file_does_not_state_is_said_and_its_limits_are_off(tmp_path: Pat
     wear, preset = scenario.material.wear, Scenario().material.wear
     assert wear.time / wear.cutting_speed == pytest.approx(0.25)
     assert wear(125, 0.3, 2.5, time=10) == pytest.approx(preset(125, 0.3, 2.5, time=10))
-    assert load("rough_turning") == (Scenario(), Evidence())
+    scenario, evidence = load("rough_turning")
+    assert (scenario, evidence.laws) == (Scenario(), {})
+    assert "not measured" in evidence.warnings[0]
+    assert load(scenario)[1] == Evidence()
 
 
 @pytest.mark.parametrize(

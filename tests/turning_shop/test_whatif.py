@@ -14,7 +14,7 @@ from tests.turning_env.playing import infos
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.plots import draw_map
-from turning_shop.prediction import Evidence
+from turning_shop.prediction import Evidence, LawEvidence
 from turning_shop.whatif import what_if
 
 BASE = Scenario()
@@ -78,6 +78,10 @@ def test_the_map_marks_where_most_metal_is_removed_and_labels_rates() -> None:
     rates = [float(label.get_text()) for label in right.get_yticklabels()]
     edge = what_if(BASE, BASE.machine.cutting_speed_max, right.get_yticks(), wear=0.2)
     assert edge.removal_rate == pytest.approx(rates, rel=1e-3)
+    law = {"coefficient": 1.0, "terms": (), "covariance": [[0.01]], "degrees": 5, "scatter": 0.1}
+    for low, star in ((speed, ""), (1.1 * speed, " *")):
+        evidence = Evidence(laws={"wear": LawEvidence.model_validate(law | {"measured": {"cutting_speed": [low, 300.0]}})})
+        assert any(text.get_text().endswith(f"min{star}") for text in draw_map(BASE, evidence, 0.2).axes[0].texts)
 
 
 @pytest.mark.slow
