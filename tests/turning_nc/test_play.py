@@ -285,14 +285,13 @@ def test_kinds_of_tools_follow_from_how_they_cut(cuts: str, kind: str) -> None:
     assert removal.slices.volume.sum() > 0.0
 
 
-FANUC_INSIDE = f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\nN1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18."
-SIEMENS_INSIDE = (
-    "G90 G95 DIAMON T1 D1\nG96 S150 M4\nG0 X16 Z2\n\n\n"
-    'CYCLE95("BORE",2,0.1,0.2,,0.3,,0.15,{})\nM30\nPROC BORE\nG1 X40 Z0\nZ-14\nX20\nZ-30\nRET'
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\nN1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18.",
+        'DIAMON T1\nG96 S150 M4\nG0 X16 Z2\n\n\nCYCLE95("A",2,,0.2,,0.3,,0.15,7)\nM30\nPROC A\nG1 X40 Z0\nZ-14\nX20\nZ-30\nRET',
+    ],
 )
-
-
-@pytest.mark.parametrize("text", [FANUC_INSIDE, *(SIEMENS_INSIDE.format(kind) for kind in (3, 7, 11))])
 def test_a_side_without_metal_is_refused(text: str) -> None:
     with pytest.raises(NcError, match=r"line 6: .*no hole"):
         remove(moves(text), read_stock("bar:60x60"))
