@@ -26,7 +26,7 @@ PPO = ALGORITHMS["ppo"]
 
 
 NUM_ENVS = 6
-TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal"}
+TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal", "asymmetric": True}
 
 
 @pytest.mark.slow
