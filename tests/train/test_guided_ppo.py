@@ -11,7 +11,7 @@ from train.agents import onnx_policy
 from train.agents.agent_file import informed
 from train.run import Run
 from train.training import train
-from turning_env import FAMILY_ID, Family, FamilyVectorEnv, Scenario
+from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 
 FAMILY = Family.load("unmodelled")
 SMALL = {"steps": 192, "num_envs": 4, "rollout": 16, "batch_size": 32, "epochs": 2, "guide": True}
@@ -33,6 +33,16 @@ def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_
         actions = one.act(observations)
         np.testing.assert_array_equal(actions, other.act(observations))
         observations, *_ = env.step(actions)
+
+
+def test_a_guide_plays_a_lathe_of_ones_own() -> None:
+    agent = onnx_policy.load(Path("agents/RoughTurning-Family-v0/unmodelled/guided_ppo-seed0.onnx"))
+    values = {"heat": 0.5, "adhesion": 0.5, "abrasion": 0.3, "toughness": 0.6, "heat_resistance": 0.5}
+    env = RoughTurningVectorEnv(2)
+    observations, _ = env.reset(seed=[0, 1])
+    assert env.action_space.contains(informed(agent, Scenario(), values | {"stiffness": 0.7})(2).act(observations))
+    with pytest.raises(ValueError, match="stiffness"):
+        informed(agent, Scenario(), values)(2)
 
 
 def test_a_guide_learns_on_families_alone() -> None:

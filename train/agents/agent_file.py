@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
+import numpy as np
 from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
@@ -25,7 +26,7 @@ from baselines.guided import GuidedPolicy, decision_space, feature_space
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
 from train.run import Run
-from turning_env import FAMILY_ID, IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
@@ -128,10 +129,14 @@ def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
     return box
 
 
-def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> PolicyFactory:
+def informed(
+    agent: PolicySpec, scenarios: Scenario | Sequence[Scenario], shown: Mapping[str, float] | None = None
+) -> PolicyFactory:
     """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
 
-    If the nominal model of its training was wrong, the belief expects errors of the laws.
+    If the nominal model of its training was wrong, the belief expects errors of the laws. ``shown`` is what a guide must know of
+    scenarios that are no jobs of a family, beside their nominal models: the values of ``Family.shown`` of its training. The
+    function raises ValueError if one is missing, or has another name.
     """
     guides = agent.parameters.get("guide") is True
     if not guides and agent.parameters.get("belief") is not True:
@@ -141,7 +146,11 @@ def informed(agent: PolicySpec, scenarios: Scenario | Sequence[Scenario]) -> Pol
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
         models = [each.nominal() for each in played]
         if guides:
-            return GuidedPolicy(agent.make(num_envs), models)
+            context = None
+            if shown is not None:
+                family = Family.load(str(agent.parameters["family"]))
+                context = np.stack([family.context_of(each, shown) for each in played]).astype(np.float32)
+            return GuidedPolicy(agent.make(num_envs), models, context)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
         return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
 
