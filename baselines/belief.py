@@ -63,7 +63,7 @@ _CHOICE = "spindle.short_time_load"
 def _leaves(scenario: Scenario) -> dict[str, float]:
     """Return the numbers by dotted names that may differ between environments."""
     values = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-    return {name: value for name, value in values if isinstance(value, float) and name != _CHOICE}
+    return {name: value for name, value in values.items() if isinstance(value, float) and name != _CHOICE}
 
 
 class Belief:
@@ -89,7 +89,7 @@ class Belief:
         self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
         self._models: dict[int, tuple[dict[str, float], Any]] = {}
         self._entries = len(layout(scenarios[0]))
-        shared, leaves = dict(flat(scenarios[0].model_dump(exclude={"name", "nominal_model"}))), [*map(_leaves, scenarios)]
+        shared, leaves = flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})), [*map(_leaves, scenarios)]
         self._leaves = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
         self._scenario = unchecked(nested((shared | self._leaves).items()))
 

@@ -36,7 +36,7 @@ def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Eviden
         of_preset = (f"laws and limits are those of the preset {scenario.name}, not measured on your machine",)
         return scenario, evidence.model_copy(update={"warnings": of_preset * isinstance(source, str)})
     stated, preset = stated_by(scenario.file)
-    own = {name for name, _ in flat(stated)}
+    own = flat(stated).keys()
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
     if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in asked if name not in own]:
         warnings.append(f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}")

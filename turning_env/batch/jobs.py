@@ -48,5 +48,5 @@ class Jobs:
             if (records[name] != self._shared[name][0]).any():
                 raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
         numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
-        context = self.family.context(draw) if self._told else np.zeros((CHUNK, 0))
+        context = self.family.context(draw.features) if self._told else np.zeros((CHUNK, 0))
         return numbers, context.astype(np.float32)

@@ -10,13 +10,11 @@ so a variable that is added changes no other. A job that makes no sense (``makes
 """
 
 import ast
+import operator
 import os
-import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from pathlib import Path
-from types import CodeType
 from typing import Any, NamedTuple, Self
 from zlib import crc32
 
@@ -27,14 +25,16 @@ from pydantic import ValidationError, model_validator
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
+from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
-from turning_env.scenario.scenario import Scenario, ScenarioError, always_told, complaints_of, flat, merged, nested, shipped
+from turning_env.scenario.scenario import always_told, complaints_of, flat, merged, nested, shipped, table_of
 from turning_env.scenario.section import Section, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
 
 _FAMILIES = shipped("families")
+_SHIPPED = _FAMILIES, "family", "families()"
 CHUNK = 256
 """Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
@@ -45,21 +45,21 @@ _MAX_ATTEMPTS = 200
 class Distribution(Section):
     """A distribution of one of four kinds, given by two numbers."""
 
-    uniform: tuple[float, float] | None = None
-    """Lowest and highest value."""
-    log_uniform: tuple[float, float] | None = None
-    """Lowest and highest value, above 0."""
-    normal: tuple[float, float] | None = None
-    """Mean and standard deviation."""
-    log_normal: tuple[float, float] | None = None
-    """Median, above 0, and standard deviation of the logarithm."""
+    uniform: tuple[float, float] | None = None  # lowest and highest value
+    log_uniform: tuple[float, float] | None = None  # likewise, above 0
+    normal: tuple[float, float] | None = None  # mean and standard deviation
+    log_normal: tuple[float, float] | None = None  # median, above 0, and standard deviation of the logarithm
+
+    @property
+    def _given(self) -> list[tuple[str, tuple[float, float]]]:
+        return [(name, getattr(self, name)) for name in Distribution.model_fields if getattr(self, name) is not None]
 
     @model_validator(mode="after")
     def _one_that_makes_sense(self) -> Self:
-        given = {name: getattr(self, name) for name in Distribution.model_fields if getattr(self, name) is not None}
-        if len(given) != 1:
-            raise ValueError(f"must have one of {', '.join(Distribution.model_fields)}, but has {', '.join(given) or 'none'}")
-        ((name, (first, second)),) = given.items()
+        if len(given := self._given) != 1:
+            names = ", ".join(name for name, _ in given) or "none"
+            raise ValueError(f"must have one of {', '.join(Distribution.model_fields)}, but has {names}")
+        ((name, (first, second)),) = given
         if name.startswith("log_") and first <= 0:
             raise ValueError(f"{name} is [{first}, {second}], but its first number must be above 0")
         if "uniform" in name and first > second:
@@ -70,14 +70,13 @@ class Distribution(Section):
 
     def values(self, uniforms: tuple[Array, Array]) -> Any:
         """Return values made of two uniform numbers each."""
-        first, second = uniforms
-        if self.uniform:
-            return self.uniform[0] + first * (self.uniform[1] - self.uniform[0])
-        if self.log_uniform:
-            return self.log_uniform[0] * exp(first * log(self.log_uniform[1] / self.log_uniform[0]))
-        normals = np.sqrt(-2.0 * log(first)) * sine_and_cosine(second)[1]  # Box-Muller
-        mean, spread = self.normal or self.log_normal or (0.0, 0.0)
-        return mean + spread * normals if self.normal else mean * exp(spread * normals)
+        ((name, (low, high)),) = self._given
+        if name == "uniform":
+            return low + uniforms[0] * (high - low)
+        if name == "log_uniform":
+            return low * exp(uniforms[0] * log(high / low))
+        normals = np.sqrt(-2.0 * log(uniforms[0])) * sine_and_cosine(uniforms[1])[1]  # Box-Muller
+        return low + high * normals if name == "normal" else low * exp(high * normals)
 
     def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Any:
         """Return true values: a ``normal`` or ``uniform`` deviation is added to nominal ones, a logarithmic one is a factor."""
@@ -109,40 +108,13 @@ class Table(Section):
         for name, row in self.rows.items():
             if len(row) != len(self.columns):
                 raise ValueError(f"rows.{name} has {len(row)} numbers, but there are {len(self.columns)} columns")
-        for name in self.held_out:
-            if name not in self.rows:
-                raise ValueError(f"held_out: there is no row {name!r}; {names_instead(name, self.rows, 'the rows of the table')}")
-        for name in self.truth:
-            if name not in self.columns:
-                raise ValueError(f"truth: there is no column {name!r}; {names_instead(name, self.columns, 'the columns')}")
-        if not self.names(held_out=False):
+        for field, kind, known in (("held_out", "row", self.rows), ("truth", "column", self.columns)):
+            for name in getattr(self, field):
+                if name not in known:
+                    raise ValueError(f"{field}: there is no {kind} {name!r}; {names_instead(name, known, 'the table')}")
+        if self.rows.keys() <= set(self.held_out):
             raise ValueError("every row is held out, but the training jobs need some")
         return self
-
-    def names(self, held_out: bool) -> list[str]:
-        """Return the names of the rows that are held out, or of those that are not."""
-        return [name for name in self.rows if (name in self.held_out) == held_out]
-
-
-@cache
-def _compiled(formula: str) -> CodeType:
-    """Compile a formula: numbers, names, + - * / **, and exp, log, sqrt, minimum and maximum."""
-    tree = ast.parse(formula.strip(), mode="eval")
-    allowed = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Name, ast.Load, ast.Constant, ast.Call)
-    for node in ast.walk(tree):
-        if not isinstance(node, allowed) or (isinstance(node, ast.Call) and node.keywords):
-            raise ValueError(f"{formula!r}: a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only")
-    return compile(ast.fix_missing_locations(_PowersByName().visit(tree)), "<formula>", "eval")
-
-
-class _PowersByName(ast.NodeTransformer):
-    """Write a ** b as a call of ``_power``: Python's and NumPy's own differ in the last bit between processors."""
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        self.generic_visit(node)
-        if not isinstance(node.op, ast.Pow):
-            return node
-        return ast.Call(ast.Name("_power", ast.Load()), [node.left, node.right], [])
 
 
 def _above_zero(name: str, value: Any) -> Any:
@@ -151,30 +123,44 @@ def _above_zero(name: str, value: Any) -> Any:
     return value
 
 
+_OPERATORS: dict[type, Any] = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+_OPERATORS |= {ast.USub: operator.neg, ast.Pow: lambda base, exponent: real_power(_above_zero("**", base), exponent)}
 _FUNCTIONS = {"exp": exp, "log": lambda x: log(_above_zero("log", x)), "sqrt": np.sqrt}
 _FUNCTIONS |= {"minimum": np.minimum, "maximum": np.maximum}
-_HIDDEN = {"__builtins__": {}, "_power": lambda base, exponent: real_power(_above_zero("**", base), exponent)}
 
 
 def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
-    """Return the value of a formula; return other values unchanged."""
+    """Return the value of a formula: numbers, names, + - * / **, and functions; return other values unchanged."""
+
+    def value(node: ast.AST) -> Any:
+        match node:
+            case ast.Constant(value=int() | float() as number):
+                return number
+            case ast.Name(id=name):
+                if name in values:
+                    return values[name]
+                instead = names_instead(name, values, "the variables")
+                raise ValueError(f"{formula!r}: there is no variable {name!r}; {instead}")
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](value(operand))
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return _OPERATORS[type(op)](value(left), value(right))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+                return _FUNCTIONS[name](*map(value, arguments))
+        raise ValueError(f"{formula!r}: a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only")
+
     if not isinstance(formula, str):
         return formula
     try:
-        return eval(_compiled(formula), _HIDDEN, {**_FUNCTIONS, **values})
-    except NameError as error:
-        name = str(error).split("'")[1]
-        raise ValueError(f"{formula!r}: there is no variable {name!r}; {names_instead(name, values, 'the variables')}") from error
+        tree = ast.parse(formula.strip(), mode="eval")
     except SyntaxError as error:
         raise ValueError(f"{formula!r} is not a formula") from error
+    return value(tree.body)
 
 
 class Job(NamedTuple):
     """A job: the true scenario, which also holds its nominal model, and the plan of the nominal model."""
 
-    split: str
-    number: int
-    title: str  # number, and the rows of the family's tables
     scenario: Scenario
     cutting_speed: float  # the nominal model's best cutting speed on a half-worn edge [m/min]
     feed: float  # likewise the feed [mm/rev]
@@ -189,7 +175,6 @@ class Draw:
     nominal: Scenario  # the nominal models, likewise
     plan: Plan
     fields: tuple[Values, Values]  # nominal and true values by dotted names
-    rows: dict[str, NDArray[np.int64]]  # places of the drawn rows of each table
     features: dict[str, Array]  # context before standardisation
 
 
@@ -213,14 +198,10 @@ class Family(Section):
     """Distributions over jobs; see the module's description."""
 
     name: str
-    base: str = "shift"
-    """Preset with the values of all fields that are not drawn."""
-    jobs: int = 4096
-    """Number of training jobs."""
-    held_out_jobs: int = 256
-    """Number of jobs of every other split."""
-    held_out_key: str = ""
-    """Text that determines the jobs of every other split, with their names and numbers."""
+    base: str = "shift"  # preset with the values of all fields that are not drawn
+    jobs: int = 4096  # number of training jobs
+    held_out_jobs: int = 256  # number of jobs of every other split
+    held_out_key: str = ""  # text that determines the jobs of every other split, with their names and numbers
     variables: dict[str, Variable]
     tables: dict[str, Table] = {}  # noqa: RUF012
     derived: dict[str, float | str] = {}  # noqa: RUF012
@@ -250,18 +231,18 @@ class Family(Section):
         if isinstance(source, Family):
             return source
         if isinstance(source, Mapping):
-            return cls._from_values("family", lambda: dict(source))
-        if source in families():
-            return _preset(str(source))
-        if not (path := Path(source)).is_file():
-            instead = names_instead(str(source), _FAMILIES, "families()")
-            raise ScenarioError(f"no family and no file is called {str(source)!r}; {instead}")
-        return cls._from_values(str(path), lambda: {"name": path.stem} | _read(path))
+            return cls._from_values("family", dict(source))
+        return _preset(str(source)) if source in _FAMILIES else cls._from_values(*table_of(source, *_SHIPPED))
 
     @classmethod
-    def _from_values(cls, source: str, read: Callable[[], Values]) -> "Family":
+    def _from_values(cls, source: str, values: Values) -> "Family":
         try:
-            family = cls.model_validate(read())
+            if "extends" in values:  # on top of the values of another family that ships
+                other = str(values.pop("extends"))
+                if other not in _FAMILIES:
+                    raise ValueError(f"extends is {other!r}; {names_instead(other, _FAMILIES, 'families()')}")
+                values = merged(_preset(other).model_dump(exclude_none=True), values)
+            family = cls.model_validate(values)
             family.job(0)
         except ValueError as error:
             faults = complaints_of(error) if isinstance(error, ValidationError) else [str(error)]
@@ -303,40 +284,27 @@ class Family(Section):
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
-        names = [self.tables[name].names(name in self.splits[split])[places[i]] for name, places in draw.rows.items()]
-        title = ", ".join((str(number), *names))
-        return Job(split, number, title, Scenario.load(values), float(speed), float(feed), self.context(draw)[i])
+        return Job(Scenario.load(values), float(speed), float(feed), self.context(draw.features)[i])
 
     @property
     def context_names(self) -> tuple[str, ...]:
         """Names of the numbers of a job's context."""
         return tuple(self.draw("train", 0).features)
 
-    def context(self, draw: Draw) -> Array:
-        """Return the context of each job, standardised by training jobs: shape (jobs, numbers)."""
-        return self._standardised(draw.features)
+    def context(self, features: Mapping[str, Any]) -> Array:
+        """Return the context of each job by its features, standardised by training jobs: shape (jobs, numbers)."""
+        mean, spread = self.context_scale
+        return np.clip((_stacked(features) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
-        """Return the context of a scenario of one's own, shape (numbers,), whose nominal model counts.
-
-        Args:
-            scenario: the scenario.
-            shown: values of ``Family.shown``, such as columns of its tables.
-
-        Raises:
-            ValueError: a value of ``shown`` is missing or has another name.
-        """
+        """Return the context of one's own scenario, shape (numbers,), by its nominal model and values of ``Family.shown``."""
         if shown.keys() != set(self.shown):
             raise ValueError(
                 f"the context of family {self.name!r} needs {', '.join(self.shown) or 'no values'}, got {dict(shown)}"
             )
         nominal = scenario.nominal()
-        context: Array = self._standardised(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
+        context: Array = self.context(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
         return context
-
-    def _standardised(self, numbers: Mapping[str, Any]) -> Array:
-        mean, spread = self.context_scale
-        return np.clip((_stacked(numbers) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
@@ -346,17 +314,13 @@ class Family(Section):
         return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
 
     @cached_property
-    def _known(self) -> dict[tuple[str, int], Draw]:
-        return {}
-
-    @cached_property
     def _deviations(self) -> dict[str, Distribution]:
         own = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
         return own | {name: truth for table in self.tables.values() for name, truth in table.truth.items()}
 
     @cached_property
     def _base(self) -> Values:
-        return dict(flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"})))
+        return flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"}))
 
     def columns(self, fields: Values) -> Scenario:
         """Return scenarios, with arrays of numbers, that have these fields by dotted names, and the base's others."""
@@ -366,9 +330,10 @@ class Family(Section):
         """Return the jobs with the numbers from ``CHUNK * chunk`` on; ValueError if there is no such split."""
         if split not in self.splits:
             raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
-        if (split, chunk) not in self._known:
-            self._known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
-        return self._known[split, chunk]
+        known: dict[tuple[str, int], Draw] = vars(self).setdefault("_known", {})
+        if (split, chunk) not in known:
+            known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
+        return known[split, chunk]
 
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
@@ -388,11 +353,10 @@ class Family(Section):
         uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
 
         told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}
-        rows = {}
         for name, table in self.tables.items():
-            choices = np.array([table.rows[row] for row in table.names(held_out=name in self.splits[split])])
-            rows[name] = (uniforms[name][0] * len(choices)).astype(np.int64)
-            told |= dict(zip(table.columns, choices[rows[name]].T, strict=True))
+            held_out = name in self.splits[split]
+            choices = np.array([row for each, row in table.rows.items() if (each in table.held_out) == held_out])
+            told |= dict(zip(table.columns, choices[(uniforms[name][0] * len(choices)).astype(np.int64)].T, strict=True))
         for name, formula in self.derived.items():
             told[name] = _evaluate(formula, told)
         true = told | {name: truth.true_values(told[name], uniforms[f"{name}.truth"]) for name, truth in self._deviations.items()}
@@ -410,7 +374,7 @@ class Family(Section):
         true_fields |= {name: _evaluate(formula, true | planned) for name, formula in self.hidden.items()}
         nominal = self.columns(nominal_fields)
         fields, context = (nominal_fields, true_fields), features(nominal, plan) | {name: told[name] for name in self.shown}
-        return Draw(self.columns(true_fields), nominal, plan, fields, rows, context)
+        return Draw(self.columns(true_fields), nominal, plan, fields, context)
 
 
 def _stacked(numbers: Mapping[str, Any]) -> Array:
@@ -425,14 +389,4 @@ def families() -> tuple[str, ...]:
 
 @cache
 def _preset(name: str) -> Family:
-    return Family._from_values(f"family {name}", lambda: {"name": name} | _read(_FAMILIES[name]))
-
-
-def _read(path: Any) -> Values:
-    """Return the values of a family's TOML file, on top of those of the family that it ``extends``, one that ships."""
-    values = tomllib.loads(path.read_text("utf-8"))
-    if (other := values.pop("extends", None)) is None:
-        return values
-    if other not in families():
-        raise ValueError(f"extends is {other!r}; {names_instead(str(other), _FAMILIES, 'families()')}")
-    return merged(_read(_FAMILIES[other]), values)
+    return Family._from_values(*table_of(name, *_SHIPPED))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.scenario.power_law import log_response
-from turning_env.scenario.scenario import Scenario
+from turning_env.scenario.scenario import Scenario, flat, nested
 
 Array = NDArray[np.float64]
 
@@ -32,14 +32,10 @@ def unchecked(values: dict[str, Any], section: Any = Scenario) -> Scenario:
 
 def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
     """Return scenarios as one of arrays; values that all have stay as they are. Their nominal models are left out."""
-
-    def joined(values: list[Any]) -> Any:
-        first = values[0]
-        if isinstance(first, dict):
-            return {name: joined([value[name] for value in values]) for name in first}
-        return first if all(value == first for value in values) else np.array(values)
-
-    return unchecked(joined([scenario.model_dump(exclude={"name", "nominal_model"}) for scenario in scenarios]))
+    first, *others = (flat(scenario.model_dump(exclude={"name", "nominal_model"})) for scenario in scenarios)
+    same = {name for name, value in first.items() if all(each[name] == value for each in others)}
+    each_of = [first, *others]
+    return unchecked(nested((name, first[name] if name in same else np.array([v[name] for v in each_of])) for name in first))
 
 
 class Loads:

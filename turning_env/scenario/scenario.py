@@ -55,17 +55,12 @@ def always_told(name: str) -> bool:
     return any(name == each or name.startswith(each + ".") for each in ALWAYS_TOLD)
 
 
-def flat(table: Any, before: str = "") -> Any:
-    """Return the values of a nested table by their dotted names, sorted, as pairs; return anything else unchanged."""
-    if not isinstance(table, dict):
-        return table
-    pairs: list[tuple[str, Any]] = []
+def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Return the values of a nested table by their dotted names."""
+    values: dict[str, Any] = {}
     for key, value in table.items():
-        if isinstance(value, dict):
-            pairs += flat(value, f"{before}{key}.")
-        else:
-            pairs.append((before + key, tuple(value) if isinstance(value, list) else value))
-    return tuple(sorted(pairs))
+        values |= flat(value, f"{before}{key}.") if isinstance(value, dict) else {f"{before}{key}": value}
+    return values
 
 
 def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -80,8 +75,21 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
+def merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """Return the base's values, overwritten entry by entry, also in nested tables."""
+    both = {
+        key: merged(base[key], value)
+        for key, value in values.items()
+        if isinstance(value, dict) and isinstance(base.get(key), dict)
+    }
+    return base | values | both
+
+
 NominalModel = Annotated[
-    tuple[tuple[str, Any], ...], BeforeValidator(flat), PlainSerializer(nested), WithJsonSchema({"type": "object"})
+    tuple[tuple[str, Any], ...],
+    BeforeValidator(lambda values: tuple(sorted(flat(values).items())) if isinstance(values, dict) else values),
+    PlainSerializer(nested),
+    WithJsonSchema({"type": "object"}),
 ]
 
 
@@ -116,19 +124,16 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
-        if wrong := "; ".join(complaints(self)):
-            raise ValueError(wrong)
-        return self
-
-    @model_validator(mode="after")
-    def _nominal_model_makes_sense(self) -> Self:
-        for name, _ in self.nominal_model:
-            if always_told(name):
-                raise ValueError(f"nominal_model.{name} is set, but the control always knows {name}: leave it out")
+        told = (name for name, _ in self.nominal_model if always_told(name))
+        wrong = [*complaints(self)]
+        wrong += [f"nominal_model.{name} is set, but the control always knows {name}: leave it out" for name in told]
         try:
-            self.nominal()
+            if not wrong:
+                self.nominal()
         except ValidationError as error:
-            raise ValueError("; ".join(f"nominal_model.{each}" for each in complaints_of(error))) from error
+            wrong = [f"nominal_model.{each}" for each in complaints_of(error)]
+        if wrong:
+            raise ValueError("; ".join(wrong))
         return self
 
     @property
@@ -159,7 +164,7 @@ class Scenario(Section):
             raise TypeError(f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}")
         try:
             if isinstance(source, Mapping):
-                return cls._from_values(dict(source), "scenario", "custom", Path())
+                return cls._from_values("scenario", {"name": "custom"} | dict(source), Path())
             return cls._read(source)
         except RecursionError as error:
             what = "the dict" if isinstance(source, Mapping) else source
@@ -168,29 +173,14 @@ class Scenario(Section):
     @classmethod
     def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
         """Return the scenario of a preset or a file."""
-        preset = source if isinstance(source, str) and source in _PRESETS else None
-        path: Any = _PRESETS[preset] if preset else Path(source)
-        try:
-            if not path.is_file():
-                instead = names_instead(str(path), _PRESETS, _ALL_PRESETS)
-                raise ScenarioError(f"no preset and no file is called {str(path)!r}; {instead}")
-            text: bytes = path.read_bytes()
-        except OSError as error:
-            raise ScenarioError(f"{str(path)[:200]!r} cannot be read: {error.strerror}") from error
-        shown = f"preset {preset}" if preset else str(path)
-        try:
-            values = tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
-        except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
-            comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
-            advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
-            raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
-        loaded = cls._from_values(values, shown, preset or name_of_file(path), path.parent)
-        if not preset:
-            vars(loaded)[_SOURCE] = path
+        path = None if source in _PRESETS else Path(source)
+        shown, values = table_of(source, _PRESETS, "preset", _ALL_PRESETS)
+        loaded = cls._from_values(shown, values, path.parent if path else Path())
+        vars(loaded)[_SOURCE] = path
         return loaded
 
     @classmethod
-    def _from_values(cls, values: dict[str, Any], source: str, name: str, folder: Any) -> "Scenario":
+    def _from_values(cls, source: str, values: dict[str, Any], folder: Path) -> "Scenario":
         """Return the scenario of a table. A base's path is relative to ``folder``."""
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
         if base is not None:
@@ -204,7 +194,7 @@ class Scenario(Section):
             values = merged(above.model_dump(exclude={"name"}), values)
             calibration = above.calibration if calibration is None else calibration
         try:
-            loaded = cls.model_validate({"name": name} | values)
+            loaded = cls.model_validate(values)
             vars(loaded)[_CALIBRATION] = calibration
             return loaded
         except ValidationError as error:
@@ -212,21 +202,17 @@ class Scenario(Section):
 
     def to_toml(self) -> str:
         """Return the whole scenario as TOML, with units as comments; ``Scenario.load`` reads back an equal scenario."""
-        section, lines = "", []
+        section: Any = self
+        lines = []
         for line in tomli_w.dumps(self.model_dump()).splitlines():
-            section = line[1:-1] if line.startswith("[") else section
-            unit = self._unit(section, line.partition(" = ")[0])
-            lines.append(f"{line} # {unit}" if unit and line[-1] not in "[{" else line)
+            if line.startswith("["):  # nominal values have the units of the true ones
+                name = line[1:-1].removeprefix("nominal_model").removeprefix(".")
+                section = attrgetter(name)(self) if name else self
+            field = type(section).model_fields.get(line.partition(" = ")[0])
+            unit = field.json_schema_extra["unit"] if field and field.json_schema_extra else "-"
+            noted = unit not in ("-", "response") and line[-1] not in "[{"
+            lines.append(f"{line} # {unit.replace('money', self.economics.currency)}" if noted else line)
         return "\n".join(lines) + "\n"
-
-    def _unit(self, section: str, key: str) -> str:
-        """Return the unit of a number of a section, empty if it has none."""
-        section = section.removeprefix("nominal_model").removeprefix(".")  # told values have the units of the true ones
-        table: Any = attrgetter(section)(self) if section else self
-        field = type(table).model_fields.get(key)
-        extra = field.json_schema_extra if field else None
-        unit = str(extra["unit"]) if isinstance(extra, dict) else ""
-        return "" if unit in ("-", "response") else unit.replace("money", self.economics.currency)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the whole scenario as a TOML file, whole or not at all; make its folder if it is missing."""
@@ -234,7 +220,8 @@ class Scenario(Section):
 
     def differences(self) -> dict[str, Any]:
         """Return the values that differ from the defaults, nested by section, without the name. They identify a scenario."""
-        return _differences(self.model_dump(exclude={"name"}), _DEFAULTS.model_dump(exclude={"name"}))
+        values, defaults = flat(self.model_dump(exclude={"name"})), flat(_DEFAULTS.model_dump())
+        return nested((name, value) for name, value in values.items() if value != defaults.get(name))
 
     def digest(self) -> str:
         """Return the SHA-256 of ``differences()``. Equal digests mean equal physics, even under different names."""
@@ -286,8 +273,7 @@ class Scenario(Section):
         """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
         update: dict[str, Any] = {"mismatch": sections.Mismatch(), "nominal_model": ()}
         if self.nominal_model:
-            values = merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
-            update |= dict(Scenario.model_validate(values)) | {"name": self.name}
+            update |= Scenario.model_validate(merged(self.model_dump(exclude=set(update)), nested(self.nominal_model)))
         return self.model_copy(update=update)
 
 
@@ -296,13 +282,9 @@ Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario  # types that ``S
 _DEFAULTS = Scenario()
 
 
-def _from_differences(values: Any) -> Any:
-    return merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
-
-
 PortableScenario = Annotated[
     Scenario,
-    BeforeValidator(_from_differences),
+    BeforeValidator(lambda values: merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values),
     PlainSerializer(lambda scenario: {"name": scenario.name} | scenario.differences()),
 ]
 """A field of a file's model that keeps a scenario's name and its differences from the defaults."""
@@ -323,21 +305,23 @@ def name_of_file(path: Path) -> str:
     return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
 
 
-def _differences(values: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
-    differ = {key: value for key, value in values.items() if value != defaults.get(key)}
-    return {
-        key: _differences(value, defaults.get(key, {})) if isinstance(value, dict) else value for key, value in differ.items()
-    }
-
-
-def merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return the base's values, overwritten entry by entry, also in nested tables."""
-    both = {
-        key: merged(base[key], value)
-        for key, value in values.items()
-        if isinstance(value, dict) and isinstance(base.get(key), dict)
-    }
-    return base | values | both
+def table_of(source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str) -> tuple[str, dict[str, Any]]:
+    """Return what errors call a TOML file that ships or of a path, and its table with a name; ScenarioError if there is none."""
+    path = shipped[source] if source in shipped else Path(source)
+    shown = f"{kind} {source}" if source in shipped else str(path)
+    try:
+        if not path.is_file():
+            raise ScenarioError(f"no {kind} and no file is called {shown!r}; {names_instead(shown, shipped, lists_all)}")
+        text: bytes = path.read_bytes()
+    except OSError as error:
+        raise ScenarioError(f"{shown[:200]!r} cannot be read: {error.strerror}") from error
+    try:
+        name = source if source in shipped else name_of_file(path)
+        return shown, {"name": name} | tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
+    except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
+        comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
+        advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
+        raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
 
 
 def complaints_of(error: ValidationError) -> Iterator[str]:

@@ -49,11 +49,12 @@ def test_the_truth_scatters_about_the_nominal_model_but_not_what_the_control_kno
 
 
 def test_held_out_rows_are_drawn_by_their_split_alone():
-    for split, tables in SHOP.splits.items():
-        rows = SHOP.draw(split, 0).rows
-        for name, table in SHOP.tables.items():
-            count = len(table.held_out) if name in tables else len(table.rows) - len(table.held_out)
-            assert set(rows[name]) == set(range(count))
+    rows = {"small": [6.5], "usual": [7.0], "large": [7.5]}
+    table = {"columns": ["power"], "rows": rows, "held_out": ["small", "large"], "source": "test"}
+    drawn = {"tables": {"machine": table}, "fields": {"limits.power": "power"}, "splits": {"train": [], "other": ["machine"]}}
+    family = Family.load(SMALL | drawn)
+    for split, expected in (("train", {7.0}), ("other", {6.5, 7.5})):
+        assert {family.job(seed, split).scenario.limits.power for seed in range(8)} == expected
     assert SHOP.job(0, "train").scenario != SHOP.job(0, "unseen_jobs").scenario
     with pytest.raises(ValueError, match="did you mean unseen_jobs"):
         SHOP.job(0, "unseen_job")
@@ -63,7 +64,7 @@ def test_held_out_rows_are_drawn_by_their_split_alone():
 def test_every_job_makes_sense_and_is_a_scenario(split):
     draw = SHOP.draw(split, 0)
     assert makes_sense(draw.true, draw.plan).all()
-    assert np.isfinite(SHOP.context(draw)).all()
+    assert np.isfinite(SHOP.context(draw.features)).all()
     job = SHOP.job(17, split)
     assert Scenario.load(job.scenario.portable()) == job.scenario
     assert job.context.shape == (len(SHOP.context_names),)
@@ -76,7 +77,7 @@ def digest_of_jobs(split):
         draw = SHOP.draw(split, chunk)
         for name, values in (*draw.fields[0].items(), *draw.fields[1].items()):
             digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
-        digest.update(SHOP.context(draw).tobytes())
+        digest.update(SHOP.context(draw.features).tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -97,7 +98,7 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
 
 def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
     scenario, draw = UNMODELLED.job(3).scenario, UNMODELLED.draw("train", 0)
-    nominal, true = scenario.nominal(), dict(flat(scenario.model_dump(exclude={"name", "nominal_model"})))
+    nominal, true = scenario.nominal(), flat(scenario.model_dump(exclude={"name", "nominal_model"}))
     assert (nominal.edge_failure, nominal.mismatch, nominal.machine.chatter) == (EdgeFailure(), Mismatch(), 0.0)
     for name, formula in UNMODELLED.hidden.items():
         drawn = np.broadcast_to(draw.fields[1][name], CHUNK)
