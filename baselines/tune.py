@@ -37,10 +37,10 @@ from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Range, Rule
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.console import described, exits
-from turning_env.files import exclusive_lock, file_lock, replace_file
+from turning_env.files import file_lock, folder_lock, replace_file
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
-from turning_env.scoring.statistics import severe_limit, severe_share
+from turning_env.scoring.statistics import Bootstrap, severe_share
 from turning_env.scoring.workers import Workers, spread, workers
 
 Budget = dict[str, int]
@@ -65,7 +65,8 @@ class Played(NamedTuple):
         """Return the result of all these episodes."""
         names = ("return", "severe_overload_time", "engaged_time", "steps")
         returns, severe, engaged, steps = (np.concatenate([each[name] for each in episodes]) for name in names)
-        return cls(float(returns.mean()), severe_share(severe, engaged), severe_limit(severe, engaged), int(steps.sum()))
+        limit = Bootstrap(len(severe)).severe_limit(severe[None], engaged[None], "")
+        return cls(float(returns.mean()), severe_share(severe, engaged), limit, int(steps.sum()))
 
 
 class Trial(NamedTuple):
@@ -271,10 +272,9 @@ def main(arguments: list[str] | None = None) -> int:
             spread(over, lambda piece: search(*piece), pieces), "tuning", len(pieces), unit="rule", disable=None
         ):
             found[name] = best
-            feasible = "feasible" if best["feasible"] else "not feasible"
-            result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds, {feasible}"
-            tqdm.write(f"{name}: {best['parameters']}, {result}")
-        with exclusive_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
+            result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds"
+            tqdm.write(f"{name}: {best['parameters']}, {result}, {'' if best['feasible'] else 'not '}feasible")
+        with folder_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
             rules = found | (_kept(found, scenario, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}
             replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))

@@ -10,8 +10,7 @@ import torch
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.family import play_family
-from turning_env.scoring.play import play
+from turning_env.scoring.play import play, play_family
 from turning_env.scoring.policy import Observations
 from turning_env.scoring.seeds import tuning_seeds
 

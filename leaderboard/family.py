@@ -1,7 +1,7 @@
 """Tasks on families: each seed plays another job. Controllers are built from its nominal model; an agent plays all jobs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,9 @@ from turning_env.action import towards
 from turning_env.family_env import Context
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import Family, Job
-from turning_env.scenario.plan import columns_of
-from turning_env.scoring.family import play_family, play_jobs, truthful
-from turning_env.scoring.play import Episodes
+from turning_env.scenario.family import Draw, Family, Job
+from turning_env.scenario.plan import columns_of, features, plan_of
+from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec, ScenarioId
 
 NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
@@ -83,7 +82,7 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
     else:
         found = spec(name, first, Scenario.load(family.base), own)
     right = "" if name == CAUSAL else _RIGHT[knows]
-    plays = FamilyPlay(family if right is None else truthful(family, right), _split(task), name, forgets, own)
+    plays = FamilyPlay(family if right is None else Truthful.of(family, right), _split(task), name, forgets, own)
     kind = found.kind if knows == "nominal" else "oracle"
     return found.model_copy(update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays})
 
@@ -97,6 +96,30 @@ def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 def _split(task: Task) -> str:
     assert task.of_family is not None
     return task.of_family.split
+
+
+class Truthful(Family):
+    """A family whose nominal models are right in some fields; its jobs are otherwise the same."""
+
+    right: str | tuple[str, ...] = ""  # how the dotted names of these fields begin, or one of several beginnings
+
+    @classmethod
+    def of(cls, family: Family, right: str | tuple[str, ...] = "") -> "Truthful":
+        """Return a family with nominal models that are right in the fields whose dotted names begin so, or one of these ways."""
+        return cls.model_validate(family.model_dump() | {"right": right})
+
+    def __reduce__(self) -> Any:
+        """Pickle the family without its jobs."""
+        return Truthful.model_validate, (self.model_dump(),)
+
+    def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
+        draw = super()._drawn(split, numbers)
+        nominal, true = draw.fields
+        told = {name: true[name] if name.startswith(self.right) else value for name, value in nominal.items()}
+        columns = self.columns(told)
+        plan = plan_of(columns, len(numbers))
+        context = features(columns, plan) | {name: draw.features[name] for name in self.shown}
+        return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=context)
 
 
 @dataclass(frozen=True)
@@ -131,7 +154,12 @@ class FamilyPlay:
 
     def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
         if isinstance(self.policy, str) and self.policy in RULES and not RULES[self.policy].together:
-            return play_jobs(self.family, self.split, seeds, lambda job: self.make([job]), on_step)
+            played = []
+            for seed in seeds:
+                job = self.family.job(seed, self.split)
+                played.append(play(self.make([job]), job.scenario, [seed]))
+                on_step(len(played))
+            return {name: np.concatenate([each[name] for each in played]) for name in played[0]}
         make = self.make([self.family.job(seed, self.split) for seed in seeds])
         return play_family(self.family, self.split, seeds, make, self.context, on_step, tell=self.policy == CAUSAL)
 

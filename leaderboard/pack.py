@@ -24,7 +24,7 @@ from leaderboard.result import (
     write_whole,
 )
 from turning_env import FAMILY_ID, IDS
-from turning_env.scoring.score import FAMILY, FOLDER, unpacked
+from turning_env.scoring.score import FAMILY, FOLDER
 
 DIGITS = 2  # decimals of the times [s] in the wheel
 
@@ -63,7 +63,8 @@ def contents(results: Path) -> dict[Path, str]:
 
 def write_shipped(results: Path) -> list[Path]:
     """Write the files in the wheel that have changed, and return their paths."""
-    changed = {path: text for path, text in contents(results).items() if not path.is_file() or unpacked(path) != text}
+    made = {path: text.encode() for path, text in contents(results).items()}
+    changed = {path: text for path, text in made.items() if not path.is_file() or lzma.decompress(path.read_bytes()) != text}
     for path, text in changed.items():
-        write_whole(path, lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+        write_whole(path, lzma.compress(text, preset=9 | lzma.PRESET_EXTREME))
     return list(changed)

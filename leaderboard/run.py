@@ -24,7 +24,7 @@ from leaderboard.result import (
 from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
 from turning_env import Scenario
-from turning_env.files import exclusive_lock, shared_lock
+from turning_env.files import folder_lock
 from turning_env.scoring.play import Episodes, play_spec
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.workers import Workers, spread
@@ -78,7 +78,7 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
     """
     with ExitStack() as held:
         for each in runs:
-            held.enter_context(shared_lock(each.folder))
+            held.enter_context(folder_lock(each.folder, shared=True))
         _play_all(runs, fresh, over)
 
 
@@ -115,7 +115,7 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
         if able and each.private is None and not each.task.of_family:  # a trajectory would reveal private bars
             complaints += _record_trajectories(replace(each, policies=able), fresh, over)
         if able:
-            with exclusive_lock(each.folder.parent, wait=True):
+            with folder_lock(each.folder.parent, wait=True):
                 write_manifest(each.folder, each.task)
     if complaints:
         raise PoliciesFailed("; ".join(map(str, complaints)))
@@ -154,7 +154,7 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
                     trajectories[place] = recorded
                 bar.update()
     finally:  # keep what is finished, and what another run has recorded meanwhile
-        with exclusive_lock(run.folder.parent, wait=True):
+        with folder_lock(run.folder.parent, wait=True):
             _, wanted, recorded_before = _recorded(run)
             trajectories = recorded_before | trajectories
             episodes = [trajectories[place] for place in wanted if place in trajectories]

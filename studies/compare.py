@@ -28,7 +28,7 @@ from tqdm import tqdm
 from baselines import catalogue
 from baselines.oracles.perfect_state import version_on
 from leaderboard.__main__ import positive
-from leaderboard.family import CAUSAL, FamilyPlay
+from leaderboard.family import CAUSAL, FamilyPlay, Truthful
 from leaderboard.table import markdown
 from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
@@ -39,8 +39,7 @@ from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
-from turning_env.scoring.family import play_family, truthful
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
@@ -224,7 +223,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
             rule, first = catalogue.RULES.get(variant.policy), home.job(0).scenario
             kept.append(rule.version if rule else version_on(first))
             told = "" if variant.policy == CAUSAL else variant.true_fields
-            plays = FamilyPlay(home if told is None else truthful(home, told), split, variant.policy, False, variant.settings)
+            plays = FamilyPlay(home if told is None else Truthful.of(home, told), split, variant.policy, False, variant.settings)
             found = partial(plays, first, jobs, lambda ended: None)
         else:
             make = informed(spec, [home.job(number, split).scenario for number in jobs])
@@ -384,7 +383,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     work = partial(played, study=study, runs=runs)
     done: dict[tuple[str, int], Played] = {}
     with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
-        for piece, outcome in spread(over, work, zip(pieces, pieces, strict=True)):
+        for piece, outcome in spread(over, work, [(piece, piece) for piece in pieces]):
             done[piece] = outcome
             bar.set_postfix_str(f"{piece[0]}, seed {piece[1]}")
             bar.update()

@@ -31,9 +31,8 @@ from train.terms import Terms
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
-from turning_env.files import digest_of_files, exclusive_lock, replace_file
-from turning_env.scoring.family import play_family
-from turning_env.scoring.play import Episodes, play
+from turning_env.files import digest_of_files, folder_lock, replace_file
+from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
@@ -181,7 +180,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
     if run.parameters["steps"] < 1:
         raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
-    with exclusive_lock(run.folder, wait):
+    with folder_lock(run.folder, wait):
         run.begin()
         if run.policy.exists():
             return run.policy

@@ -5,7 +5,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,17 +27,16 @@ def replace_file(target: Path, write: Callable[[Path], object]) -> None:
     partial = target.with_name(f"{_PARTIAL}{os.getpid()}-{target.name}")
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
-        try:
-            write(partial)
-            with partial.open("rb+") as file:
-                os.fsync(file.fileno())
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
+        write(partial)
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
+        partial.replace(target)
     except OSError as error:
         if error.errno is not None and str(error.filename) in ("None", str(partial)):
             error.filename, error.filename2 = str(target), None
         raise
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def digest_of(value: Any) -> str:
@@ -47,11 +46,9 @@ def digest_of(value: Any) -> str:
 
 def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
     """Return the SHA-256 of the files' contents and of their names relative to ``folder``; order and folders do not count."""
-    digest = hashlib.sha256()
-    for path in sorted(paths):
-        if path.is_file():
-            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+    files = (path for path in sorted(paths) if path.is_file())
+    content = b"".join(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() for path in files)
+    return hashlib.sha256(content).hexdigest()
 
 
 class FolderTaken(ValueError):
@@ -59,62 +56,43 @@ class FolderTaken(ValueError):
 
 
 @contextmanager
-def exclusive_lock(folder: Path, wait: bool = False) -> Iterator[None]:
+def folder_lock(folder: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
     """Lock a folder, made if missing, and remove hidden files that killed processes left; FolderTaken if another has a lock.
 
     The operating system releases the lock when the process ends, also if it is killed. On file systems without locks, nothing is
-    locked. ``wait``: wait for other processes instead of raising an error.
+    locked. ``wait``: wait for other processes instead of raising an error. ``shared``: lock against locks that are not shared,
+    and wait for them; only the first process removes hidden files.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with _opened(folder, os.O_RDONLY) as handle:
-        if not _lock(handle, shared=False, wait=wait):
-            raise FolderTaken(f"another process works in {folder}: wait until it has finished, or choose another folder")
-        _remove_partial_files(folder)
-        yield
-
-
-@contextmanager
-def shared_lock(folder: Path) -> Iterator[None]:
-    """Lock a folder against ``exclusive_lock`` only; the first process removes hidden files that killed processes left there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with _opened(folder, os.O_RDONLY) as handle:
-        if _lock(handle, shared=False, wait=False):
-            _remove_partial_files(folder)
-        _lock(handle, shared=True, wait=True)
-        yield
-
-
-@contextmanager
-def file_lock(path: Path, wait: bool = False) -> Iterator[None]:
-    """Lock a file, not its folder, as ``exclusive_lock`` locks a folder; make the file if it is missing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with _opened(path, os.O_RDONLY | os.O_CREAT) as handle:
-        if not _lock(handle, shared=False, wait=wait):
-            raise FolderTaken(f"another process works with {path}: wait until it has finished")
-        yield
-
-
-@contextmanager
-def _opened(path: Path, flags: int) -> Iterator[int]:
-    handle = os.open(path, flags, 0o666)
+    if not folder.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
     try:
-        yield handle
+        if _locked(handle, wait and not shared):
+            for path in folder.glob(f"{_PARTIAL}*"):
+                with suppress(OSError):  # a hidden file is not read, so it does no harm
+                    path.unlink(missing_ok=True)
+        elif not shared:
+            raise FolderTaken(f"another process works in {folder}: wait until it has finished, or choose another place")
+        if shared:
+            _locked(handle, True, shared)
+        yield
     finally:
         os.close(handle)
 
 
-def _lock(handle: int, shared: bool, wait: bool) -> bool:
+def file_lock(path: Path, wait: bool = False) -> AbstractContextManager[None]:
+    """Lock a file, made if missing, but not its folder; see ``folder_lock``."""
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    return folder_lock(path, wait)
+
+
+def _locked(handle: int, wait: bool, shared: bool = False) -> bool:
     """Return whether the lock is held; true if the file system has no locks."""
-    if fcntl is None:  # pragma: no cover
-        return True
     try:
-        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
+        if fcntl:
+            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
     except OSError as error:
         return error.errno not in (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
     return True
-
-
-def _remove_partial_files(folder: Path) -> None:
-    for path in folder.glob(f"{_PARTIAL}*"):
-        with suppress(OSError):  # a hidden file is not read, so it does no harm
-            path.unlink(missing_ok=True)

@@ -8,9 +8,10 @@ from baselines.catalogue import spec
 from baselines.models.schedule import FORMS, schedule
 from baselines.predictive import SPEED_MARGIN
 from baselines.self_tuning import SelfTuning
+from leaderboard.family import Truthful
 from turning_env import FamilyVectorEnv
 from turning_env.scenario.family import Family
-from turning_env.scoring.family import play_family, play_jobs, truthful
+from turning_env.scoring.play import play, play_family
 
 SETTINGS = (1.0, 1.0, 1.0)
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]
@@ -37,19 +38,19 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
     fields = {"control.time_limit": 2.0, "sensors.inspects_edges": True, "material.power.coefficient": "0.3034 * hard"}
     hard = {"uniform": [0.8, 1.2], "unit": "-", "source": "test", "truth": {"log_normal": [1.1, 0.0]}}
     family = Family.load({"name": "short", "variables": {"hard": hard}, "fields": fields})
-    for each in (family, truthful(family)):
+    for each in (family, Truthful.of(family)):
         jobs = [each.job(number) for number in range(2)]
         together = play_family(each, "train", range(2), spec("self_tuning", [job.scenario for job in jobs]).make, "hidden")
-        alone = play_jobs(each, "train", range(2), lambda job: spec("self_tuning", job.scenario).make)
+        alone = [play(spec("self_tuning", job.scenario).make, job.scenario, [seed]) for seed, job in enumerate(jobs)]
         assert (together["steps"] > 60).all()
-        for name, values in alone.items():
-            np.testing.assert_array_equal(values, together[name])
+        for name, values in together.items():
+            np.testing.assert_array_equal([played[name][0] for played in alone], values)
     assert [bool(job.scenario.nominal_model) for job in (family.job(0), jobs[0])] == [True, False]
 
 
 @pytest.mark.slow
 def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> None:
-    told = truthful(Family.load("unmodelled"), FORMS)
+    told = Truthful.of(Family.load("unmodelled"), FORMS)
     models = [told.job(seed).scenario.nominal() for seed in (1, 2)]
     env, policy = FamilyVectorEnv(2, told, context="hidden"), SelfTuning(models, 2, *SETTINGS)
     observations, _ = env.reset(seed=1)

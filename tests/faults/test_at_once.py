@@ -19,22 +19,23 @@ from tests.walking import ROOT
 from train.run import Run
 from train.training import train
 from turning_env import Scenario
-from turning_env.files import FolderTaken, exclusive_lock, shared_lock
+from turning_env.files import FolderTaken, folder_lock
 
 HOLD = """
 import sys
 from pathlib import Path
 from turning_env import files
-with getattr(files, sys.argv[1])(Path(sys.argv[2])):
+options = {"shared": True} if "shared" in sys.argv else {}
+with getattr(files, sys.argv[1])(Path(sys.argv[2]), **options):
     print("held", flush=True)
     sys.stdin.readline()
 """
 
 
 @contextmanager
-def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
+def held(how: str, path: Path, *shared: str) -> Iterator["subprocess.Popen[str]"]:
     """Another process, which holds a folder or a file until it is killed or its input ends."""
-    command = [sys.executable, "-c", HOLD, how, str(path)]
+    command = [sys.executable, "-c", HOLD, how, str(path), *shared]
     with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
@@ -47,29 +48,29 @@ def held(how: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
 @pytest.mark.slow
 def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "folder"
-    with held("exclusive_lock", folder) as other:
+    with held("folder_lock", folder) as other:
         (folder / ".partial-7-file.txt").touch()
-        with pytest.raises(FolderTaken, match=f"another process works in {folder}"), exclusive_lock(folder):
+        with pytest.raises(FolderTaken, match=f"another process works in {folder}"), folder_lock(folder):
             pass
         assert list(folder.iterdir())  # what another may be filling is let be
         other.kill()
         other.wait()
-        with exclusive_lock(folder):
+        with folder_lock(folder):
             assert not list(folder.iterdir())
 
 
 @pytest.mark.slow
 def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
     (tmp_path / ".partial-7-file.txt").touch()
-    with held("shared_lock", tmp_path) as other:
+    with held("folder_lock", tmp_path, "shared") as other:
         assert not list(tmp_path.iterdir())
         (tmp_path / ".partial-8-file.txt").touch()
-        with shared_lock(tmp_path):
+        with folder_lock(tmp_path, shared=True):
             assert list(tmp_path.iterdir())
-        with pytest.raises(FolderTaken), exclusive_lock(tmp_path):
+        with pytest.raises(FolderTaken), folder_lock(tmp_path):
             pass
         threading.Timer(0.2, other.kill).start()
-        with exclusive_lock(tmp_path, wait=True):
+        with folder_lock(tmp_path, wait=True):
             assert not list(tmp_path.iterdir())
 
 
@@ -77,7 +78,7 @@ def test_several_share_a_folder_and_the_first_clears_it(tmp_path: Path) -> None:
 def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     run = small_run(algorithm, tmp_path, steps=512)
-    with held("exclusive_lock", run.folder) as other:
+    with held("folder_lock", run.folder) as other:
         with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has finished"):
             train(run, algorithm)
         assert not list(run.folder.iterdir())
@@ -104,7 +105,7 @@ def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pyt
     arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
     with held("file_lock", rule_tuning.log_of("fixed_tuned", tmp_path / "short.tuned.json")):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
-        assert "error: another process works with" in capsys.readouterr().err
+        assert "error: another process works in" in capsys.readouterr().err
         assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
     assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
     assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {"fixed_tuned", "rescaled_grid_search"}

@@ -19,7 +19,7 @@ from train.training import SEED_STRIDE, SEEDS, Algorithm, new_model, train
 from turning_env import FAMILY_ID, IDS, Family, RoughTurningVectorEnv, Scenario, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.batch.driver import action_space, observation_space
-from turning_env.scoring.family import play_family
+from turning_env.scoring.play import play_family
 from turning_env.scoring.seeds import TUNING_START
 
 PPO = ALGORITHMS["ppo"]

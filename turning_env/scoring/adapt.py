@@ -1,12 +1,11 @@
 """Convert functions, models, modules and ONNX files to policies."""
 
-import importlib
+import pkgutil
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from errno import ENOENT
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,10 @@ def as_factory(policy: Any) -> PolicyFactory:
     ``turning_env.score`` lists the accepted kinds: TypeError if it is none, ValueError if a file has other inputs or outputs.
     """
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
-        return as_factory(_imported(policy))
+        try:
+            policy = pkgutil.resolve_name(policy)
+        except (AttributeError, ModuleNotFoundError) as error:
+            raise ValueError(f"cannot be imported from this folder or the installed packages: {error}") from error
     if isinstance(policy, str | Path):
         return _onnx(Path(policy))
     if isinstance(policy, type):
@@ -43,30 +45,11 @@ def as_factory(policy: Any) -> PolicyFactory:
     )
 
 
-def _imported(name: str) -> Any:
-    """Return the object that ``module:object`` names."""
-    module, _, path = name.partition(":")
-    try:
-        found = importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        if error.name != module.partition(".")[0]:
-            raise
-        raise ValueError(f"there is no module {module!r} in this folder or among the installed packages") from None
-    try:
-        return attrgetter(path)(found)
-    except AttributeError as error:
-        raise ValueError(f"{module} has no {path!r}") from error
-
-
 @dataclass
 class _Function(Policy):
-    """A function of observations, and a function that clears its memory, if any."""
+    """A function of observations."""
 
     function: Callable[[Observations], Any]
-    forget: Callable[[NDArray[np.bool_]], None] = lambda mask: None
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        self.forget(mask)
 
     def act(self, observations: Observations) -> Actions:
         return np.asarray(np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0))
@@ -78,10 +61,10 @@ class _Predicts:
 
     model: Any
     _memory: Any = None
-    _starts: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, np.bool_))
+    _starts: Any = False
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        self._starts = mask | self._starts if len(self._starts) else mask.copy()
+        self._starts = mask | self._starts
 
     def act(self, observations: Observations) -> Actions:
         if (trained := self.model.observation_space.shape) != observations.shape[1:]:
@@ -120,8 +103,5 @@ def _onnx(path: Path) -> PolicyFactory:
             "the output action; with a memory, also the input memory and the output next_memory"
         )
 
-    def make(num_envs: int) -> Policy:
-        network = OnnxPolicy(session, inputs["memory"][-1] if "memory" in inputs else 0, num_envs)
-        return _Function(network.act, network.reset)
-
-    return make
+    memory_size = inputs["memory"][-1] if "memory" in inputs else 0
+    return lambda num_envs: OnnxPolicy(session, memory_size, num_envs)

@@ -21,8 +21,7 @@ class OnnxPolicy:
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of the environments in the mask, shape (num_envs,)."""
-        if self.memory.shape[1]:
-            self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
+        self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
 
     def act(self, observations: Floats) -> Floats:
         """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries), both float32, or ValueError."""
@@ -31,9 +30,7 @@ class OnnxPolicy:
 
     def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the actions and the next memory, and leave the policy's own memory as it is; raises as ``act``."""
-        fed = {"observation": observations}
-        if memory.shape[1]:
-            fed["memory"] = memory
+        fed = {"observation": observations} | ({"memory": memory} if memory.shape[1] else {})
         try:
             results = self._session.run(None, fed)
         except Exception as error:  # ONNX Runtime's errors have no common type

@@ -6,9 +6,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.scenario import Scenario
+from turning_env.scenario.family import Family
 from turning_env.scoring.policy import PolicyFactory, PolicySpec
-from turning_env.vector_env import RoughTurningVectorEnv
+from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 SUMS = (
     *(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")),  # [s]
@@ -59,14 +61,11 @@ def play(
         if tell:
             policy.tell(infos)  # type: ignore[attr-defined]
         observations, rewards, terminated, truncated, infos = env.step(policy.act(observations))
-        ended, last = terminated | truncated, infos
-        if ended.any():
-            final = infos["final_info"]
-            last = {name: np.where(ended, final[name], infos[name]) for name in (*SUMS, *LAST, "cost")}
-            ending = running & ended
-            for name in LAST:
-                episodes[name][ending] = last[name][ending]
-            episodes["truncated"] += running & truncated
+        last = {name: info_at_end_of_step(infos, name) for name in (*SUMS, *LAST, "cost")}
+        ended, ending = terminated | truncated, running & (terminated | truncated)
+        for name in LAST:
+            episodes[name][ending] = last[name][ending]
+        episodes["truncated"] += running & truncated
         counted = running.astype(np.float64)  # where an episode has ended, the next counts no more
         episodes["return"] += counted * rewards
         episodes["steps"] += counted
@@ -78,3 +77,18 @@ def play(
             policy.reset(ended)
         on_step(num_envs - int(running.sum()))
     return episodes
+
+
+def play_family(
+    family: Family,
+    split: str,
+    seeds: Sequence[int],
+    make_policy: PolicyFactory,
+    context: Context = "told",
+    on_step: Callable[[int], None] = lambda ended: None,
+    *,
+    tell: bool = False,
+) -> Episodes:
+    """Play one episode per seed of a family's split; see ``play``. A controller built for the jobs needs the context "hidden"."""
+    env = FamilyVectorEnv(len(seeds), family, split, context, AutoresetMode.SAME_STEP)
+    return play(make_policy, env, seeds, on_step, tell=tell)

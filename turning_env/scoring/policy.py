@@ -61,26 +61,18 @@ class PolicySpec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     name: str
-    version: int = Field(default=1, ge=1)
-    """Version of a rule or an oracle: raised when its actions change (``tests/golden/actions.json``)."""
-    kind: Literal["rule", "agent", "oracle"] = "rule"
-    """Whether it is an oracle: it sees hidden quantities, or is a bound that nobody can play."""
+    version: int = Field(default=1, ge=1)  # of a rule or an oracle; raised when its actions change (golden actions)
+    kind: Literal["rule", "agent", "oracle"] = "rule"  # oracle: sees hidden quantities, or is a bound that nobody can play
     description: str = ""
-    parameters: dict[str, JsonValue] = Field(default_factory=dict)
-    """A rule's settings, or the hyperparameters of an agent's training."""
+    parameters: dict[str, JsonValue] = Field(default_factory=dict)  # a rule's settings, or hyperparameters of an agent's training
     knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
     """Model from which a family's policy is built: each job's nominal one, also with the true wear law, with forms that no power
     law has (failures of edges, phases of wear, chatter), or with all that is true."""
-    forgets: bool = False
-    """Whether it forgets everything at each change of the edge."""
-    training_seed: int | None = None
-    """An agent's training seed. Agents of one name with several training seeds are one policy on a leaderboard."""
-    sha256: str | None = None
-    """The SHA-256 of an agent's file."""
-    command: str | None = None
-    """The command that trained an agent or tuned a rule."""
-    tuned_for: ScenarioId | None = None
-    """The scenario on which it was tuned or trained; None: the one that it plays."""
+    forgets: bool = False  # whether it forgets everything at each change of the edge
+    training_seed: int | None = None  # agents of one name with several training seeds are one policy on a leaderboard
+    sha256: str | None = None  # SHA-256 of an agent's file
+    command: str | None = None  # the command that trained an agent or tuned a rule
+    tuned_for: ScenarioId | None = None  # the scenario on which it was tuned or trained; None: the one that it plays
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
     """The scenario of a loaded agent's training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)

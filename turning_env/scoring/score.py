@@ -1,10 +1,9 @@
 """Score a policy in one line: play it on the held-out seeds and rank it among the results that ship."""
 
-import dataclasses
 import json
 import lzma
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,7 @@ from turning_env import FAMILY_ID
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.family import play_family
-from turning_env.scoring.play import Episodes, play
+from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
 
@@ -49,16 +47,10 @@ def shipped(env_id: str) -> tuple[Played, ...]:
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
         raise ValueError(f"{env_id!r} has no results to compare with; ids with results: {', '.join(known)}")
-    content = json.loads(unpacked(path))
     return tuple(
         Played(each["name"], each["kind"], *(np.array(each[name]) for name in ("returns", "severe", "engaged")))
-        for each in content["policies"]
+        for each in json.loads(lzma.decompress(path.read_bytes()))["policies"]
     )
-
-
-def unpacked(path: Path) -> str:
-    """Return the text of a file."""
-    return lzma.decompress(path.read_bytes()).decode()
 
 
 @dataclass(frozen=True)
@@ -66,13 +58,10 @@ class Comparison:
     """Comparison with another policy on the same seeds."""
 
     name: str
-    kind: str
-    """``rule``, ``agent`` or ``oracle``."""
+    kind: str  # ``rule``, ``agent`` or ``oracle``
     feasible: bool
-    mean_return: Estimate
-    """[s of machine time]"""
-    ahead: Estimate
-    """Return of the scored policy less the other's [s], paired by seed."""
+    mean_return: Estimate  # [s of machine time]
+    ahead: Estimate  # return of the scored policy less the other's [s], paired by seed
 
 
 @dataclass(frozen=True)
@@ -81,36 +70,26 @@ class Score:
 
     env_id: str
     seeds: int
-    rank: int
-    """Rank among this policy and those that ship: feasible ones first, then by mean return. Oracles have no rank."""
-    ranked: int
-    """Number of ranked policies, including this one."""
-    mean_return: Estimate
-    """[s of machine time]"""
-    feasible: bool
-    """Whether the upper confidence limit of ``severe_share`` is within the scenario's allowance."""
-    severe_share: float
-    """Share of cutting time with an excess above the tolerance [-]."""
-    comparisons: tuple[Comparison, ...]
-    """Comparisons with every policy that ships, best first; oracles last."""
-    episodes: Episodes = dataclasses.field(repr=False)
-    """The fields ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
+    rank: int  # among this policy and those that ship: feasible ones first, then by mean return; oracles have no rank
+    ranked: int  # number of ranked policies, including this one
+    mean_return: Estimate  # [s of machine time]
+    feasible: bool  # whether the upper confidence limit of ``severe_share`` is within the scenario's allowance
+    severe_share: float  # share of cutting time with an excess above the tolerance [-]
+    comparisons: tuple[Comparison, ...]  # with every policy that ships, best first; oracles last
+    episodes: Episodes = field(repr=False)  # ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)
 
     def table(self) -> str:
         """Return a table with a line per policy that ships: rank, name, return [s], and this policy's return less that [s]."""
-        rows = []
+        notes, rows = {True: "", False: "not feasible"}, []
         for each in self.comparisons:
-            note = "oracle" if each.kind == "oracle" else "" if each.feasible else "not feasible"
+            note = "oracle" if each.kind == "oracle" else notes[each.feasible]
             rows.append((each.name, _interval(each.mean_return), _interval(each.ahead, "+"), note))
-        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", "" if self.feasible else "not feasible"))
-        places = [*map(str, range(1, self.ranked + 1)), *[""] * (len(rows) - self.ranked)]
-        head = ("policy", "return", "difference of this policy", "")
-        name, mean, ahead, _ = (max(map(len, column)) for column in zip(head, *rows, strict=True))
-        lines = (
-            f"{place:>4}  {row[0]:<{name}}  {row[1]:>{mean}}  {row[2]:>{ahead}}  {row[3]}"
-            for place, row in zip(["rank", *places], [head, *rows], strict=True)
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", notes[self.feasible]))
+        rows.insert(0, ("policy", "return", "difference of this policy", ""))
+        name, mean, ahead, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
+        places = ["rank", *range(1, self.ranked + 1), *[""] * (len(rows) - self.ranked - 1)]
+        lines = zip(places, rows, strict=True)
+        return "\n".join(f"{at:>4}  {a:<{name}}  {b:>{mean}}  {c:>{ahead}}  {d}".rstrip() for at, (a, b, c, d) in lines)
 
     def __str__(self) -> str:
         """Return rank, return, difference from the next-ranked policy, and feasibility, for people."""
@@ -164,24 +143,22 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
     """Rank one policy's episodes, fields of shape (seeds,), among other policies' episodes on the same seeds."""
     mine = Played("", "agent", *(episodes[name][None] for name in ("return", "severe_overload_time", "engaged_time")))
     bootstrap = Bootstrap(mine.returns.shape[1])
-    my_means = bootstrap.means(mine.returns, mine.name)
+    my_means, my_mean = bootstrap.means(mine.returns, mine.name), float(np.mean(mine.returns))
 
-    def feasible(played: Played) -> bool:
-        return bootstrap.severe_limit(played.severe, played.engaged, played.name) <= scenario.limits.overload_allowance
-
-    comparisons = []
-    for each in others:
+    def compared(each: Played) -> Comparison:
+        limit = bootstrap.severe_limit(each.severe, each.engaged, each.name)
         means, mean = bootstrap.means(each.returns, each.name), float(np.mean(each.returns))
-        ahead = Estimate.of(float(np.mean(mine.returns)) - mean, my_means - means)
-        comparisons.append(Comparison(each.name, each.kind, feasible(each), Estimate.of(mean, means), ahead))
-    comparisons.sort(key=lambda each: (rank_key(each.kind, each.feasible, each.mean_return.value), each.name))
+        mean_return, ahead = Estimate.of(mean, means), Estimate.of(my_mean - mean, my_means - means)
+        return Comparison(each.name, each.kind, limit <= scenario.limits.overload_allowance, mean_return, ahead)
+
+    def key(each: Comparison) -> tuple[bool, bool, float]:
+        return rank_key(each.kind, each.feasible, each.mean_return.value)
+
+    me, comparisons = compared(mine), tuple(sorted(map(compared, others), key=lambda each: (key(each), each.name)))
     ranked = [each for each in comparisons if each.kind != "oracle"]
-    mine_feasible, my_return = feasible(mine), Estimate.of(float(np.mean(mine.returns)), my_means)
-    my_key = rank_key(mine.kind, mine_feasible, my_return.value)
-    better = sum(rank_key(each.kind, each.feasible, each.mean_return.value) < my_key for each in ranked)
-    share, count = severe_share(mine.severe.ravel(), mine.engaged.ravel()), mine.returns.shape[1]
-    rank = better + 1, len(ranked) + 1
-    return Score(env_id, count, *rank, my_return, mine_feasible, share, tuple(comparisons), episodes)
+    rank = 1 + sum(key(each) < key(me) for each in ranked)
+    share, seeds = severe_share(mine.severe.ravel(), mine.engaged.ravel()), mine.returns.shape[1]
+    return Score(env_id, seeds, rank, len(ranked) + 1, me.mean_return, me.feasible, share, comparisons, episodes)
 
 
 def _interval(estimate: Estimate, sign: str = "") -> str:

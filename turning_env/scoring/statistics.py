@@ -18,8 +18,6 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 KEY = 709  # fixed, so that the same episodes give the same limit
 
-_CHUNK = 100  # resamples held in memory at a time
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -40,14 +38,13 @@ class Estimate:
 class Bootstrap:
     """The resamples of one ranking, in which every policy plays the same seeds."""
 
-    def __init__(self, seeds: int, resamples: int = RESAMPLES) -> None:
-        self.resamples = resamples
-        self._seeds = np.random.default_rng(KEY).integers(seeds, size=(resamples, seeds))
+    def __init__(self, seeds: int) -> None:
+        self._seeds = np.random.default_rng(KEY).integers(seeds, size=(RESAMPLES, seeds))
         self._seed_weights = _weights(self._seeds, seeds)
 
     def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
         # Keyed by name: two policies' training seeds are unrelated even if they are the same numbers.
-        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(self.resamples, count))
+        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(RESAMPLES, count))
 
     def means(self, values: Floats, policy: str) -> Floats:
         """Return the mean of a policy's values, shape (training seeds, seeds), in each resample, shape (resamples,)."""
@@ -57,30 +54,17 @@ class Bootstrap:
 
     def interquartile_means(self, values: Floats, policy: str) -> Floats:
         """Return the interquartile mean of a policy's values in each resample: see ``means``."""
-        training_seeds = self._training_seeds(policy, len(values))
-        chunks = []
-        for start in range(0, self.resamples, _CHUNK):
-            chunk = slice(start, start + _CHUNK)
-            resampled = values[training_seeds[chunk, :, None], self._seeds[chunk, None, :]]
-            chunks.append(interquartile_mean(resampled.reshape(len(resampled), -1)))
-        return np.concatenate(chunks)
+        resamples = zip(self._training_seeds(policy, len(values)), self._seeds, strict=True)
+        return np.array([interquartile_mean(values[np.ix_(*picks)].ravel()) for picks in resamples])
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
-        """Return the upper limit of a policy's severe share: see ``severe_limit``; shapes (training seeds, seeds)."""
+        """Return the one-sided upper confidence limit of ``severe_share`` [-]; arguments of shape (training seeds, seeds)."""
         return float(np.quantile(ratio(self.means(severe, policy), self.means(engaged, policy)), CONFIDENCE))
 
 
 def severe_share(severe: Floats, engaged: Floats) -> float:
-    """Return the share of cutting time with an excess above the tolerance [-]: sum(severe) / sum(engaged), 0 without cutting.
-
-    Both are times in each episode [s], shape (seeds,).
-    """
-    return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True))[0])
-
-
-def severe_limit(severe: Floats, engaged: Floats) -> float:
-    """Return the one-sided upper confidence limit of ``severe_share`` [-] by bootstrap over seeds, for the same arguments."""
-    return Bootstrap(len(engaged)).severe_limit(severe[None], engaged[None], "")
+    """Return the share of cutting time with an excess above the tolerance [-], 0 without cutting, from times per episode [s]."""
+    return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True)).item())
 
 
 def ratio(parts: Floats, wholes: Floats) -> Floats:
@@ -93,18 +77,10 @@ def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float
     return kind == "oracle", not feasible, -merit
 
 
-def interquartile_mean(values: Floats) -> Floats:
-    """Return the mean over the last axis without its lowest and highest quarter, each rounded down."""
-    cut = values.shape[-1] // 4
-    return np.asarray(np.mean(np.sort(values, axis=-1)[..., cut : values.shape[-1] - cut], axis=-1))
-
-
-def improvement(returns: Floats, others: Floats) -> Floats:
-    """Compare each return with another policy's on the same seed, averaged over its training seeds: 1 above, 0.5 equal, 0 below.
-
-    All are of shape (training seeds, seeds). The mean is the probability of improvement P(X > Y) + P(X = Y) / 2.
-    """
-    return np.asarray(np.mean((1.0 + np.sign(returns[:, None, :] - others[None, :, :])) / 2.0, axis=1))
+def interquartile_mean(values: Floats) -> float:
+    """Return the mean of values, shape (values,), without the lowest and highest quarter, each rounded down."""
+    cut = len(values) // 4
+    return float(np.mean(np.sort(values)[cut : len(values) - cut]))
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:

@@ -8,12 +8,12 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib import metadata
 from signal import SIG_IGN, SIGINT, signal
-from typing import Any, TypeVar
+from typing import Any
 
 from turning_env.physics import MODEL_VERSION
 from turning_env.scoring.onnx_session import first_line
@@ -23,10 +23,6 @@ CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _PACKAGES = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
 _ONE_AT_A_TIME = threading.Lock()
-
-Tag = TypeVar("Tag")
-Piece = TypeVar("Piece")
-Outcome = TypeVar("Outcome")
 
 
 class WorkersError(ValueError):
@@ -93,32 +89,26 @@ def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers 
     return processes(jobs) if jobs > 1 else nullcontext()
 
 
-def spread(
-    over: Workers | None, work: Callable[[Piece], Outcome], pieces: Iterable[tuple[Tag, Piece]]
-) -> Iterator[tuple[Tag, Outcome]]:
+def spread(over: Workers | None, work: Callable[[Any], Any], pieces: Collection[tuple[Any, Any]]) -> Iterator[tuple[Any, Any]]:
     """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process."""
     if over is None:
-        for tag, piece in pieces:
-            yield tag, work(piece)
+        yield from ((tag, work(piece)) for tag, piece in pieces)
         return
-    count = 0
-    for count, (tag, piece) in enumerate(pieces, 1):  # noqa: B007
+    for tag, piece in pieces:
         over.start(tag, work, piece)
-    for _ in range(count):
-        yield over.finished()
+    yield from (over.finished() for _ in pieces)
 
 
 def _begin(parent: int) -> None:
-    """Prepare a new process."""
+    """Prepare a new process. It ends soon after its parent; otherwise it would wait for work forever if the parent is killed."""
+
+    def end_with_parent() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
     signal(SIGINT, SIG_IGN)  # the waiting process handles interruptions
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    """End this process soon after its parent; otherwise it would wait for work forever if the parent is killed."""
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(1)
+    threading.Thread(target=end_with_parent, daemon=True).start()
 
 
 def _do(wanted: dict[str, str], work: Callable[..., Any], *arguments: Any) -> Any:

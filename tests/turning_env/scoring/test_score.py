@@ -1,6 +1,7 @@
 """The score of whatever a user has that acts."""
 
 import json
+import lzma
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from baselines.catalogue import spec
 from leaderboard.pack import contents
 from turning_env import FAMILY_ID, Scenario
 from turning_env.__main__ import main
-from turning_env.scoring.score import FOLDER, Score, compare, score, shipped, unpacked
+from turning_env.scoring.score import FOLDER, Score, compare, score, shipped
 
 ROOT = Path(__file__).parents[3]
 AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
@@ -50,7 +51,7 @@ def expected() -> Score:
 
 def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
     made = contents(ROOT / "leaderboard" / "results")
-    assert {path: unpacked(path) for path in made} == made
+    assert {path: lzma.decompress(path.read_bytes()).decode() for path in made} == made
     assert {path.name for path in FOLDER.iterdir()} == {path.name for path in made}
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from turning_env.scoring.statistics import Bootstrap, improvement, interquartile_mean, severe_limit, severe_share
+from turning_env.scoring.statistics import Bootstrap, interquartile_mean, severe_share
 
 
 def test_resamples_vary_as_means_do() -> None:
@@ -16,13 +16,7 @@ def test_resamples_vary_as_means_do() -> None:
 
 def test_interquartile_mean_drops_a_quarter_at_either_end() -> None:
     assert interquartile_mean(np.array([8.0, 1, 2, 100, 3, 4, 5, -50])) == (2 + 3 + 4 + 5) / 4
-    np.testing.assert_array_equal(interquartile_mean(np.array([[9.0, 1, 2, 3], [4, 0, 6, 8]])), [2.5, 5.0])
-
-
-def test_improvement_counts_ties_half_and_averages_over_the_others_training_seeds() -> None:
-    returns = np.array([[1.0, 2, 3, 4], [9, 0, 4, 5]])
-    np.testing.assert_array_equal(improvement(returns, np.array([[0.0, 2, 4, 4]])), [[1, 0.5, 0, 0.5], [1, 0, 0.5, 1]])
-    np.testing.assert_array_equal(improvement(returns[:1], np.array([[0.0, 0, 0, 0], [9, 9, 9, 4]])), [[0.5, 0.5, 0.5, 0.75]])
+    assert interquartile_mean(np.array([9.0, 1, 2, 3, 4])) == 3.0
 
 
 def test_seeds_are_paired_and_training_seeds_are_not() -> None:
@@ -41,4 +35,5 @@ SEVERE = np.array([10.0, 0.0, 4.0, 0.0, 30.0])
 
 def test_the_limit_is_above_the_share() -> None:
     assert severe_share(SEVERE, ENGAGED) == pytest.approx(44 / 900)
-    assert severe_share(SEVERE, ENGAGED) < severe_limit(SEVERE, ENGAGED) < max(SEVERE / ENGAGED)
+    limit = Bootstrap(len(SEVERE)).severe_limit(SEVERE[None], ENGAGED[None], "rule")
+    assert severe_share(SEVERE, ENGAGED) < limit < max(SEVERE / ENGAGED)
