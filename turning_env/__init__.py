@@ -38,12 +38,9 @@ _MODULE_OF = {name: module for module, names in _MODULES.items() for name in nam
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: Numba and Pydantic take half a second."""
     if name == "__version__":
-        from importlib.metadata import PackageNotFoundError, version
+        from importlib.metadata import version
 
-        try:
-            return version("rough-turning")
-        except PackageNotFoundError:  # run from a folder of sources
-            return "0+unknown"
+        return version("rough-turning")
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
@@ -68,11 +65,10 @@ IDS = {env_id: preset for env_id, (_, preset) in _ENTRY_POINTS.items()}
 FAMILY_ID = "RoughTurning-Family-v0"
 
 
-def _register(env_id: str, single: str, batch: str, **kwargs: str) -> None:
-    gymnasium.register(env_id, f"turning_env.{single}", vector_entry_point=f"turning_env.{batch}", kwargs=kwargs)
-
+_BATCH = "turning_env.vector_env:RoughTurningVectorEnv"
+_FAMILY = "turning_env.family_env:Family"
 
 for _id, (_single, _preset) in _ENTRY_POINTS.items():
-    _register(_id, _single, "vector_env:RoughTurningVectorEnv", scenario=_preset)
-_register(FAMILY_ID, "family_env:FamilyEnv", "family_env:FamilyVectorEnv", family="shop")
+    gymnasium.register(_id, f"turning_env.{_single}", vector_entry_point=_BATCH, kwargs={"scenario": _preset})
+gymnasium.register(FAMILY_ID, f"{_FAMILY}Env", vector_entry_point=f"{_FAMILY}VectorEnv", kwargs={"family": "shop"})
 gymnasium.register("RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv")  # needs a program

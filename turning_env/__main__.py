@@ -1,16 +1,4 @@
-"""Show scenarios, calibrate them from measurements, predict cuts, play part programs, score policies, and compile in advance.
-
-python -m turning_env presets
-python -m turning_env show forging
-python -m turning_env schema
-python -m turning_env calibrate cuts.csv --out my_tool.toml
-python -m turning_env whatif my_tool.toml --cutting-speed 150 --feed 0.3 --wear 0.2
-python -m turning_env map my_tool.toml --wear 0.2 --out map.png
-python -m turning_env advise my_tool.toml
-python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120
-python -m turning_env score my_agent.onnx
-python -m turning_env warm-up
-"""
+"""Show scenarios, calibrate them from measurements, predict cuts, play part programs, score policies, and compile in advance."""
 
 import argparse
 import inspect
@@ -22,7 +10,7 @@ from pathlib import Path
 import gymnasium
 
 from turning_env import FAMILY_ID, IDS, score
-from turning_env.console import MISTAKE, Mistake, described, exits, print_json
+from turning_env.console import Mistake, described, exits, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 
@@ -37,6 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
         added.set_defaults(run=run)
         if scenario:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
+        parser.epilog = "\n".join((parser.epilog or "examples:", (added.epilog or "").splitlines()[1]))
         return added
 
     command(_presets, "print the names of the presets", scenario=False)
@@ -102,8 +91,7 @@ def _score(options: argparse.Namespace) -> int:
     try:
         found = score(options.policy, options.env, options.seeds)
     except (TypeError, ValueError) as error:
-        print(f"error: {options.policy}: {error}", file=sys.stderr)
-        return MISTAKE
+        raise Mistake(f"{options.policy}: {error}") from error
     if options.json:
         print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
     else:

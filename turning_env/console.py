@@ -8,6 +8,7 @@ import argparse
 import functools
 import inspect
 import os
+import shutil
 import sys
 import textwrap
 from collections.abc import Callable
@@ -32,43 +33,31 @@ _P = ParamSpec("_P")
 def described(text: str | None) -> dict[str, Any]:
     """Return argparse's keyword arguments for a docstring: its prose as description, its examples as epilog.
 
-    A paragraph that begins with ``python -m`` holds examples, one command per line.
+    A paragraph that begins with ``python -m`` holds examples, one command per line. Others are wrapped to the terminal, except
+    those with an indented line or a list item.
     """
-    paragraphs = inspect.cleandoc(text or "").split("\n\n")
-    commands = [paragraph for paragraph in paragraphs if paragraph.lstrip().startswith("python -m ")]
-    examples = [f"  {line.strip()}" for paragraph in commands for line in paragraph.splitlines()]
-    title = "example:" if len(examples) == 1 else "examples:"
-    return {
-        "description": "\n\n".join(paragraph.replace("``", "") for paragraph in paragraphs if paragraph not in commands),
-        "epilog": "\n".join([title, *examples]) if examples else None,
-        "formatter_class": _Help,
-    }
-
-
-class _Help(argparse.HelpFormatter):
-    """Wraps each paragraph to the terminal, except those with an indented line or a list item."""
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        paragraphs = text.split("\n\n")
-        for i, paragraph in enumerate(paragraphs):
-            if not any(line.startswith((" ", "- ")) for line in paragraph.splitlines()):
-                paragraphs[i] = textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False)
-        return textwrap.indent("\n\n".join(paragraphs), indent)
+    prose, epilog, width = [], None, shutil.get_terminal_size().columns - 2
+    for paragraph in inspect.cleandoc(text or "").replace("``", "").split("\n\n"):
+        if paragraph.startswith("python -m "):
+            title = "examples" if "\n" in paragraph else "example"
+            epilog = f"{title}:\n{textwrap.indent(paragraph, '  ')}"
+        elif any(line.startswith((" ", "- ")) for line in paragraph.splitlines()):
+            prose.append(paragraph)
+        else:
+            prose.append(textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False))
+    formatter = argparse.RawDescriptionHelpFormatter
+    return {"description": "\n\n".join(prose), "epilog": epilog, "formatter_class": formatter}
 
 
 def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
     """Return an argparse type for a number within a range [unit], ends included."""
 
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-        if not low <= value <= high:
+    def number(text: str) -> float:
+        if not low <= (value := float(text)) <= high:
             raise argparse.ArgumentTypeError(f"{text} is outside the allowed range {low:g} to {high:g} {unit}".rstrip(" -"))
         return value
 
-    return parse
+    return number
 
 
 def picture_path(text: str) -> Path:

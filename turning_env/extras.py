@@ -27,8 +27,7 @@ _CLONE_ONLY = ("benchmark", "distributed")
 def provided(what: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
 
-    Nothing here imports the packages that lean on it. Rules are declared by every installation, but only a clone has them.
-    ModuleNotFoundError if an optional package is not installed.
+    Rules are declared by every installation, but only a clone has them. ModuleNotFoundError if an optional package is missing.
     """
     found = []
     for entry in entry_points(group=f"turning_env.{what}"):
@@ -40,15 +39,13 @@ def provided(what: str) -> list[Any]:
     return found
 
 
-def missing(error: BaseException) -> str | None:
-    """Return the message for a failed import of an optional package; None for any other error."""
-    if not isinstance(error, ModuleNotFoundError):
-        return None
+def missing(error: ModuleNotFoundError) -> str | None:
+    """Return the message for a failed import of an optional package; None for other modules."""
     name = (error.name or "").partition(".")[0]
     for extra, packages in EXTRAS.items():
         if name in packages:
-            in_clone, of_wheel = f"pip install -e '.[{extra}]' in a clone", f"pip install 'rough-turning[{extra}]'"
-            return f"{name} is not installed: {in_clone if extra in _CLONE_ONLY else of_wheel}"
+            source = f"-e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f"'rough-turning[{extra}]'"
+            return f"{name} is not installed: pip install {source}"
     return None
 
 
@@ -64,14 +61,10 @@ def needed(error_type: type[Exception] | None = None) -> Iterator[None]:
 
 
 def tell_plainly() -> None:
-    """Make a missing optional package end this program with one line and status 2, like other user's mistakes.
-
-    A package whose modules run with ``python -m`` calls this before it imports optional packages. It does nothing in a program
-    that only imports the package.
-    """
+    """Let a missing optional package end ``python -m`` of the caller's modules with one line and status 2."""
 
     def print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-        if message := missing(error):
+        if isinstance(error, ModuleNotFoundError) and (message := missing(error)):
             print(f"error: {message}", file=sys.stderr)
             sys.exit(2)
         sys.__excepthook__(kind, error, traceback)

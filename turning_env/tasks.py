@@ -1,6 +1,6 @@
 """Specifications of the ids beside ``RoughTurning-v0``. Each has its own preset; all share one transition.
 
-``turning_env.SPLITS`` names presets that show how policies trained or tuned for ``RoughTurning-v0`` generalise.
+Whatever a specification leaves out is as for ``RoughTurningEnv``.
 """
 
 from turning_env.env import RoughTurningEnv
@@ -21,28 +21,17 @@ class PaperEnv(RoughTurningEnv):
 class OverrideEnv(RoughTurningEnv):
     """``RoughTurning-Override-v0``: hold the spindle load by feed override, and finish early (fuzzy override paper).
 
-    ## Description
-
     One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed
     0.4 mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four
-    turns. Depth and hardness also vary at random. The policy sets the feed override every 12 ms, an interpolator's cycle. The
-    target load is 60 % of 9 kW. Load above it is charged as overload; time is charged, too. The feed servo lags by 0.13 s.
+    turns. Depth and hardness also vary at random. The feed servo lags by 0.13 s. The target load is 60 % of 9 kW, the observed
+    power limit. At this one spindle speed it is also the share of torque, for every drive with a base speed of up to 710 rev/min.
+    The preset `override_torque` has an idle torque beside, as the paper's drive.
 
-    ## Action space
+    **Action**, `Box(-1, 1, (1,), float32)`, every 12 ms, an interpolator's cycle: feed override, from 0 % (-1) to 200 % (1) of
+    the programmed feed. Below 1 % it stays at 1 %.
 
-    `Box(-1, 1, (1,), float32)`: feed override, from 0 % (-1) to 200 % (1) of the programmed feed. Below 1 % it stays at 1 %.
-
-    ## Observation space
-
-    As for `RoughTurningEnv`; the power limit is the target load, 5.4 kW. The spindle load is power / 9 kW. At this one spindle
-    speed it is also the share of torque, for every drive with a base speed of up to 710 rev/min. The preset `override_torque` has
-    an idle torque beside, as the paper's drive.
-
-    ## Reward and end
-
-    As for `RoughTurningEnv`. Every policy that finishes removes the same metal, so time, overload and a little edge life make
-    the difference. Terminated when the bar is done (`info["finished"]`), or the edge is worn out or broken; truncated after
-    5 min.
+    **Reward and end.** Every policy that finishes removes the same metal, so time, overload and a little edge life make the
+    difference. Terminated when the bar is done (`info["finished"]`), or the edge is worn out or broken; truncated after 5 min.
     """
 
     _PRESET = "override"
@@ -51,27 +40,17 @@ class OverrideEnv(RoughTurningEnv):
 class SurfaceEnv(RoughTurningEnv):
     """``RoughTurning-Surface-v1``: hold roughness Ra at a changing reference by feed override (roughness control paper).
 
-    ## Description
-
     Ck 45 steel, 610 rev/min, depth of cut 1 mm, programmed feed 0.2 mm/rev. Roughness follows the cutting force: Ra = 0.2401
-    exp(0.0034 F) um. The force varies at random by up to 10 % with the hardness along the bar. The policy sets the feed override
-    every 10 ms. The reference of Ra, 1.0 to 3.1 um, changes every 3.75 s. The feed servo lags by 0.13 s; the force follows a
-    changed chip within a turn. `thrust_force` stands for the paper's resultant cutting force.
+    exp(0.0034 F) um. The force varies at random by up to 10 % with the hardness along the bar. The reference of Ra, 1.0 to 3.1
+    um, changes every 3.75 s. The feed servo lags by 0.13 s; the force follows a changed chip within a turn. `thrust_force` stands
+    for the paper's resultant cutting force.
 
-    ## Action space
+    **Action**, `Box(-1, 1, (1,), float32)`, every 10 ms: feed override, from 0 % (-1) to 150 % (1) of the programmed feed. Below
+    1 % it stays at 1 %. **Observation:** also `roughness_reference`, -1 at the lowest, 1 at the highest, on a log scale.
 
-    `Box(-1, 1, (1,), float32)`: feed override, from 0 % (-1) to 150 % (1) of the programmed feed. Below 1 % it stays at 1 %.
-
-    ## Observation space
-
-    As for `RoughTurningEnv`, plus `roughness_reference`: -1 at the lowest, 1 at the highest, on a log scale.
-
-    ## Reward and end
-
-    `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. In air no surface is
-    made, and the deviation is 1. Metal is worth next to nothing, and all episodes take the same time. Truncated after 15 s.
-
-    v1: the deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
+    **Reward and end.** `reward_roughness` is -10 times the relative deviation of Ra from its reference, integrated over time. In
+    air no surface is made, and the deviation is 1. Metal is worth next to nothing, and all episodes take the same time: truncated
+    after 15 s. v1: the deviation counts in air. In v0 it did not, so a policy that never reached the bar returned most.
     """
 
     _PRESET = "surface"
@@ -80,25 +59,14 @@ class SurfaceEnv(RoughTurningEnv):
 class ShiftEnv(RoughTurningEnv):
     """``RoughTurning-Shift-v0``: earn the most profit in two hours, over many edges; the policy decides when to change one.
 
-    ## Description
+    The episode goes on when an edge ends. A worn-out or broken edge is changed within the step. A change takes 2 min, plus 3 min
+    if the edge wore out without a command, or plus 10 min if it broke. The policy can change an edge before it ends.
 
-    `RoughTurningEnv`, but the episode goes on when an edge ends. A worn-out or broken edge is changed within the step. A change
-    takes 2 min, plus 3 min if the edge wore out without a command, or plus 10 min if it broke. The policy can change an edge
-    before it ends.
+    **Action**, `Box(-1, 1, (3,), float32)`: cutting speed and feed as in `RoughTurningEnv`. If the third number is above 0, the
+    edge is changed before the step's cut. **Observation:** cutting time and nominal wear are the present edge's.
 
-    ## Action space
-
-    `Box(-1, 1, (3,), float32)`: cutting speed and feed as in `RoughTurningEnv`. If the third number is above 0, the edge is
-    changed before the step's cut.
-
-    ## Observation space
-
-    As for `RoughTurningEnv`; cutting time and nominal wear are the present edge's.
-
-    ## Reward and end
-
-    As for `RoughTurningEnv`, with two differences. An edge costs 3 min only, because the time to change it passes. A discarded
-    edge is charged whole. The return is the shift's profit. Truncated after 120 min.
+    **Reward and end.** An edge costs 3 min only, because the time to change it passes. A discarded edge is charged whole. The
+    return is the shift's profit. Truncated after 120 min.
     """
 
     _PRESET = "shift"
@@ -107,41 +75,23 @@ class ShiftEnv(RoughTurningEnv):
 class BatchEnv(RoughTurningEnv):
     """``RoughTurning-Batch-v0``: rough a batch of blanks in passes at the least cost (adaptive part programming paper).
 
-    ## Description
-
     The laws are the adaptive part programming paper's, with handbook exponents: force ~ S^0.75 t, life ~ V^-5 S^-1.75 t^-0.75.
     `thrust_force` stands for the main cutting force, at most 3000 N. An episode has twenty blanks, cast by default (scenarios
     `batch_casting`, `batch_forging`, `batch_rolled`, `batch_welded`); their size and hardness differ from the drawing's. The
     scenarios `batch_p20`, `batch_k20`, `batch_p30`, `batch_p01` and `batch_m20` are the paper's typical cases, which also limit
-    radial force, torque and roughness.
-    One step turns one part. The action sets the number of passes, the allowance of the path, and speed and feed of each pass.
-    Passes have equal depth, counted from the finished contour outwards. The first pass also takes what the blank has beyond the
-    path's allowance. If the blank has less, the first passes cut less, or air. An edge that is worn out or broken is changed,
-    as in `ShiftEnv`. After each pass the tool returns, which takes 0.1 min.
+    radial force, torque and roughness. One step turns one part. Passes have equal depth, counted from the finished contour
+    outwards. The first pass also takes what the blank has beyond the path's allowance. If the blank has less, the first passes
+    cut less, or air. Edges are changed as in `ShiftEnv`. After each pass the tool returns, which takes 0.1 min.
 
-    ## Action space
+    **Action**, `Box(-1, 1, (10,), float32)`: number of passes (the range is divided evenly among 1, 2, 3 and 4); allowance of the
+    path, 0 (-1) to twice the drawing's (1), 10 mm; then, for each of four passes, cutting speed, 60 to 240 m/min, and feed,
+    0.06 to 0.60 mm/rev.
 
-    `Box(-1, 1, (10,), float32)`
+    **Observation**, of the part before: power and force are means over its last pass, speed and feed are that pass's. Beside
+    these, `probed_depth`: `5 * (mean allowance of the next blank / drawing's allowance - 1)`, unless `sensors.probe = false`.
 
-    | Index      | Action                       | -1          | 1                           |
-    |------------|------------------------------|-------------|-----------------------------|
-    | 0          | number of passes             | 1           | 4                           |
-    | 1          | allowance of the path        | 0           | twice the drawing's (10 mm) |
-    | 2, 4, 6, 8 | cutting speed of pass 1 to 4 | 60 m/min    | 240 m/min                   |
-    | 3, 5, 7, 9 | feed of pass 1 to 4          | 0.06 mm/rev | 0.60 mm/rev                 |
-
-    The first action's range is divided evenly among 1, 2, 3 and 4 passes.
-
-    ## Observation space
-
-    As for `RoughTurningEnv`, about the part before: power and force are means over its last pass, speed and feed are that
-    pass's. `probed_depth` is added: `5 * (mean allowance of the next blank / drawing's allowance - 1)`. With
-    `sensors.probe = false` blanks are not probed and the entry is missing.
-
-    ## Reward and end
-
-    As for `ShiftEnv`. Every action removes a blank's whole allowance, so time, edges, overload and breakage make the
-    difference. Terminated after twenty parts.
+    **Reward and end.** As for `ShiftEnv`. Every action removes a blank's whole allowance, so time, edges, overload and breakage
+    make the difference. Terminated after twenty parts.
     """
 
     _PRESET = "batch_casting"
