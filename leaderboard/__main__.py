@@ -21,7 +21,7 @@ from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
 from turning_env.console import DONE, FAILED, described, exits, print_json
 from turning_env.files import digest_of
-from turning_env.scoring.seeds import held_out_seeds, private_seeds
+from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
 
 PAGE = "index.html"
@@ -109,10 +109,7 @@ def _tasks(options: argparse.Namespace) -> list[Task]:
 
 def _private(task: Task, key: str) -> tuple[Task, list[int]]:
     """Return a task on the seeds of a private key, which names their places and their digest, and the seeds."""
-    try:
-        seeds = private_seeds(key, len(task.seeds))
-    except ValueError as error:
-        raise ResultError(f"--private-key: {error}") from error
+    seeds = run.private_seeds(key, len(task.seeds))
     return task.model_copy(update={"seeds": list(range(len(seeds))), "private": digest_of(seeds)}), seeds
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 from tqdm import tqdm
@@ -25,18 +26,22 @@ from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
 from turning_env import Scenario
 from turning_env.files import folder_lock
-from turning_env.scoring.play import Episodes, play_spec
+from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import Workers, spread
 
 Attempt = Episodes | ResultError
+MIN_KEY = 16  # least number of characters of a private key: who sees results must not find it by trying
 
 
 def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable[[int], None] = lambda ended: None) -> Attempt:
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
-        return play_spec(spec, scenario, seeds, on_step)
+        if spec.compute is not None:
+            return dict(spec.compute(scenario, seeds, on_step))
+        return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
     except ValueError as error:
         return ResultError(f"{spec.label} cannot play: {error}")
 
@@ -54,6 +59,14 @@ class TaskRun:
     def seeds(self) -> Sequence[int]:
         """Return the seeds that are played."""
         return self.task.seeds if self.private is None else self.private
+
+
+def private_seeds(key: str, count: int) -> list[int]:
+    """Return the first ``count`` seeds that a key of at least 16 characters determines; its owner knows them."""
+    if len(key) < MIN_KEY:
+        raise ResultError(f"--private-key: the private key has {len(key)} characters, but must have at least {MIN_KEY}")
+    first = 1_000_000 + (int.from_bytes(sha256(f"seeds {key}".encode()).digest()[:8]) >> 1)
+    return [first + seed for seed in held_out_seeds(count)]
 
 
 class PoliciesFailed(ResultError):

@@ -37,16 +37,16 @@ def described(text: str | None) -> dict[str, Any]:
     those with an indented line or a list item.
     """
     prose, epilog, width = [], None, shutil.get_terminal_size().columns - 2
-    for paragraph in inspect.cleandoc(text or "").replace("``", "").split("\n\n"):
-        if paragraph.startswith("python -m "):
-            title = "examples" if "\n" in paragraph else "example"
-            epilog = f"{title}:\n{textwrap.indent(paragraph, '  ')}"
-        elif any(line.startswith((" ", "- ")) for line in paragraph.splitlines()):
+    for paragraph in inspect.cleandoc(text or "").split("\n\n"):
+        lines = paragraph.splitlines()
+        if paragraph.lstrip().startswith("python -m "):
+            epilog = "\n  ".join(("example:" if len(lines) == 1 else "examples:", *map(str.strip, lines)))
+        elif any(line.startswith((" ", "- ")) for line in lines):
             prose.append(paragraph)
         else:
             prose.append(textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False))
     formatter = argparse.RawDescriptionHelpFormatter
-    return {"description": "\n\n".join(prose), "epilog": epilog, "formatter_class": formatter}
+    return {"description": "\n\n".join(prose).replace("``", ""), "epilog": epilog, "formatter_class": formatter}
 
 
 def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:

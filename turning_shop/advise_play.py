@@ -15,7 +15,7 @@ from turning_env.action import set_point_action
 from turning_env.extras import provided
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import Episodes, play, play_spec
+from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
@@ -117,7 +117,7 @@ def play_all(
     for catalogue in found:
         name, spec = best_rule(catalogue, scenario, own)
         on_play(f"rule {name}")
-        played.append((f"rule {name}", play_spec(spec, own, seeds)))
+        played.append((f"rule {name}", play(spec.make, own, seeds)))
     for agent in agents:
         name = f"agent {Path(agent).stem}"
         on_play(name)

@@ -9,10 +9,10 @@ import yaml
 from leaderboard import policies
 from leaderboard.__main__ import main
 from leaderboard.result import Result, Task, result_folder, write_result
+from leaderboard.run import attempt
 from tests.leaderboard.conftest import ENV_ID, on
 from tests.train import onnx_agents
 from turning_env import Scenario
-from turning_env.scoring.play import play_spec
 from turning_env.scoring.policy import ScenarioId
 
 pytestmark = pytest.mark.slow  # exports and plays agents
@@ -28,7 +28,7 @@ def shipped(tmp_path: Path, task: Task) -> Path:
     for each in (own, split):
         for policy in [*policies.agents(paths, on(each.scenario)), policies.one_named("fixed_handbook", on(each.scenario))]:
             assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
-            result = Result.of(each, policy, play_spec(policy, each.scenario, each.seeds))
+            result = Result.of(each, policy, attempt((policy, each.scenario, each.seeds)))
             write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))
     return tmp_path
 

@@ -11,13 +11,22 @@ from leaderboard import policies, verify
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import result_folder
+from leaderboard.run import private_seeds
 from tests.leaderboard.conftest import ENV_ID, on, only
 from turning_env import Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.play import play
-from turning_env.scoring.seeds import private_seeds
+from turning_env.scoring.seeds import HELD_OUT_START
 
 KEY = secrets.token_hex()
+
+
+def test_a_private_key_determines_seeds_that_are_not_public() -> None:
+    first, other = private_seeds("correct horse battery", 1000), private_seeds("correct horse batterz", 1000)
+    assert first == private_seeds("correct horse battery", 1000)
+    assert not set(first) & set(other)
+    assert min(first + other) >= HELD_OUT_START + 1_000_000
+    assert max(first + other) < 2**64
 
 
 def test_results_tell_the_digest_and_nothing_else(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:

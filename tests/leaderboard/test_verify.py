@@ -13,11 +13,11 @@ from leaderboard.__main__ import main
 from leaderboard.family import CAUSAL
 from leaderboard.policies import CLAIRVOYANT
 from leaderboard.result import MANIFEST_FILE, Result, Task, result_folder, write_manifest, write_result
+from leaderboard.run import attempt
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
 from tests.train import onnx_agents
 from turning_env import MODEL_VERSION, Scenario
-from turning_env.scoring.play import play_spec
 from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"
@@ -28,7 +28,7 @@ EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
 def fill(folder: Path, on: Task, policies: Sequence[PolicySpec]) -> None:
     results = result_folder(folder / "results", ENV_ID, on.scenario.name)
     for policy in policies:
-        write_result(Result.of(on, policy, play_spec(policy, on.scenario, on.seeds)), results)
+        write_result(Result.of(on, policy, attempt((policy, on.scenario, on.seeds))), results)
     write_manifest(results, on)
 
 

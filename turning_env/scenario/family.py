@@ -299,9 +299,8 @@ class Family(Section):
     def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
         """Return the context of one's own scenario, shape (numbers,), by its nominal model and values of ``Family.shown``."""
         if shown.keys() != set(self.shown):
-            raise ValueError(
-                f"the context of family {self.name!r} needs {', '.join(self.shown) or 'no values'}, got {dict(shown)}"
-            )
+            names = ", ".join(self.shown) or "no values"
+            raise ValueError(f"the context of family {self.name!r} needs {names}, got {dict(shown)}")
         nominal = scenario.nominal()
         context: Array = self.context(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
         return context

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from turning_env.family_env import Context, FamilyVectorEnv
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
-from turning_env.scoring.policy import PolicyFactory, PolicySpec
+from turning_env.scoring.policy import PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 SUMS = (
@@ -22,15 +22,6 @@ EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")
 """The fields of an episode: return [s], steps, sums and last values of ``info``; ``excess`` is the integral of ``cost`` [s]."""
 
 Episodes = dict[str, NDArray[np.float64]]
-
-
-def play_spec(
-    spec: PolicySpec, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None] = lambda ended: None
-) -> Episodes:
-    """Play a policy's episodes, or compute those of a bound: see ``play``. ValueError if the spec was read from a file."""
-    if spec.compute is not None:
-        return dict(spec.compute(scenario, seeds, on_step))
-    return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
 
 
 def play(

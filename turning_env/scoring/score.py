@@ -35,20 +35,16 @@ class Played:
     severe: Floats  # time with an excess above the tolerance [s]
     engaged: Floats  # cutting time [s]
 
-    def first(self, count: int) -> "Played":
-        """Return the first ``count`` seeds alone."""
-        return Played(self.name, self.kind, self.returns[:, :count], self.severe[:, :count], self.engaged[:, :count])
-
 
 @cache
-def shipped(env_id: str) -> tuple[Played, ...]:
-    """Return the results of every policy on an id's leaderboard, on the first held-out seeds; ValueError if it has none."""
+def shipped(env_id: str, seeds: int | None = None) -> tuple[Played, ...]:
+    """Return the results of every policy on an id's leaderboard, on all or the first held-out seeds, or ValueError."""
     path = FOLDER / f"{env_id}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
         raise ValueError(f"{env_id!r} has no results to compare with; ids with results: {', '.join(known)}")
     return tuple(
-        Played(each["name"], each["kind"], *(np.array(each[name]) for name in ("returns", "severe", "engaged")))
+        Played(each["name"], each["kind"], *(np.array(each[name])[:, :seeds] for name in ("returns", "severe", "engaged")))
         for each in json.loads(lzma.decompress(path.read_bytes()))["policies"]
     )
 
@@ -124,8 +120,7 @@ def score(
 
     TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds.
     """
-    others = shipped(env_id)
-    available = others[0].returns.shape[1]
+    available = shipped(env_id)[0].returns.shape[1]
     count = available if seeds is None else seeds
     if not 2 <= count <= available:
         raise ValueError(f"seeds is {count}, but must be 2 to {available}")
@@ -136,7 +131,7 @@ def score(
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         episodes = play(as_factory(policy), scenario, held_out_seeds(count), on_step)
-    return compare(env_id, episodes, scenario, [each.first(count) for each in others])
+    return compare(env_id, episodes, scenario, shipped(env_id, count))
 
 
 def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[Played]) -> Score:

@@ -81,11 +81,11 @@ def test_a_family_is_scored_on_unseen_jobs() -> None:
     idling = spec("idle", Scenario.load("shift")).make(3)
     found = score(idle, FAMILY_ID, seeds=3)
     assert shapes == {(3, gymnasium.make(FAMILY_ID).observation_space.shape[0])}  # type: ignore[index]
-    np.testing.assert_allclose(found.episodes["return"], ships.first(3).returns[0], atol=0.01)
+    np.testing.assert_allclose(found.episodes["return"], ships.returns[0, :3], atol=0.01)
 
 
 def test_the_same_episodes_are_no_better_and_no_worse() -> None:
-    others = [each.first(16) for each in shipped("RoughTurning-v0")]
+    others = shipped("RoughTurning-v0", 16)
     rule = next(each for each in others if each.name == "rescaled_grid_search")
     episodes = {"return": rule.returns[0], "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
     found = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
