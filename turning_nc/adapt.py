@@ -60,10 +60,9 @@ def adapt(
 ) -> Adapted:
     """Return the program with the feeds and speeds that make it shortest; unchanged if none make it shorter.
 
-    ``where`` says whether existing words change, or every block gets one. The program may use ``life`` times
-    the edges that it used before [-]. These are changed at a flank wear ``wear`` [mm]; by default as ``change_wear`` says, and
-    after that at the one that makes the program shortest. Feeds of words whose cuts are no deeper than ``finishing_depth`` [mm]
-    stay.
+    ``where`` says whether existing words change, or every block gets one. The program may use ``life`` times the edges that it
+    used before [-]. These are changed at a flank wear ``wear`` [mm]; by default as ``change_wear`` says, and after that where the
+    program is shortest. Feeds of words whose cuts are no deeper than ``finishing_depth`` [mm] stay.
 
     Raises:
         NcError: no F word per revolution and no S word of a constant cutting speed can be changed.
@@ -75,7 +74,12 @@ def adapt(
         search = _Search(situation, np.minimum(first, highest), where, finishing_depth)
         values = search.within_life(life * _LIFE_MARGIN * search.before.life_at_change / before.life_at_change)
         found = play(situation, search.wear, *search.settings(values))
-        return float(found.time.sum()) + 1e6 * max(float(found.load.max()) - 1.0, 0.0), search, values
+        excess = max(float(found.load.max()) - 1.0, 0.0)
+        if before.load.max() <= 1.0:  # an overload is removed at any price
+            for mine in situation.by_tool.values():
+                used, allowed = (each.used_life[mine].sum() / each.life_at_change[mine][0] for each in (found, before))  # edges
+                excess += max(float(used - life * allowed), 0.0)
+        return float(found.time.sum()) + 1e6 * excess, search, values
 
     best = planned(first.max())
     for highest in CHANGES[::-1] * situation.scenario.tool.wear_criterion if wear is None else ():
@@ -144,10 +148,7 @@ class _Search:
         return {int(key) for of in (self.feed_of, self.speed_of) for key in np.unique(of[of >= 0])}
 
     def within_life(self, share: Values) -> Values:
-        """Return the values that make the program shortest while no tool uses more than a share of what it used before.
-
-        The shares are given for every slice.
-        """
+        """Return the values of the shortest program in which no tool uses more than a share, of every slice, of its life."""
         prices = np.zeros(len(self.situation.tool))
         for mine in self.situation.by_tool.values():
             allowed = float(share[mine][0] * self.before.used_life[mine].sum())

@@ -336,13 +336,11 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
 def _check_side(moves: Moves, line: int, left: Any) -> None:
     """Check that a cycle turns metal, and that there is a hole if it turns inside."""
     side = moves.sides[line]
-    if side.facing:
-        return
     outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
     within, beyond = (
         shapely.intersection(left, shapely.box(low, *ends)).area for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
     )
-    if within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low):
+    if not side.facing and (within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low)):
         hole = "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
         found, other = ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
         begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"

@@ -22,7 +22,7 @@ from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
-from turning_nc.edges import change_wear
+from turning_nc.edges import change_wear, parts_per_edge
 from turning_nc.moves import run
 from turning_nc.report import implausible
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
@@ -90,6 +90,14 @@ def test_finishing_keeps_its_feed_and_an_overload_is_removed() -> None:
     first = play(situation, change_wear(situation))
     assert set(situation.line[first.load > 1.0]) == {23}
     assert adapt(situation, None, "blocks").played.time.sum() < first.time.sum()
+
+
+def test_an_adapted_program_uses_no_more_edges() -> None:
+    situation = situated(f"{BAR}G1 X56. F0.25\nZ-40.", "bar:60x60")  # at a spindle speed that stays
+    adapted = adapt(situation)
+    assert adapted.changes
+    before = parts_per_edge(situation, play(situation, change_wear(situation)))
+    assert parts_per_edge(adapted.situation, adapted.played)["T0101"] >= before["T0101"] > 1.0
 
 
 # Stock and tools.
@@ -252,8 +260,8 @@ def test_an_implausible_program_is_adapted_by_force_alone(tmp_path: Path, capsys
     assert "spindle stands" in capsys.readouterr().err
     assert main([*command, "--force"]) == 0
     assert "need a nose radius" in capsys.readouterr().out
-    assert main([*command, "--force", "--nose-radius", "0.8"]) == 0
-    assert "F0.25 -> F0.4 (theoretical roughness Rt 9.8 -> 25.0 um)" in capsys.readouterr().out
+    assert main([*command, "--force", "--nose-radius", "0.6"]) == 0
+    assert "F0.25 -> F0.3 (theoretical roughness Rt 13.0 -> 18.8 um)" in capsys.readouterr().out
 
 
 def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
