@@ -20,8 +20,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from baselines import law_errors
-from baselines.models.load_filter import LoadFilter, feed_velocity, model_of
+from baselines.models.load_filter import LoadFilter, model_of
 from baselines.optimiser import plays
+from baselines.rule import Mask
 from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
 from turning_env.numerics.functions import log
 from turning_env.observation import read
@@ -29,9 +30,6 @@ from turning_env.physics.quantities import layout
 from turning_env.scenario.plan import unchecked
 from turning_env.scenario.scenario import flat, nested
 from turning_env.scoring.policy import Actions, Observations, Policy
-
-Array = NDArray[np.float64]
-Float32s = NDArray[np.float32]
 
 LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9
@@ -55,27 +53,19 @@ ENTRIES = (
 )
 """Names of the entries [-], each limited to -10..10."""
 
-
-_CHOICE = "spindle.short_time_load"
-"""A number that decides which entries an observation has, so it is the same in all environments."""
+_CHOICE = "spindle.short_time_load"  # it decides which entries an observation has, so it is the same in all environments
 
 
-def _leaves(scenario: Scenario) -> dict[str, float]:
-    """Return the numbers by dotted names that may differ between environments."""
-    values = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-    return {name: value for name, value in values.items() if isinstance(value, float) and name != _CHOICE}
+def _values(scenario: Scenario) -> dict[str, Any]:
+    """Return the values of a nominal model by dotted names."""
+    return flat(scenario.model_dump(exclude={"name", "nominal_model"}))
 
 
 class Belief:
-    """Estimates in many environments, as numbers of order one.
+    """Estimates in many environments with a nominal model each, as numbers of order one.
 
-    Args:
-        scenarios: nominal models, one for each environment.
-        learns_laws: whether the laws are expected to have the errors that training jobs of the family ``shop`` have; else the
-            nominal model is taken for true.
-
-    Raises:
-        ValueError: a scenario's actions do not set speed and feed, or its force is not measured.
+    ``learns_laws``: whether the laws are expected to have the errors that training jobs of the family ``shop`` have; else the
+    nominal model is taken for true. ValueError if actions do not set speed and feed, or force is not measured.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], learns_laws: bool) -> None:
@@ -87,31 +77,25 @@ class Belief:
                 )
         self._errors = law_errors.read() if learns_laws else None
         self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
-        self._models: dict[int, tuple[dict[str, float], Any]] = {}
+        self._models: dict[int, tuple[dict[str, Any], Any]] = {}
         self._entries = len(layout(scenarios[0]))
-        shared, leaves = flat(scenarios[0].model_dump(exclude={"name", "nominal_model"})), [*map(_leaves, scenarios)]
-        self._leaves = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
-        self._scenario = unchecked(nested((shared | self._leaves).items()))
+        values = [*map(_values, scenarios)]
+        numbers = [name for name, value in values[0].items() if isinstance(value, float) and name != _CHOICE]
+        self._numbers = {name: np.array([each[name] for each in values]) for name in numbers}  # of each environment
+        self._scenario = unchecked(nested((values[0] | self._numbers).items()))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates; models are kept by their number."""
         if number not in self._models:
             found = scenario(number)
-            self._models[number] = _leaves(found), model_of([found], self._errors)
-        leaves, model = self._models[number]
-        for name, value in leaves.items():
-            self._leaves[name][env_index] = value  # and so in the scenario
+            self._models[number] = _values(found), model_of([found], self._errors)
+        values, model = self._models[number]
+        for name, column in self._numbers.items():
+            column[env_index] = values[name]  # and so in the scenario
         self.filter.assign(env_index, model)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the estimates of the environments in the mask, shape (num_envs,)."""
-        self.filter.reset(mask)
-
-    def observe(self, observations: Float32s, mask: NDArray[np.bool_] | None = None) -> Float32s:
-        """Learn from observations, in the environments of a mask or in all; return ``ENTRIES``, shape (num_envs, len(ENTRIES)).
-
-        Entries of observations beyond the environment's own, such as a family's context, are ignored.
-        """
+    def observe(self, observations: Observations, mask: Mask | None = None) -> Observations:
+        """Learn from observations that begin with the environment's, of a mask or of all; return ``ENTRIES`` of each."""
         believed, scenario = self.filter, self._scenario
         reading = read(observations[:, : self._entries], scenario)
         believed.observe(reading, mask)
@@ -119,11 +103,13 @@ class Belief:
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
         used = (log(wear) + believed.log_wear_factor) / scenario.material.wear.time
-        velocity = feed_velocity(scenario, reading.cutting_speed, reading.feed)
+        velocity = reading.cutting_speed * reading.feed * believed.parameters["velocity"]
         distance = np.repeat((velocity * scenario.control.interval)[:, np.newaxis], 2, axis=1)
         outlook = believed.outlook(distance, np.broadcast_to([False, True], distance.shape))
         place = np.stack([log(reading.cutting_speed), log(reading.feed), log(wear)], axis=1)
-        laws = believed.end_loads - log(np.stack([scenario.limits.thrust_force, scenario.limits.power], axis=1))
+        laws, criterion = believed.parameters["log_laws"], believed.parameters["wear_criterion"]
+        laws = laws[:, :, 0] + laws[:, :, 3] * log(criterion)[:, np.newaxis]
+        laws = laws - log(np.stack([scenario.limits.thrust_force, scenario.limits.power], axis=1))
         laws = laws + (believed.exponents * place[:, np.newaxis, :]).sum(axis=2)
         expected = np.stack([outlook.log_force, outlook.log_power], axis=2) + laws[:, np.newaxis, :]
         spreads = np.stack([outlook.force_spread, outlook.power_spread], axis=2)
@@ -134,8 +120,7 @@ class Belief:
             *(expected.reshape(len(wear), -1), spreads.reshape(len(wear), -1)),
         )
         joined = np.concatenate([np.reshape(column, (len(wear), -1)) for column in columns], axis=1)
-        belief: Float32s = np.clip(joined, -LIMIT, LIMIT).astype(np.float32)
-        return belief
+        return np.asarray(np.clip(joined, -LIMIT, LIMIT), np.float32)
 
 
 def _belief_of(env: Any, num_envs: int) -> Belief:
@@ -145,9 +130,9 @@ def _belief_of(env: Any, num_envs: int) -> Belief:
     return Belief([scenario.nominal()] * num_envs, bool(scenario.nominal_model))
 
 
-def _begin(belief: Belief, env: Any, mask: NDArray[np.bool_], infos: dict[str, Any]) -> None:
+def _begin(belief: Belief, env: Any, mask: Mask, infos: dict[str, Any]) -> None:
     """Forget the estimates of the environments in a mask, shape (num_envs,), which have begun an episode, perhaps another job."""
-    belief.reset(mask)
+    belief.filter.reset(mask)
     if isinstance(env, FamilyEnv | FamilyVectorEnv):
         for index in np.flatnonzero(mask).tolist():
             number = int(np.atleast_1d(infos["job"])[index])
@@ -166,79 +151,68 @@ class BeliefPolicy(Policy):
     def __init__(self, policy: Policy, belief: Belief) -> None:
         self._policy, self._belief = policy, belief
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        self._belief.reset(mask)
+    def reset(self, mask: Mask) -> None:
+        self._belief.filter.reset(mask)
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         return self._policy.act(np.concatenate([observations, self._belief.observe(observations)], axis=1))
 
 
-class BeliefObservation(gymnasium.Wrapper[Float32s, Float32s, Float32s, Float32s], RecordConstructorArgs):
-    """A wrapper that appends the entries ``ENTRIES`` of a belief to the observation.
+class BeliefObservation(gymnasium.Wrapper[Observations, Observations, Observations, Observations], RecordConstructorArgs):
+    """A wrapper that appends ``ENTRIES`` of a belief to observations. ValueError if ``Belief`` refuses the environment."""
 
-    Args:
-        env: a RoughTurning environment whose actions set speed and feed, and whose force is measured.
-
-    Raises:
-        ValueError: ``env`` is another environment.
-    """
-
-    def __init__(self, env: gymnasium.Env[Float32s, Float32s]) -> None:
+    def __init__(self, env: gymnasium.Env[Observations, Observations]) -> None:
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
         self._belief = _belief_of(env, 1)
         self.observation_space = with_belief(env.observation_space)
 
-    def reset(self, **options: Any) -> tuple[Float32s, dict[str, Any]]:
-        """Start an episode; arguments are the environment's."""
+    def reset(self, **options: Any) -> tuple[Observations, dict[str, Any]]:
         observation, info = self.env.reset(**options)
         _begin(self._belief, self.env.unwrapped, np.ones(1, np.bool_), info)
         return self._seen(observation), info
 
-    def step(self, action: Float32s) -> tuple[Float32s, Any, bool, bool, dict[str, Any]]:
-        """Run one step."""
+    def step(self, action: Observations) -> tuple[Observations, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
         return self._seen(observation), reward, terminated, truncated, info
 
-    def _seen(self, observation: Float32s) -> Float32s:
+    def _seen(self, observation: Observations) -> Observations:
         return np.concatenate([observation, self._belief.observe(observation[np.newaxis])[0]])
 
 
 class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
     """``BeliefObservation`` for a vector environment, in every mode of autoreset."""
 
-    def __init__(self, env: VectorEnv[Float32s, Float32s, NDArray[Any]]) -> None:
+    def __init__(self, env: VectorEnv[Observations, Observations, NDArray[Any]]) -> None:
         super().__init__(env)
         self._belief = _belief_of(env, env.num_envs)
         self._all, self._ended = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
         self.single_observation_space = with_belief(env.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Float32s, dict[str, Any]]:
-        """Start episodes; arguments are the environment's."""
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observations, dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", self._all)
         self._ended = self._ended & ~mask
         _begin(self._belief, self.env.unwrapped, mask, infos)
         return self._seen(observations, mask), infos
 
-    def step(self, actions: Float32s) -> tuple[Float32s, Any, Any, Any, dict[str, Any]]:
-        """Run one step in every environment."""
+    def step(self, actions: Observations) -> tuple[Observations, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         ended, env = terminated | truncated, self.env.unwrapped
         if env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP:
             _begin(self._belief, env, self._ended, infos)
             self._ended = ended
         elif "final_obs" in infos:
-            last = observations.copy()
-            last[ended] = np.stack(infos["final_obs"][ended])
-            seen, final = self._seen(last, self._all), infos["final_obs"].copy()
+            last, final = observations.copy(), infos["final_obs"].copy()
+            last[ended] = np.stack(final[ended])
+            seen = self._seen(last, self._all)
             for index in np.flatnonzero(ended):
                 final[index] = seen[index]
             _begin(self._belief, env, ended, infos)
             return self._seen(observations, ended), rewards, terminated, truncated, infos | {"final_obs": final}
         return self._seen(observations, self._all), rewards, terminated, truncated, infos
 
-    def _seen(self, observations: Float32s, mask: NDArray[np.bool_]) -> Float32s:
+    def _seen(self, observations: Observations, mask: Mask) -> Observations:
         return np.concatenate([observations, self._belief.observe(observations, mask)], axis=1)

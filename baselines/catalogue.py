@@ -5,14 +5,14 @@ from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines import tuned
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Mask, Parameters, Range, Rule
 from turning_env import Scenario, read
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
-FILES = (
+RULES: dict[str, Rule] = {}  # all rules by name
+for _file in (  # files that declare rules; a new one is added here
     "trivial",
     "fixed",
     "grid_search",
@@ -25,15 +25,10 @@ FILES = (
     "predictive",
     "self_tuning",
     "part_planning",
-)
-"""Files that declare rules. A new one is added here."""
-
-RULES: dict[str, Rule] = {}  # all rules by name
-for _file in FILES:
+):
     RULES |= import_module(f"baselines.{_file}").RULES
 
-CHANGE_AT = "change_at"
-"""Parameter of rules that do not change edges themselves: nominal wear over the criterion at which the edge is changed [-]."""
+CHANGE_AT = "change_at"  # parameter of rules that do not change edges: nominal wear over the criterion at the change [-]
 
 
 class TimelyChanges(Policy):
@@ -47,7 +42,7 @@ class TimelyChanges(Policy):
         self._policy, self._scenario = policy, scenario
         self._wear = change_at * scenario.tool.wear_criterion
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
@@ -72,7 +67,7 @@ def playable(name: str, scenario: Scenario) -> Rule:
         return rule
 
     def build(scenario: Scenario, num_envs: int, change_at: float, **parameters: float) -> TimelyChanges:
-        return TimelyChanges(rule.build(scenario, num_envs, parameters), scenario, change_at)
+        return TimelyChanges(rule.controller(scenario, num_envs, **parameters), scenario, change_at)
 
     return replace(rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
 
@@ -85,10 +80,8 @@ def spec(
     ``scenario``: one to play, or one for each environment if the rule plays them ``together``. ``tuned_on``: scenario on which
     its parameters were tuned; None: the one that it plays, or the first. ``own``: further parameters, which replace others.
 
-    Raises:
-        KeyError: there is no controller of this name; the message lists all names.
-        ValueError: the controller cannot play the scenario, or a file of tuned parameters is damaged.
-        NotTuned: the controller has not been tuned on that scenario, or with another version or other parameters.
+    KeyError if there is no controller of this name; NotTuned if it has not been tuned on that scenario, in this version and these
+    parameters; ValueError if it cannot play the scenario, or a file of tuned parameters is damaged.
     """
     first = scenario if isinstance(scenario, Scenario) else scenario[0]
     nominal = scenario.nominal() if isinstance(scenario, Scenario) else [each.nominal() for each in scenario]
@@ -104,5 +97,5 @@ def spec(
         parameters=dict(parameters),
         command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
-        make=lambda num_envs: rule.build(nominal, num_envs, parameters),
+        make=lambda num_envs: rule.controller(nominal, num_envs, **parameters),
     )

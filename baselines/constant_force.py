@@ -8,10 +8,8 @@ with F the measured force, F_ref its reference and f(t - 1) the previous feed. (
 this form grows without bound as the force vanishes.) If f(t - 1) is the actual feed, the feed servo integrates the deviation, and
 the loop is stable. If it is the commanded feed, the command runs ahead of the lags of servo and chip, and the feed swings between
 its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), equals the reference of Ra. Without a reference
-of Ra, it is a share of the force limit.
-
-The law fails if the force vanishes. So it acts only after the force has been above 100 N for some time; until then it commands
-the programmed feed, or the feed that a neural network recommends for the desired Ra (the paper's step 2).
+of Ra, it is a share of the force limit. The law acts only after the force has been above 100 N for some time; until then it
+commands the programmed feed, or the feed that a neural network recommends for the desired Ra (the paper's step 2).
 
 It needs of the nominal model: the roughness of a force and the law of thrust force. Roughness must depend on the force, and, if
 the model gives the feed, the force must grow with the feed.
@@ -21,17 +19,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_roughness, on_speed_and_feed
-from baselines.rule import Range, Rule
+from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_speed_and_feed
+from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
 from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
-
-Array = NDArray[np.float64]
 
 THRESHOLD = 100.0  # force below which the tool counts as out of the metal [N] (roughness control paper)
 ENGAGED_TIME = 0.1
@@ -51,44 +46,38 @@ def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float 
     """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm]."""
     law, machine = scenario.material.thrust_force, scenario.machine
     wear = np.maximum(wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
-    speed = np.full(len(roughness), scenario.control.initial_cutting_speed)
-    force_at_unit_feed = law(speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
-    force = force_of_roughness(scenario.surface, roughness)
-    feed = exp(log(force / force_at_unit_feed) / law.feed)
+    at_unit_feed = law(scenario.control.initial_cutting_speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
+    feed = exp(log(force_of_roughness(scenario.surface, roughness) / at_unit_feed) / law.feed)
     return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 
 class ConstantForce(Policy):
     """The paper's control law.
 
-    Args:
-        force_share: reference of force over the force limit [-]; unused if a roughness is to be held.
-        on_command: whether f(t - 1) is the commanded feed, not the actual one.
+    ``force_share``: reference of force over the force limit [-], unless a roughness is to be held; ``on_command``: whether
+    f(t - 1) is the commanded feed, not the actual one.
     """
 
     def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
-        scenario = program.scenario
-        self._program = program
-        self._reference: Array | float = force_share * scenario.limits.thrust_force
-        self._on_command = on_command
-        self._steps_needed = max(1, round(ENGAGED_TIME / scenario.control.interval))
+        self._program, self._on_command = program, on_command
+        self._reference: Array | float = force_share * program.scenario.limits.thrust_force
+        self._steps_needed = max(1, round(ENGAGED_TIME / program.scenario.control.interval))
         self._steps_engaged = np.zeros(num_envs, np.int64)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._steps_engaged[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
-        program = self._program
-        reading = read(observations, program.scenario)
-        force, reference = reading.thrust_force, self._reference
-        self._steps_engaged = np.where(force > THRESHOLD, self._steps_engaged + 1, 0)
-        if program.scenario.control.aim == "roughness":
-            reference = force_of_roughness(program.scenario.surface, reading.roughness_reference)
+        scenario = self._program.scenario
+        reading, reference = read(observations, scenario), self._reference
+        self._steps_engaged = np.where(reading.thrust_force > THRESHOLD, self._steps_engaged + 1, 0)
+        if scenario.control.aim == "roughness":
+            reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
-        feed = before * reference / np.maximum(force, THRESHOLD)
-        return program.act(reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed))
+        feed = before * reference / np.maximum(reading.thrust_force, THRESHOLD)
+        return self._program.act(reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed))
 
-    def _override(self, reading: Reading, feed: Array, engaged: NDArray[np.bool_]) -> Array:
+    def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         """Return the override [-] for the law's feed [mm/rev], which acts where the tool is ``engaged``."""
         return np.where(engaged, feed / self._program.feed, 1.0)
 
@@ -97,8 +86,7 @@ def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
     """Return the recommended feed [mm/rev] as a function of the desired Ra [um].
 
     It is a radial basis network, w_0 + sum of w_j exp(-(x - centre j)^2 / (2 width^2)), with Ra scaled to x of 0..1. The paper
-    does not print its network; this one is fitted to the nominal model. Its centres are samples; the weights follow by linear
-    least squares.
+    does not print its own. This one is fitted to the nominal model: its centres are samples, its weights the least squares'.
     """
     surface, machine = scenario.surface, scenario.machine
     samples = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
@@ -110,31 +98,21 @@ def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
         return np.column_stack([np.ones(len(roughness)), exp(-0.5 * distance / WIDTH**2)])
 
     units = hidden(samples)
-    products = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(UNITS + 1)
-    weights = _solved(products, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0))
-    return lambda desired: np.clip((hidden(desired) * weights).sum(axis=1), machine.feed_min, machine.feed_max)
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    """Return x of ``matrix`` x = ``right``, positive definite, by elimination: NumPy's bits differ between processors."""
-    rows = np.column_stack([matrix, right])
-    for k in range(len(rows)):
+    rows = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(UNITS + 1)
+    rows = np.column_stack([rows, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0)])
+    for k in range(len(rows)):  # Gauss-Jordan elimination: the bits of NumPy's solver differ between processors
         rows[k] /= rows[k, k]
         others = np.arange(len(rows)) != k
         rows[others] -= rows[others, k, np.newaxis] * rows[k]
-    return rows[:, -1]
+    return lambda desired: np.clip((hidden(desired) * rows[:, -1]).sum(axis=1), machine.feed_min, machine.feed_max)
 
 
 class ConstantForceNetwork(ConstantForce):
     """The paper's control law around the recommended feed, within the chip thickness (steps 2 to 9).
 
     The tool enters the metal with the recommended feed, and the override acts on it. The feed is restricted to those of an
-    allowed chip thickness h = f sin(kappa). The paper names this restriction without numbers; they are assumptions.
-
-    Args:
-        chip_thickness_min: lowest chip thickness h [mm].
-        chip_thickness_max: highest chip thickness h [mm].
-        entering_angle: angle kappa between the edge and the feed's direction [deg].
+    allowed chip thickness h = f sin(kappa) [mm], with kappa the angle between the edge and the feed's direction [deg]. The paper
+    names this restriction without numbers; they are assumptions.
     """
 
     def __init__(
@@ -150,7 +128,7 @@ class ConstantForceNetwork(ConstantForce):
         over_feed, _ = sine_and_cosine(entering_angle / 360.0)
         self._feed_range = chip_thickness_min / over_feed, chip_thickness_max / over_feed
 
-    def _override(self, reading: Reading, feed: Array, engaged: NDArray[np.bool_]) -> Array:
+    def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         recommended = self._recommended(reading.roughness_reference)
         feed = np.where(engaged, np.minimum(feed, self._program.override_max * recommended), recommended)
         return np.clip(feed, *self._feed_range) / self._program.feed
@@ -159,18 +137,17 @@ class ConstantForceNetwork(ConstantForce):
 class ModelFeed(Policy):
     """Open-loop control of a task: the feed at which the nominal model has the force for the reference of Ra."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
 
     def act(self, observations: Observations) -> Actions:
-        scenario = self._scenario
-        reading = read(observations, scenario)
+        scenario, reading = self._scenario, read(observations, self._scenario)
         speed = np.full(len(observations), scenario.control.initial_cutting_speed)
         return towards(reading, scenario, speed, feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear))
 
 
 def _holds_roughness(scenario: Scenario) -> bool:
-    return on_roughness(scenario) and scenario.surface.roughness_rate > 0.0
+    return on_override(scenario, "roughness") and scenario.surface.roughness_rate > 0.0
 
 
 def _plays_by_model(scenario: Scenario) -> bool:
@@ -197,7 +174,7 @@ RULES = {
     ),
     "model_feed": Rule(
         "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
-        lambda scenario, num_envs: ModelFeed(scenario),
+        ModelFeed,
         _plays_by_model,
         {},
     ),

@@ -6,10 +6,9 @@ It needs nothing of the nominal model but the ranges of speed and feed.
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.part_program import PROGRAM
-from baselines.rule import Range, Rule
+from baselines.rule import Array, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -20,16 +19,12 @@ about half of the machine's highest [mm/rev] (assumption)."""
 
 
 class FixedParameters(Policy):
-    """A policy that commands one cutting speed [m/min] and one feed [mm/rev], clipped to the machine's ranges.
+    """A policy of one cutting speed [m/min] and feed [mm/rev], numbers or of shape (num_envs,), clipped to the machine."""
 
-    Each is a number or has shape (num_envs,).
-    """
-
-    def __init__(self, scenario: Scenario, cutting_speed: float | NDArray[np.float64], feed: float | NDArray[np.float64]) -> None:
-        machine = scenario.machine
-        self._scenario = scenario
-        self._cutting_speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
-        self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
+    def __init__(self, scenario: Scenario, cutting_speed: float | Array, feed: float | Array) -> None:
+        self._scenario, machine = scenario, scenario.machine
+        speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
+        self._set_point = speed, np.clip(feed, machine.feed_min, machine.feed_max)
 
     @classmethod
     def programmed(cls, scenario: Scenario, override: float = 1.0) -> Self:
@@ -37,10 +32,8 @@ class FixedParameters(Policy):
         return cls(scenario, scenario.control.initial_cutting_speed, override * scenario.control.initial_feed)
 
     def act(self, observations: Observations) -> Actions:
-        reading = read(observations, self._scenario)
-        speeds = np.broadcast_to(self._cutting_speed, len(observations))
-        feeds = np.broadcast_to(self._feed, len(observations))
-        return towards(reading, self._scenario, speeds, feeds)
+        speeds, feeds = (np.broadcast_to(each, len(observations)) for each in self._set_point)
+        return towards(read(observations, self._scenario), self._scenario, speeds, feeds)
 
 
 def _build(scenario: Scenario, num_envs: int, **parameters: float) -> FixedParameters:

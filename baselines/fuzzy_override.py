@@ -11,19 +11,15 @@ override. All are shares; the paper states per cent, with O_m = 200 %.
 The first form, (1) to (4), has k = p = 1 and d = 0. The modified form, (5) to (7), has k = p = 0.1 and d = 25 %, to reduce
 over-regulation.
 
-The paper does not say which branch holds for M_a = M_z. Here it is the upper one, which keeps the override; the lower one would
-raise it further.
-
-It needs nothing of the nominal model.
+The paper does not say which branch holds for M_a = M_z. Here it is (4), which keeps the override. It needs nothing of the nominal
+model.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
+from baselines.rule import Array
 from turning_env.numerics.functions import exp
-
-Array = NDArray[np.float64]
 
 MIN_HEADROOM = 0.05  # lower bound of 1 - M_z in (2) and (6) [-], because the target may be the rated load or more (assumption)
 
@@ -36,8 +32,7 @@ def new_override(override: Array, load: Array, target: float, override_max: floa
     rising = k * exp(-5.0 * (load / target) ** 2)
     headroom = max(1.0 - target, MIN_HEADROOM)
     falling = p * exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p
-    raised = override + rising * (override_max - override)
-    lowered = falling * (override - d) + d
+    raised, lowered = override + rising * (override_max - override), falling * (override - d) + d
     return np.asarray(np.where(load < target, raised, lowered))
 
 

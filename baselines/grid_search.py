@@ -2,10 +2,9 @@
 
 Each step tries all pairs of a grid of cutting speeds and feeds on the nominal models of wear, thrust force and power. It commands
 the pair with the highest removal rate among those that keep force, power and wear within their limits at the end of the step. The
-paper's grid has 16 speeds times 109 feeds: 1744 pairs.
-
-The paper's simulation ends at the first step without a feasible pair. Here, the search goes on. Once the nominal edge is worn
-out, wear is no constraint. If no pair keeps force and power within their limits, it commands the pair with the least force.
+paper's grid has 16 speeds times 109 feeds: 1744 pairs. Its simulation ends at the first step without a feasible pair. Here, the
+search goes on. Once the nominal edge is worn out, wear is no constraint. If no pair keeps force and power within their limits, it
+commands the pair with the least force.
 
 It needs of the nominal model: the laws of wear, force and power, base speed and idle torque.
 """
@@ -13,11 +12,10 @@ It needs of the nominal model: the laws of wear, force and power, base speed and
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.process import Scales
-from baselines.rule import Range, Rule
-from turning_env import Reading, Scenario, read
+from baselines.rule import Array, Mask, Range, Rule
+from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import real_power
@@ -31,15 +29,11 @@ CUTTING_SPEED_STEP = 10.0  # the paper's grid [m/min]
 FEED_STEP = 0.005  # likewise [mm/rev]
 
 
-def grid(scenario: Scenario) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def grid(scenario: Scenario) -> list[Array]:
     """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
-
-    def steps(low: float, high: float, step: float) -> NDArray[np.float64]:
-        return low + step * np.arange(int((high - low) / step + 1e-9) + 1, dtype=np.float64)
-
-    machine = scenario.machine
-    speeds = steps(machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP)
-    return speeds, steps(machine.feed_min, machine.feed_max, FEED_STEP)
+    speeds = scenario.machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP
+    feeds = scenario.machine.feed_min, scenario.machine.feed_max, FEED_STEP
+    return [low + step * np.arange(int((high - low) / step + 1e-9) + 1.0) for low, high, step in (speeds, feeds)]
 
 
 @compiled
@@ -80,10 +74,7 @@ def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, pow
 
 @compiled_entry
 def search(parameters, speeds, feeds, used_lives, times, interval, limits, chosen):
-    """Fill ``chosen``, shape (num_envs, 2), with cutting speeds [m/min] and feeds [mm/rev].
-
-    ``limits``: of force [N] and power [kW], shape (2, num_envs).
-    """
+    """Fill ``chosen``, shape (num_envs, 2), with speeds [m/min] and feeds [mm/rev]; ``limits``: of force [N] and power [kW]."""
     p = parameters[0]
     for i in range(len(used_lives)):
         start, end, force_limit, power_limit = times[i], times[i] + interval, limits[0, i], limits[1, i]
@@ -96,50 +87,29 @@ def search(parameters, speeds, feeds, used_lives, times, interval, limits, chose
 
 
 class GridSearch(Policy):
-    """The paper's controller: nominal models, nominal depth and hardness, limits without margin.
+    """The grid search on nominal models, with nominal depth and hardness; without its last arguments the paper's controller.
 
-    Args:
-        scenario: task, with its nominal models and limits. No response may fall with feed, because of the bisection.
+    ``margin``: factor on the limits of force and power [-]; ``smoothing``: weight of the newest ratio of measured to predicted in
+    their scales [-]. No response may fall with feed, because of the bisection.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, num_envs: int, margin: float = 1.0, smoothing: float = 0.0) -> None:
+        self._scenario, self._scales = scenario, Scales(num_envs, smoothing)
         self._parameters: Any = parameter_records(scenario)
         self._speeds, self._feeds = grid(scenario)
-        self._limits = np.array([[scenario.limits.thrust_force], [scenario.limits.power]]) * np.ones(num_envs)
+        self._limits = margin * np.array([[scenario.limits.thrust_force], [scenario.limits.power]])
 
-    def act(self, observations: Observations) -> Actions:
-        return self._act(read(observations, self._scenario), self._limits)
-
-    def _act(self, reading: Reading, limits: NDArray[np.float64]) -> Actions:
-        """Return the actions within limits of force [N] and power [kW], shape (2, num_envs)."""
-        scenario, chosen = self._scenario, np.empty((len(reading.feed), 2))
-        used_life = real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time)
-        times = reading.cutting_time, scenario.control.interval / 60.0
-        search(self._parameters, self._speeds, self._feeds, used_life, *times, limits, chosen)
-        return towards(reading, scenario, chosen[:, 0], chosen[:, 1])
-
-
-class RescaledGridSearch(GridSearch):
-    """The grid search on models rescaled by measured over predicted force and power.
-
-    Args:
-        margin: factor on the limits of force and power [-].
-        smoothing: weight of the newest ratio in a scale [-].
-    """
-
-    def __init__(self, scenario: Scenario, num_envs: int, margin: float, smoothing: float) -> None:
-        super().__init__(scenario, num_envs)
-        self._margin, self._scales = margin, Scales(num_envs, smoothing)
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        reading = read(observations, self._scenario)
+        scenario, reading = self._scenario, read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
-        scales = self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
-        return self._act(reading, self._margin * self._limits / scales)
+        limits = self._limits / self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
+        used_life = real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time)
+        times, chosen = (reading.cutting_time, scenario.control.interval / 60.0), np.empty((len(observations), 2))
+        search(self._parameters, self._speeds, self._feeds, used_life, *times, limits, chosen)
+        return towards(reading, scenario, chosen[:, 0], chosen[:, 1])
 
 
 def _plays(scenario: Scenario) -> bool:
@@ -150,7 +120,7 @@ RULES = {
     "grid_search": Rule("the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}),
     "rescaled_grid_search": Rule(
         "this project's own rescaling of the grid search: models scaled by measured force and power, with a margin, both tuned",
-        RescaledGridSearch,
+        GridSearch,
         _plays,
         {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=True,

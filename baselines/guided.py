@@ -9,30 +9,23 @@ from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
 
-from baselines.belief import ENTRIES, LIMIT, Belief, Float32s
+from baselines.belief import ENTRIES, LIMIT, Belief
+from baselines.rule import Mask
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log
 from turning_env.physics.quantities import layout
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-Array = NDArray[np.float64]
-
-HOLD = 30
-"""Steps for which a decision holds."""
-START_SHARE = 0.625
-"""Start speed of a material over the machine's highest speed [-], in the families that ship."""
+HOLD = 30  # steps for which a decision holds
+START_SHARE = 0.625  # start speed of a material over the machine's highest speed [-], in the families that ship
 SPEED, LIFE = (0.8, 0.6), (0.75, 0.3)
 """A decision of 0 allows 0.8 times the start speed and changes edges at a used life of 0.75; one of 1 allows exp(0.6) times as
 much speed, and 0.3 more life."""
-WORN = 0.97
-"""Wear over the criterion below which an edge that ended unasked broke [-]."""
-INTERVAL = 0.5
-"""Time that an edge must outlive a temperature to have borne it [min]."""
-UNKNOWN = (0.0, 1.0, 1.5, -2.0, 0.0, 0.0)
-"""Values of ``HISTORY`` at the start."""
+WORN = 0.97  # wear over the criterion below which an edge that ended unasked broke [-]
+INTERVAL = 0.5  # time that an edge must outlive a temperature to have borne it [min]
+UNKNOWN = (0.0, 1.0, 1.5, -2.0, 0.0, 0.0)  # values of ``HISTORY`` at the start
 HISTORY = (
     "edges_broken",  # over 3, at most 1
     "heat_at_breakage",  # of the edge that broke last: log speed over the start speed at which a worn-out edge is as hot
@@ -57,14 +50,11 @@ def decision_space() -> Box:
 class GuidedRule(SelfTuning):
     """``self_tuning`` in environments with a nominal model each; its filter is that of a ``Belief``, which observes for it.
 
-    Call ``features`` with every observation, before ``act``.
-
-    Args:
-        scenarios: nominal models, one for each environment.
-        context: context of each, shape (num_envs, numbers); None: it follows the entries of the observations.
+    Call ``features`` with every observation, before ``act``. ``context``: of each, shape (num_envs, numbers); None: it follows
+    the entries of the observations.
     """
 
-    def __init__(self, scenarios: Sequence[Scenario], context: Float32s | None = None) -> None:
+    def __init__(self, scenarios: Sequence[Scenario], context: Observations | None = None) -> None:
         parameters: Any = RULES["self_tuning"].fixed
         super().__init__(scenarios, len(scenarios), **parameters)
         self._belief = Belief(scenarios, learns_laws=True)
@@ -75,21 +65,20 @@ class GuidedRule(SelfTuning):
         self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
         self.reset(np.ones(len(scenarios), np.bool_))
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         super().reset(mask)
         self._history[mask] = UNKNOWN
         self._last[:, mask] = 0.0
         self._heat[:, mask] = UNKNOWN[3]
         self.follow(np.zeros((len(mask), 2)), mask)
 
-    def follow(self, decisions: Any, mask: NDArray[np.bool_] | None = None) -> None:
+    def follow(self, decisions: Any, mask: Mask | None = None) -> None:
         """Take a guide's decisions, limited to -1..1, shape (num_envs, 2), in the environments of a mask or in all."""
         speed, life = np.clip(np.asarray(decisions, np.float64), -1.0, 1.0).T
-        chosen = np.ones(len(speed), np.bool_) if mask is None else mask
-        self.top_speed = np.where(chosen, START_SHARE * SPEED[0] * exp(SPEED[1] * speed), self.top_speed)
-        self.change_at = np.where(chosen, LIFE[0] + LIFE[1] * life, self.change_at)
+        np.copyto(self.top_speed, START_SHARE * SPEED[0] * exp(SPEED[1] * speed), where=True if mask is None else mask)
+        np.copyto(self.change_at, LIFE[0] + LIFE[1] * life, where=True if mask is None else mask)
 
-    def features(self, observations: Observations) -> Float32s:
+    def features(self, observations: Observations) -> Observations:
         """Return context, belief and history, shape (num_envs, entries)."""
         believed = self._belief.observe(observations)
         self._remember(read(observations[:, : self._entries], self._scenario))
@@ -132,19 +121,13 @@ class GuidedRule(SelfTuning):
 
 
 class GuidedPolicy(Policy):
-    """A guided rule as a policy.
+    """A guided rule as a policy; its ``guide`` is a policy that is shown features, and whose actions are decisions."""
 
-    Args:
-        guide: a policy that is shown features, and whose actions are decisions.
-        scenarios: nominal models, one for each environment.
-        context: see ``GuidedRule``.
-    """
-
-    def __init__(self, guide: Policy, scenarios: Sequence[Scenario], context: Float32s | None = None) -> None:
+    def __init__(self, guide: Policy, scenarios: Sequence[Scenario], context: Observations | None = None) -> None:
         self._guide, self._rule = guide, GuidedRule(scenarios, context)
         self._steps = np.zeros(len(scenarios), np.int64)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._guide.reset(mask)
         self._rule.reset(mask)
         self._steps[mask] = 0

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from baselines.models.load_filter import Array, LawErrors
+from baselines.models.load_filter import LawErrors
+from baselines.rule import Array
 from turning_env import Family, ScenarioError
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -37,10 +38,9 @@ def errors_of(draw: Draw) -> Array:
     true, nominal = draw.true.material, draw.nominal.material
     control, depth = draw.true.control, draw.true.workpiece.depth_of_cut
     place = log(control.initial_cutting_speed), log(control.initial_feed), log(depth), 0.0
-    log_wear = log(0.5 * draw.true.tool.wear_criterion)
 
     def bias(law: str) -> Any:
-        wear = 0.0 if law == "wear" else log_wear
+        wear = 0.0 if law == "wear" else log(0.5 * draw.true.tool.wear_criterion)
         responses = [log_response(getattr(model, law), *place, wear, 0.0) for model in (true, nominal)]  # type: ignore[no-untyped-call]
         return responses[0] - responses[1]
 
@@ -61,11 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("family", help="family, or its TOML file")
     family = Family.load(parser.parse_args(arguments).family)
     errors = np.concatenate([errors_of(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
-    values = {
-        "family": family.name,
-        "mean": errors.mean(axis=0).round(6).tolist(),
-        "covariance": np.cov(errors, rowvar=False).round(6).tolist(),
-    }
+    mean, covariance = (found.round(6).tolist() for found in (errors.mean(axis=0), np.cov(errors, rowvar=False)))
+    values = {"family": family.name, "mean": mean, "covariance": covariance}
     replace_file(FILE, lambda path: path.write_text(json.dumps(values).replace("], [", "],\n[") + "\n", "utf-8"))
     return 0
 

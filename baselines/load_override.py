@@ -7,19 +7,16 @@ none. Some need an exponent of the nominal law of power, as their classes say; t
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PROGRAM, SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
-from baselines.rule import Range, Rule
+from baselines.rule import Array, Mask, Range, Rule
 from turning_env import read
 from turning_env.action import sets_feed
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.physics.drives import lag_share
 from turning_env.physics.spindle import capacity_at
 from turning_env.scoring.policy import Actions, Observations, Policy
-
-Array = NDArray[np.float64]
 
 LOWEST_OVERRIDE = 0.1  # lowest override of the commercial controls [-]: at zero feed, the edge would only rub
 
@@ -29,16 +26,12 @@ STOP = 1.25  # power at which the feed stops, over the extreme limit [-]
 UNDERCUT = 0.3  # undercut limit over the learned power [-]
 WEAR_TIME = 60.0  # time constant of the smoothing for the wear limit [s]
 
-ENTRY_TIME = 0.3
-"""Duration of the entry override after the touch [s], at least one control interval: the power reading takes that long."""
+ENTRY_TIME = 0.3  # duration of the entry override after the touch [s], at least one step: the power reading takes that long
 MAX_CHANGE = 5.0  # largest log ratio of target feed to actual feed [-]: without load it would be infinite
 
 
 def towards_load(override: Array, load: Array, target: Array | float, share: float) -> Array:
-    """Return ``override * (1 + share * (1 - load / target))`` [-], at least ``LOWEST_OVERRIDE``.
-
-    The change is proportional to the override, because the resulting change of load is, too.
-    """
+    """Return ``override * (1 + share * (1 - load / target))`` [-], at least ``LOWEST_OVERRIDE``: loads change in proportion."""
     return np.maximum(override * (1.0 + share * (1.0 - load / target)), LOWEST_OVERRIDE)
 
 
@@ -48,8 +41,7 @@ def constant_load(program: PartProgram, num_envs: int, target: float, gain: floa
     The dithering of the feed against chatter is left out, because the model has no stability limit. ``target``: load over the
     load at the power limit [-]; ``gain``: of the integration [1/s].
     """
-    aim = target_load(program.scenario, target)
-    share = lag_share(program.scenario.control.interval, 1.0 / gain)
+    aim, share = target_load(program.scenario, target), lag_share(program.scenario.control.interval, 1.0 / gain)
     return OverrideLaw(program, lambda reading, override: towards_load(override, reading.load, aim, share))
 
 
@@ -63,50 +55,37 @@ class LearnedPower(Policy):
 
     Each edge cuts its first seconds at the programmed feed; their mean power is the learned power. Then there are four limits:
 
-    * Target: a share of the power limit, but at most the extreme limit.
-    * Extreme limit: well above it, the feed drops to the machine's lowest until the power has fallen.
+    * ``target``: a share [-] of the power limit at the present speed, but at most the extreme limit; ``gain`` [1/s] integrates.
+    * ``extreme`` limit over the learned power [-]: well above it, the feed drops to the lowest until the power has fallen.
     * Undercut limit: below it, in air or where metal is missing, the feed is the programmed one.
-    * Wear limit: above it, the edge counts as worn out. If edges are changed on command, it is changed, and the next edge is
-      learned. Otherwise the limit has no effect, because an episode goes on until the edge fails.
+    * ``wear`` limit over the learned power [-]: above it, the edge counts as worn out. If edges are changed on command, it is
+      changed, and the next edge is learned. Otherwise the limit has no effect: an episode goes on until the edge fails.
 
     For the last two, power is converted to the programmed feed and speed by the exponents of the nominal law of power, which is
     all that it needs of the nominal model. What remains is the effect of depth of cut, hardness and wear. For the wear limit,
     smoothing averages over depth and hardness.
-
-    Args:
-        target: power over the power limit at the present speed [-].
-        gain: gain of the integration [1/s].
-        extreme: extreme limit over the learned power [-].
-        wear: wear limit over the learned power [-].
     """
 
     def __init__(self, program: PartProgram, num_envs: int, target: float, gain: float, extreme: float, wear: float) -> None:
-        scenario = program.scenario
-        self._program = program
-        self._power = target * scenario.limits.power
-        self._extreme, self._wear = extreme, wear
-        self._share = lag_share(scenario.control.interval, 1.0 / gain)
-        self._wear_share = lag_share(scenario.control.interval, WEAR_TIME)
-        self._cutting_time = np.zeros(num_envs)  # the edge's, at the last step [min]
-        self._sum = np.zeros(num_envs)  # sum of powers while learning [kW]
-        self._count = np.zeros(num_envs)
+        self._program, self._extreme, self._wear = program, extreme, wear
+        self._power = target * program.scenario.limits.power
+        interval = program.scenario.control.interval
+        self._share, self._wear_share = lag_share(interval, 1.0 / gain), lag_share(interval, WEAR_TIME)
+        # Of each edge: cutting time at the last step [min]; sum [kW] and number of powers while learning.
+        self._cutting_time, self._sum, self._count = np.zeros((3, num_envs))
         self._growth = np.ones(num_envs)  # smoothed power over the learned power [-]
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        for numbers in (self._cutting_time, self._sum, self._count):
-            numbers[mask] = 0.0
-        self._growth[mask] = 1.0
+    def reset(self, mask: Mask) -> None:
+        for numbers, start in ((self._cutting_time, 0.0), (self._sum, 0.0), (self._count, 0.0), (self._growth, 1.0)):
+            numbers[mask] = start
 
     def act(self, observations: Observations) -> Actions:
         program, law = self._program, self._program.scenario.material.power
         reading = read(observations, program.scenario)
         self.reset(reading.cutting_time < self._cutting_time)  # a fresh edge
         self._cutting_time = reading.cutting_time
-        at_program = (
-            reading.power
-            * real_power(program.feed / reading.feed, law.feed)
-            * real_power(program.cutting_speed / reading.cutting_speed, law.cutting_speed)
-        )
+        at_program = reading.power * real_power(program.feed / reading.feed, law.feed)
+        at_program = at_program * real_power(program.cutting_speed / reading.cutting_speed, law.cutting_speed)
         seconds = 60.0 * reading.cutting_time
         young = seconds < LEARNING_TIME
         learns = reading.cutting & (seconds >= SETTLING_TIME) & (young | (self._count == 0.0))
@@ -132,34 +111,26 @@ class LearnedPower(Policy):
 class AirGapControl(Policy):
     """Different laws in air, at entry and in metal, in the manner of OMATIVE ACM.
 
-    In air, it commands the highest override, and for a moment after the tool touches metal, the entry override. Then it follows
-    the feed at which the spindle has its target load: f (target / load)^(1/m), with f the actual feed and m the exponent of feed
-    in the nominal law of power, which is all that it needs of the nominal model. The feed falls to that value at once and rises
-    to it gradually.
-
-    Args:
-        target: load over the load at the power limit [-].
-        entry: override when the tool touches metal [-].
-        rise: rate at which the override rises to a higher one [1/s].
+    In air, it commands the highest override, and for a moment after the tool touches metal, the ``entry`` override [-]. Then it
+    follows the feed at which the spindle has its ``target`` load, over that at the power limit [-]: f (target / load)^(1/m), with
+    f the actual feed and m the exponent of feed in the nominal law of power, which is all that it needs of the nominal model. The
+    override falls to that value at once and rises to it at the rate ``rise`` [1/s].
     """
 
     def __init__(self, program: PartProgram, num_envs: int, target: float, entry: float, rise: float) -> None:
-        self._program = program
+        self._program, self._entry, self._interval = program, entry, program.scenario.control.interval
         self._target = target_load(program.scenario, target)
-        self._entry = entry
-        self._interval = program.scenario.control.interval
         self._rise_share = lag_share(self._interval, 1.0 / rise)
         self._time_in_metal = np.zeros(num_envs)  # since the touch [s]
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._time_in_metal[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
-        program, exponent = self._program, self._program.scenario.material.power.feed
+        program = self._program
         reading = read(observations, program.scenario)
-        present = program.override(reading)
-        load = np.maximum(reading.load, 1e-9)
-        change = np.clip(log(self._target / load) / exponent, -MAX_CHANGE, MAX_CHANGE)
+        present, log_ratio = program.override(reading), log(self._target / np.maximum(reading.load, 1e-9))
+        change = np.clip(log_ratio / program.scenario.material.power.feed, -MAX_CHANGE, MAX_CHANGE)
         wanted = np.maximum(reading.feed / program.feed * exp(change), LOWEST_OVERRIDE)
         wanted = np.minimum(wanted, program.override_max)
         override = np.where(wanted > present, present + self._rise_share * (wanted - present), wanted)

@@ -1,6 +1,6 @@
 """An optimiser of one step, on a Kalman filter's estimates of the hidden state.
 
-In every step it chooses the cutting speed and feed within reach with the greatest expected gain:
+In every step it chooses the cutting speed and feed within reach with the greatest expected gain (``models/feed_search.py``):
 
     value of metal - price of the life used - price of overload - price of breakage
 
@@ -8,23 +8,21 @@ Force and power are log-normal with the filter's means and variances. So the exp
 price of an option, Black and Scholes 1973). So does the risk that an unmeasured bar breaks the edge. The price of the edge's
 life comes from dynamic programming (``models/edge_value.py``).
 
-``models/feed_search.py`` finds the best speed and feed.
-
-It needs of the nominal model: the laws of wear, force and power, prices, the spreads of depth, hardness, wear
-factor and strength, and the lags and noise of drives and sensors.
+It needs of the nominal model: the laws of wear, force and power, prices, the spreads of depth, hardness, wear factor and
+strength, and the lags and noise of drives and sensors.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models import feed_search
 from baselines.models.edge_value import USED_LIVES, worth
-from baselines.models.load_filter import Array, LawErrors, LoadFilter, Outlook, decay, feed_velocity, records
-from baselines.rule import Range, Rule
+from baselines.models.kalman_steps import decay
+from baselines.models.load_filter import LoadFilter, Outlook, records
+from baselines.rule import Array, Mask, Range, Rule, Scenarios
 from turning_env import PowerLaw, Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
@@ -32,35 +30,21 @@ from turning_env.physics.spindle import idle_power_at
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-POINTS = 3
-"""Points of a step at which loads are predicted."""
-LEAD = 2.0
-"""Steps before its end at which an edge is changed, as it may wear faster than expected [-]."""
-MIN_SPREAD = 1e-3
-"""Least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies."""
-MIN_USED_LIFE = 1e-9
-"""Used share of life of an edge that has not cut [-]: the laws are undefined without wear."""
+POINTS = 3  # points of a step at which loads are predicted
+LEAD = 2.0  # steps before its end at which an edge is changed, as it may wear faster than expected [-]
+MIN_SPREAD = 1e-3  # least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies
+MIN_USED_LIFE = 1e-9  # used share of life of an edge that has not cut [-]: the laws are undefined without wear
 
 
 class Optimiser(Policy):
-    """A policy that maximises the expected gain of each step alone.
+    """A policy that maximises the expected gain of each step alone. All scenarios have the same actions and sensors.
 
-    Args:
-        scenario: task, or one for each environment, which all have the same actions and sensors.
-        severity: factor on the price of overload [-].
-        caution: factor on the standard deviations of force and power [-].
-        wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn out [-].
-        errors: the errors that the nominal model is expected to have; None: it is right.
+    ``severity``: factor on the price of overload [-]; ``caution``: on the standard deviations of force and power;
+    ``wear_caution``: on that of the wear at which an edge may soon be worn out; ``errors``: ``LawErrors`` to expect, or None.
     """
 
     def __init__(
-        self,
-        scenario: Scenario | Sequence[Scenario],
-        num_envs: int,
-        severity: float,
-        caution: float,
-        wear_caution: float = 1.0,
-        errors: LawErrors | None = None,
+        self, scenario: Scenarios, num_envs: int, severity: float, caution: float, wear_caution: float = 1.0, errors: Any = None
     ) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
@@ -69,9 +53,9 @@ class Optimiser(Policy):
         self._filter = LoadFilter(scenarios, num_envs, errors)
         self._times, machine = self._look_at(), self._scenario.machine
         lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
-        self._left = np.stack(np.broadcast_arrays(self._times, *(decay(self._times, lag) for lag in lags)), axis=1)
+        self._left = np.stack(np.broadcast_arrays(self._times, *(np.vectorize(decay)(self._times, lag) for lag in lags)), axis=1)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._filter.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
@@ -99,15 +83,14 @@ class Optimiser(Policy):
         low, high = (self._prices[table, place + step] for step in (0, 1))
         return np.asarray(low + (position - place) * (high - low))
 
-    def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
+    def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
         exponent, (log_rate, speed, feed) = self._scenario.material.wear.time, self._parameters["life"].T
         log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
         rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
         over = soon * exp(self._wear_caution * self._filter.wear_deviation / exponent) >= 1.0
-        spent: NDArray[np.bool_] = (reading.nominal_wear > 0.0) & (over | (price <= 0.0))
-        return spent
+        return np.asarray((reading.nominal_wear > 0.0) & (over | (price <= 0.0)))
 
     def _look_at(self) -> Array:
         """Return the times after a step's start at which loads are predicted [s], shape (1 or num_envs, points)."""
@@ -115,16 +98,13 @@ class Optimiser(Policy):
 
     def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
         """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
-        velocity = feed_velocity(self._scenario, reading.commanded_cutting_speed, reading.commanded_feed)
+        velocity = reading.commanded_cutting_speed * reading.commanded_feed * self._filter.parameters["velocity"]
         distance = velocity[:, np.newaxis] * self._times
         cutting = np.ones(distance.shape)
         return self._filter.outlook(distance, distance < 0.0), cutting, cutting - column(self._filter.memory["measured"])
 
     def _best(self, reading: Reading, used_life: Array, price: Array) -> tuple[Array, Array]:
-        """Return the cutting speed [m/min] and feed [mm/rev] within reach with the greatest gain.
-
-        ``used_life``: by the nominal model [-]; ``price``: of a life [s]; shape (num_envs,).
-        """
+        """Return the best speed [m/min] and feed [mm/rev] within reach, for nominal used lives and prices of life [s]."""
         scenario, economics, law = self._scenario, self._scenario.economics, self._scenario.material.wear
         outlook, cutting, unmeasured = self._ahead(reading)
         nominal_depth, left = column(scenario.workpiece.depth_of_cut), np.maximum(1.0 - used_life, 0.0)
@@ -132,33 +112,23 @@ class Optimiser(Policy):
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
         strength_spread = hypotenuse(outlook.force_spread, column(scenario.tool.edge_strength_spread))
-        points = np.empty((len(price), feed_search.POINT, cutting.shape[1]))
-        points[:, feed_search.LOG_FORCE] = outlook.log_force
-        points[:, feed_search.LOG_POWER] = outlook.log_power
-        points[:, feed_search.FORCE_SPREAD] = np.maximum(self._caution * outlook.force_spread, MIN_SPREAD)
-        points[:, feed_search.POWER_SPREAD] = np.maximum(self._caution * outlook.power_spread, MIN_SPREAD)
-        points[:, feed_search.STRENGTH_SPREAD] = np.maximum(strength_spread, MIN_SPREAD)
-        points[:, feed_search.METAL_VALUE] = depth / column(economics.reference_removal_rate)
-        points[:, feed_search.LIFE_PRICE] = column(price) * exp(wear / column(law.time))
-        points[:, feed_search.CUTTING] = cutting
-        points[:, feed_search.UNMEASURED] = unmeasured
-        speeds = scenario.machine.cutting_speed_min, self._fastest(used_life)
-        environments = np.empty((len(price), feed_search.ENVIRONMENT))
-        environments[:, : feed_search.LIFE_RATE] = np.stack(
-            [
-                *self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed"),
-                *self._reach(reading.commanded_feed, scenario.feed_range, "feed"),
-                log(reading.cutting_speed),
-                log(reading.feed),
-                used_life,
-                60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime),
-            ],
-            axis=1,
+        points = (  # in the order of their names in feed_search
+            *(outlook.log_force, outlook.log_power),
+            *(np.maximum(self._caution * spread, MIN_SPREAD) for spread in (outlook.force_spread, outlook.power_spread)),
+            *(np.maximum(strength_spread, MIN_SPREAD), depth / column(economics.reference_removal_rate)),
+            *(column(price) * exp(wear / column(law.time)), cutting, unmeasured),
         )
-        environments[:, feed_search.LIFE_RATE : feed_search.FORCE_SPEED] = np.transpose(self._life_rate())
-        environments[:, feed_search.FORCE_SPEED :] = self._filter.exponents.reshape(-1, 6)
-        found = np.empty((len(points), 2))
-        feed_search.search(self._parameters, self._left, environments, points, found)
+        speeds = scenario.machine.cutting_speed_min, self._fastest(used_life)
+        breakage = 60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime)
+        environments = (  # likewise
+            *self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed"),
+            *self._reach(reading.commanded_feed, scenario.feed_range, "feed"),
+            *(log(reading.cutting_speed), log(reading.feed), used_life, breakage),
+            *(*self._life_rate(), *self._filter.exponents.reshape(-1, 6).T),
+        )
+        columns = (np.stack(np.broadcast_arrays(*rows), axis=1) for rows in (environments, points))
+        found = np.empty((len(price), 2))
+        feed_search.search(self._parameters, self._left, *columns, found)
         return exp(found[:, 0]), exp(found[:, 1])
 
     def _fastest(self, used_life: Array) -> Any:
@@ -173,7 +143,7 @@ class Optimiser(Policy):
         """Return the logarithms of the lowest and the highest value, between two ends, that the next action can command."""
         least, most = (log(end) for end in ends)
         if self._scenario.control.action == "set_point":
-            return np.broadcast_to(least, commanded.shape), np.broadcast_to(most, commanded.shape)
+            return least, most
         step = getattr(self._scenario.control, f"{name}_step")
         return np.clip(log(commanded) - step, least, most), np.clip(log(commanded) + step, least, most)
 

@@ -3,16 +3,14 @@
 A plan divides an allowance into passes of equal depth and takes cutting speed and feed of each pass from a rule. Fixed-rule
 adaptive control keeps the path for the drawing's allowance, and sets cutting speed and feed for the depth that each pass cuts.
 Adaptive part programming makes a new path for the measured size of the blank. Neither knows the blank's run-out and hardness, so
-both keep a margin to the limits. Blanks that are not probed count as drawn.
-
-They need of the nominal model: the laws of wear, force and power, and prices.
+both keep a margin to the limits. Blanks that are not probed count as drawn. They need of the nominal model: the laws of wear,
+force and power, and prices.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.process import Process
-from baselines.rule import Range, Rule
+from baselines.rule import Array, Range, Rule
 from baselines.trivial import ConstantActions
 from baselines.two_limits import ECONOMIC_OPTIMUM, MIN_DEPTH, TWO_LIMITS, set_point
 from turning_env import Scenario, read
@@ -20,7 +18,6 @@ from turning_env.action import set_point_action
 from turning_env.numerics.functions import exp, log, real_power
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-Array = NDArray[np.float64]
 _MIN_WEAR = 0.1  # wear of a fresh edge over the criterion [-]: without wear, nothing would limit the force
 
 
@@ -28,7 +25,7 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
     """Return the actions, shape (num_envs, action size), of plans.
 
     They are a number of passes, from 1 to ``control.passes_max``, and the path's allowance [mm], shape (num_envs,), and cutting
-    speed [m/min] and feed [mm/rev] of each pass, shape (num_envs, passes_max).
+    speed [m/min] and feed [mm/rev] of each pass, shape (num_envs, passes_max), or of all.
     """
     machine, passes_max = scenario.machine, scenario.control.passes_max
     actions = np.empty((len(passes), 2 + 2 * passes_max))
@@ -42,26 +39,20 @@ def plan(scenario: Scenario, passes: Array, allowance: Array, cutting_speed: Arr
 class RuledParts(Policy):
     """A policy that plans the cheapest number of passes, with cutting speed and feed by a rule at each pass's depth of cut.
 
-    Args:
-        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        corrected: whether the path is made for the measured size, not for the drawing's allowance.
-        margin: factor on the limits of force, power and torque [-].
-        first_margin: the same factor in the first pass, which cuts all unforeseen metal [-].
+    ``corrected``: whether the path is made for the measured size, not for the drawing's allowance. ``margin``: factor on the
+    limits of force, power and torque [-]; ``first_margin``: likewise in the first pass, which cuts all unforeseen metal.
     """
 
     def __init__(self, scenario: Scenario, rule: str, corrected: bool, margin: float, first_margin: float) -> None:
-        self._process = Process.of(scenario)
         self._scenario, self._rule, self._corrected = scenario, rule, corrected
-        self._shares = np.full(scenario.control.passes_max, margin)
-        self._shares[0] = first_margin
+        scales = 1.0 / np.array([first_margin] + [margin] * (scenario.control.passes_max - 1))
+        self._process = Process.of(scenario).rescaled(scales, scales)
 
     def act(self, observations: Observations) -> Actions:
-        scenario = self._scenario
-        reading = read(observations, scenario)
-        drawn = np.full(len(observations), scenario.workpiece.depth_of_cut)
+        scenario, criterion = self._scenario, self._scenario.tool.wear_criterion
+        reading, drawn = read(observations, scenario), np.full(len(observations), scenario.workpiece.depth_of_cut)
         measured = reading.probed_depth if scenario.sensors.probe else drawn
         path = measured if self._corrected else drawn
-        criterion = scenario.tool.wear_criterion
         wear = np.clip(reading.nominal_wear, _MIN_WEAR * criterion, criterion)
         numbers = np.arange(1.0, scenario.control.passes_max + 1.0)
         costs = [self._passes(path, path, np.full(len(path), number), wear)[2] for number in numbers]
@@ -71,7 +62,7 @@ class RuledParts(Policy):
 
     def _passes(self, allowance: Array, path: Array, passes: Array, wear: Array) -> tuple[Array, Array, Array]:
         """Return cutting speeds [m/min] and feeds [mm/rev], shape (num_envs, passes_max), and the total cost [min]."""
-        workpiece, process = self._scenario.workpiece, self._process.rescaled(1.0 / self._shares, 1.0 / self._shares)
+        workpiece, process = self._scenario.workpiece, self._process
         depths = pass_depths(allowance, path, passes, self._scenario.control.passes_max)
         speed, feed = set_point(self._rule, process, depths, wear=wear[:, np.newaxis])
         minutes = np.pi * workpiece.diameter * (workpiece.bar_length + workpiece.approach) / (1000.0 * speed * feed)
@@ -101,9 +92,8 @@ def _fixed(scenario: Scenario, num_envs: int, passes: float, cutting_speed: floa
     """Return the policy with the same passes, cutting speed and feed for every part, as in an NC program."""
     machine, passes_max = scenario.machine, scenario.control.passes_max
     number = np.array([float(min(max(round(passes), 1), passes_max))])
-    speed = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, cutting_speed)
-    feed = machine.feed_min * real_power(machine.feed_max / machine.feed_min, feed)
-    speeds, feeds = np.full((1, passes_max), speed), np.full((1, passes_max), feed)
+    speeds = machine.cutting_speed_min * real_power(machine.cutting_speed_max / machine.cutting_speed_min, cutting_speed)
+    feeds = machine.feed_min * real_power(machine.feed_max / machine.feed_min, feed)
     return ConstantActions(plan(scenario, number, np.array([scenario.workpiece.depth_of_cut]), speeds, feeds))
 
 

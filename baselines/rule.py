@@ -1,13 +1,18 @@
 """The description of a controller: how to build it, which scenarios it can play, and which parameters are tuned."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from turning_env import Scenario
 from turning_env.scoring.policy import Policy
 
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]  # of environments, shape (num_envs,), unless it says otherwise
 Parameters = dict[str, float]
+Scenarios = Scenario | Sequence[Scenario]  # a task, or one for each environment
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,6 @@ class Rule:
     """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     together: bool = False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
-
-    def build(self, scenario: Any, num_envs: int, parameters: Parameters) -> Policy:
-        """Return the policy for a scenario, a number of environments and parameters."""
-        return self.controller(scenario, num_envs, **parameters)
 
     @property
     def ranges(self) -> dict[str, Range]:

@@ -2,53 +2,37 @@
 
 The filter of ``predictive`` gets further states (dual estimation): errors of the laws of wear, force and power, which last from
 edge to edge. It expects those of training jobs (``law_errors.py``) until it has measured loads, and the wear of removed edges.
-With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``).
-
-It needs of the nominal model what ``predictive`` needs.
+With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``). It needs of the nominal model
+what ``optimiser`` needs.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines import law_errors
 from baselines.models.edge_value import price_life
-from baselines.models.load_filter import Array
 from baselines.optimiser import optimising, plays
 from baselines.predictive import Predictive
-from turning_env import Reading, Scenario
+from baselines.rule import Array, Mask, Scenarios
+from turning_env import Reading
 
-EARLY = 0.3
-"""Time by which the tool may enter a bar earlier than expected [s] (found on training jobs)."""
-MIN_SPENT_LIFE = 0.5
-"""Used life below which an edge is not changed because its life has no price [-]: early estimates of the laws may be wrong."""
+EARLY = 0.3  # time by which the tool may enter a bar earlier than expected [s] (found on training jobs)
+MIN_SPENT_LIFE = 0.5  # used life below which edges without a price are kept [-]: early estimates of the laws may be wrong
 
 
 class SelfTuning(Predictive):
-    """A policy as ``Predictive``, on a filter that expects errors of the nominal model.
+    """``Predictive`` on a filter that expects errors of the nominal model; for the ``others`` see ``Optimiser``.
 
-    See ``Optimiser`` for the other arguments. Attributes, shape (num_envs,), can be set before every action. A schedule of a
-    nominal model with forms takes their place.
-
-    Attributes:
-        top_speed: highest cutting speed over the machine's highest one [-].
-        change_at: used life at which edges are changed, if not before [-].
+    Attributes, shape (num_envs,), can be set before every action: ``top_speed``, the highest cutting speed over the machine's,
+    and ``change_at``, the used life at which edges are changed, if not before. A schedule, where there are forms, replaces them.
     """
 
     def __init__(
-        self,
-        scenario: Scenario | Sequence[Scenario],
-        num_envs: int,
-        severity: float,
-        caution: float,
-        wear_caution: float,
-        top_speed: float = 1.0,
-        change_at: float = 1.0,
+        self, scenario: Scenarios, num_envs: int, top_speed: float = 1.0, change_at: float = 1.0, **others: float
     ) -> None:
-        super().__init__(scenario, num_envs, severity, caution, wear_caution, law_errors.read())
+        super().__init__(scenario, num_envs, **others, errors=law_errors.read())
         self.top_speed, self.change_at = np.full(num_envs, top_speed), np.full(num_envs, change_at)
 
     def _fastest(self, used_life: Array) -> Any:
@@ -64,25 +48,22 @@ class SelfTuning(Predictive):
         return [nominal + error for nominal, error in zip(super()._life_rate(), errors, strict=True)]
 
     def _price(self, used_life: Array) -> Array:
-        exponents = self._filter.exponents.T * np.ones(len(used_life))  # (speed, feed and wear; force and power; num_envs)
-        laws = self._life_rate()
+        laws, exponents, errors = self._life_rate(), self._filter.exponents.T, self._filter.load_errors
         for law, name in enumerate(("force", "power")):
             speed, feed, wear = exponents[:, law]
-            log_load = self._parameters[name] + self._filter.load_errors[law]
-            laws += [log_load, speed, feed, self._parameters["wear_time"] * wear]
+            laws += [self._parameters[name] + errors[law], speed, feed, self._parameters["wear_time"] * wear]
         prices = np.empty(len(used_life))
         price_life(self._parameters, np.stack(laws, axis=1), used_life, prices)
         return prices
 
-    def _spent(self, reading: Reading, used_life: Array, price: Array) -> NDArray[np.bool_]:
+    def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         spent = super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))
         return spent if self._scheduled else spent | ((used_life >= self.change_at) & (reading.nominal_wear > 0.0))
 
 
-DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
     "self_tuning": replace(
-        optimising(DESCRIPTION, SelfTuning, version=6),
+        optimising("the optimiser with foresight, which learns the errors of the laws", SelfTuning, version=6),
         plays=lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
         parameters={"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
         tuned_on=None,

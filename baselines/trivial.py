@@ -5,14 +5,13 @@ came near the top of a leaderboard, the reward could be gamed. They need nothing
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.rule import Rule
+from baselines.rule import Array, Mask, Rule
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
 from turning_env.scenario.plan import columns_of
@@ -33,20 +32,17 @@ def mixed(words: Words) -> Words:
 
 
 class RandomActions(Policy):
-    """A policy of actions drawn uniformly from the action space.
+    """A policy of a number of ``actions`` per environment, drawn uniformly.
 
     The random numbers are keyed by all observations since the environment's reset. So an episode of a seed is the same in any
     batch, and other seeds, with other bars, give other actions.
-
-    Args:
-        actions: number of actions per environment.
     """
 
     def __init__(self, num_envs: int, actions: int) -> None:
         self._keys = np.zeros(num_envs, np.uint64)
         self._numbers = np.arange(1, actions + 1, dtype=np.uint64)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._keys[mask] = 0
 
     def act(self, observations: Observations) -> Actions:
@@ -69,11 +65,11 @@ class ConstantActions(Policy):
 class FirstThen(Policy):
     """A policy that repeats an action for some steps, one number or shape (num_envs,), and then plays a policy without memory."""
 
-    def __init__(self, num_envs: int, action: Actions, steps: float | NDArray[np.float64], policy: Policy) -> None:
+    def __init__(self, num_envs: int, action: Actions, steps: float | Array, policy: Policy) -> None:
         self._action, self._first_steps, self._policy = action, steps, policy
         self._steps = np.zeros(num_envs)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._steps[mask] = 0.0
 
     def act(self, observations: Observations) -> Actions:
@@ -89,18 +85,17 @@ def zero(scenario: Scenario) -> Actions:
 
 
 def extreme(scenario: Scenario, end: float) -> Actions:
-    """Return the action of the lowest (-1) or highest (1) speed and feed; no edge is changed.
-
-    Parts are turned in as many passes as possible at the lowest, and in one pass at the highest.
-    """
+    """Return the action of the lowest (-1) or highest (1) speed and feed, in most passes or in one; no edge is changed."""
     action = np.full_like(zero(scenario), end)
     if scenario.control.action == "part":
         action[:2] = -end, 0.0  # number of passes, and the drawing's allowance
-    return _changing(action, -1.0) if _changes_edges(scenario) else action
+    if _changes_edges(scenario):
+        action[-1] = -1.0
+    return action
 
 
-def _changing(action: Actions, change_edge: float = 1.0) -> Actions:
-    return np.append(action[:-1], np.float32(change_edge))
+def _changing(action: Actions) -> Actions:
+    return np.append(action[:-1], np.float32(1.0))
 
 
 def _changes_edges(scenario: Scenario) -> bool:
@@ -116,12 +111,10 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     return FirstThen(num_envs, idle, steps / 2.0, FixedParameters.programmed(each))
 
 
-def _everywhere(scenario: Scenario) -> bool:
-    return True
-
-
 def _rule(
-    description: str, policy: Callable[[Sequence[Scenario], int], Policy], plays: Callable[[Scenario], bool] = _everywhere
+    description: str,
+    policy: Callable[[Sequence[Scenario], int], Policy],
+    plays: Callable[[Scenario], bool] = lambda scenario: True,
 ) -> Rule:
     """Return a rule for one scenario or many."""
 
@@ -131,14 +124,14 @@ def _rule(
     return Rule(description, controller, plays, {}, changes_edges=True, together=True)
 
 
-def _constant(description: str, action: Callable[[Scenario], Actions], plays: Callable[[Scenario], bool] = _everywhere) -> Rule:
-    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), plays)
+def _constant(description: str, action: Callable[[Scenario], Actions], *plays: Callable[[Scenario], bool]) -> Rule:
+    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), *plays)
 
 
 DEGENERATE = {
-    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", partial(extreme, end=-1.0)),
+    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", lambda task: extreme(task, -1.0)),
     "wait_then_play": _rule("degenerate: idles for half of the episode, then the programmed speed and feed", _wait_then_play),
-    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", partial(extreme, end=1.0)),
+    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", lambda task: extreme(task, 1.0)),
     "never_cut": _constant(
         "degenerate: idles and changes the edge in every step, which leaves next to no time to cut",
         lambda scenario: _changing(extreme(scenario, -1.0)),

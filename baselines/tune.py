@@ -11,8 +11,7 @@ the same result.
 
 The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. The best mean return wins
 among the feasible trials, or among all if none is feasible. A trial's parameters depend only on its number and the trials before
-it. So the same command resumes an interrupted tuning: it searches again, and takes the results of trials that were played from a
-log.
+it. So the same command resumes an interrupted tuning; it takes the trials that were played from a log.
 """
 
 import argparse
@@ -43,10 +42,8 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, severe_share
 from turning_env.scoring.workers import Workers, spread, workers
 
-Budget = dict[str, int]
-BUDGET: Budget = {"trials": 64, "seeds": 32}
-QUICK: Budget = {"trials": 12, "seeds": 16}
-
+BUDGET = {"trials": 64, "seeds": 32}
+QUICK = {"trials": 12, "seeds": 16}
 _CANDIDATES = 128
 """Number of candidates from which the estimator picks. With Optuna's 24, it stays farther from the limit of feasibility."""
 
@@ -98,7 +95,7 @@ def trials(
     feasible up to a ``severe_limit`` of ``allowance`` [-]. ``sampler`` are options of Optuna's ``TPESampler``.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    study, running, ended = optuna.create_study(direction="maximize"), list[optuna.Trial](), 0
+    study, running = optuna.create_study(direction="maximize"), list[optuna.Trial]()
 
     def told(trial: optuna.Trial, played: Played) -> Trial:
         if played.failed:
@@ -108,13 +105,13 @@ def trials(
             study.tell(trial, played.mean_return)
         return Trial(trial.params, played)
 
-    for setting, known in _read(log, task)[:count]:
+    known = _read(log, task)[:count]
+    for setting, played in known:
         study.enqueue_trial(setting)
-        yield told(study.ask(dict(ranges)), known)
-        ended += 1
-    if not ended:
+        yield told(study.ask(dict(ranges)), played)
+    if not known:
         study.enqueue_trial(dict(first))
-    while ended < count:
+    for ended in range(len(known), count):
         while len(running) < min(parallel, count - ended):
             # A sampler per trial: its random numbers must not depend on interruptions.
             study.sampler = TPESampler(seed=ended + len(running), **sampler)
@@ -126,7 +123,6 @@ def trials(
         with log.open("a", encoding="utf-8") as file:
             file.write(f"\n{json.dumps([task, trial.params, played])}\n")
         yield told(trial, played)
-        ended += 1
 
 
 def _read(log: Path, task: list[Any]) -> list[Trial]:
@@ -143,7 +139,7 @@ def _read(log: Path, task: list[Any]) -> list[Trial]:
 def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
     """Play a rule with some parameters on seeds; note both on an exception."""
     try:
-        return Played.of(play(lambda num_envs: rule.build(scenario, num_envs, setting), scenario, seeds))
+        return Played.of(play(lambda num_envs: rule.controller(scenario, num_envs, **setting), scenario, seeds))
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -153,25 +149,20 @@ def search(
     name: str,
     rule: Rule,
     scenario: Scenario,
-    budget: Budget,
+    budget: dict[str, int],
     log: Path,
     play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], Played] = play_trial,
 ) -> dict[str, Any]:
     """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all."""
     seeds, allowance = tuning_seeds(budget["seeds"]), scenario.limits.overload_allowance
     ranges = {key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()}
-    played = [
-        *trials(
-            ranges,
-            {key: middle(each) for key, each in rule.ranges.items()},
-            budget["trials"],
-            log,
-            [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed],
-            allowance,
-            lambda setting: play(name, rule, scenario, rule.fixed | setting, seeds),
-            n_ei_candidates=_CANDIDATES,
-        )
-    ]
+    first = {key: middle(each) for key, each in rule.ranges.items()}
+    task = [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed]
+
+    def played_with(setting: Parameters) -> Played:
+        return play(name, rule, scenario, rule.fixed | setting, seeds)
+
+    played = [*trials(ranges, first, budget["trials"], log, task, allowance, played_with, n_ei_candidates=_CANDIDATES)]
     best = max(played, key=lambda trial: trial.merit(allowance))
     return {
         "version": rule.version,
@@ -191,15 +182,14 @@ def middle(values: Range) -> float:
 
 def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
     """Return the named rules, or all to tune on the scenario, or if ``quick`` the best of them; ValueError if one cannot be."""
+
+    def tunes(rule: Rule) -> bool:
+        return bool(rule.ranges) and (not rule.tuned_on or Scenario.load(rule.tuned_on).digest() == scenario.digest())
+
     rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    fixed = [
-        name
-        for name, rule in rules.items()
-        if not rule.ranges or (rule.tuned_on and Scenario.load(rule.tuned_on).digest() != scenario.digest())
-    ]
-    if wanted is not None and fixed:
-        raise ValueError(f"{', '.join(sorted(fixed))} has nothing to tune on scenario {scenario.name!r}")
-    return {name: rule for name, rule in rules.items() if name not in fixed and (rule.worth_tuning or wanted or not quick)}
+    if wanted is not None and (fixed := sorted(name for name, rule in rules.items() if not tunes(rule))):
+        raise ValueError(f"{', '.join(fixed)} has nothing to tune on scenario {scenario.name!r}")
+    return {name: rule for name, rule in rules.items() if tunes(rule) and (rule.worth_tuning or wanted or not quick)}
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
@@ -207,8 +197,7 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
-        known = ", ".join(presets())
-        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {known}, without --out")
+        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out")
     if ships and not shipped:
         said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
         raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
@@ -217,7 +206,7 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     return target
 
 
-def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: Budget) -> dict[str, Any]:
+def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: dict[str, int]) -> dict[str, Any]:
     """Return a file's entries for the rules that are not tuned now; ValueError if they were tuned with another budget."""
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
@@ -268,9 +257,8 @@ def main(arguments: list[str] | None = None) -> int:
             held.enter_context(file_lock(path))
         found = {}
         pieces = [(name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()]
-        for name, best in tqdm(
-            spread(over, lambda piece: search(*piece), pieces), "tuning", len(pieces), unit="rule", disable=None
-        ):
+        work = spread(over, lambda piece: search(*piece), pieces)
+        for name, best in tqdm(work, "tuning", len(pieces), unit="rule", disable=None):
             found[name] = best
             result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds"
             tqdm.write(f"{name}: {best['parameters']}, {result}, {'' if best['feasible'] else 'not '}feasible")

@@ -1,8 +1,8 @@
 """Tuned parameters of the rules, kept as data: one JSON file per scenario.
 
 The presets' files ship in ``baselines/tuned``, and those of families that a rule plays with parameters of its own in
-``baselines/tuned/families``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside
-it. A file belongs to the scenario whose digest it states; names do not matter.
+``baselines/tuned/families``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside it. A file belongs
+to the scenario whose digest it states; names do not matter.
 """
 
 import json
@@ -28,10 +28,8 @@ def path(scenario: Scenario) -> Path:
 
 def command(scenario: Scenario) -> str:
     """Return the command that tunes the rules for a scenario."""
-    source = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
-    if scenario.file:
-        source = shlex.quote(str(scenario.file))
-    return f"python -m baselines.tune --scenario {source}"
+    shipped = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
+    return f"python -m baselines.tune --scenario {shlex.quote(str(scenario.file)) if scenario.file else shipped}"
 
 
 def read(file: Path) -> dict[str, Any]:
@@ -69,13 +67,13 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
     """Return one rule's tuned parameters and their command, for a scenario or ``rule.tuned_on``; NotTuned if there are none."""
     home = scenario if rule.tuned_on is None else Scenario.load(rule.tuned_on)
     values = contents(home)
-    known = values["rules"]
-    if name not in known:
+    known = values["rules"].get(name)
+    if known is None:
         found = "has not been tuned"
-    elif known[name].get("version", 1) != rule.version:
-        found = f"was tuned in version {known[name].get('version', 1)}, and is now version {rule.version},"
-    elif known[name]["parameters"].keys() != rule.ranges.keys():
+    elif (version := known.get("version", 1)) != rule.version:
+        found = f"was tuned in version {version}, and is now version {rule.version},"
+    elif known["parameters"].keys() != rule.ranges.keys():
         found = "was tuned in other parameters"
     else:
-        return dict(known[name]["parameters"]), f"{values['command']} --rules {name}"
+        return dict(known["parameters"]), f"{values['command']} --rules {name}"
     raise NotTuned(f"{name} {found} for scenario {home.name!r}: run `{command(home)} --rules {name}`")

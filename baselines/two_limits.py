@@ -5,9 +5,7 @@ N power, M torque, V the machine's highest cutting speed, S its highest feed, an
 limit. In the logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear equations.
 
 A scenario may limit radial force, torque and roughness, too. Where radial force is tighter, it takes the place of P, roughness
-that of S; torque is M.
-
-A rule's point may be out of reach. Two steps correct it:
+that of S; torque is M. A rule's point may be out of reach. Two steps correct it:
 
 1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
    rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
@@ -15,9 +13,7 @@ A rule's point may be out of reach. Two steps correct it:
    lowered. A force that falls with rising cutting speed, as with 709M40, may still be exceeded.
 
 With 709M40 on the presets' lathe, many rules coincide (docs/controllers.md), so the catalogue has one of each kind; ``set_point``
-knows all.
-
-It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
+knows all. It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
 """
 
 from functools import partial, reduce
@@ -27,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.fixed import FixedParameters
-from baselines.models.process import ALIKE, Array, Limit, Line, Process, Scales
-from baselines.rule import Range, Rule
+from baselines.models.process import ALIKE, Limit, Line, Process, Scales
+from baselines.rule import Array, Mask, Range, Rule
 from turning_env import PowerLaw, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, log
@@ -66,17 +62,11 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
 def set_point(
     rule: str, process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike = 1.0, wear: ArrayLike | None = None
 ) -> tuple[Array, Array]:
-    """Return a rule's cutting speed [m/min] and feed [mm/rev], both of the shape to which the arguments broadcast.
+    """Return the cutting speed [m/min] and feed [mm/rev] of a rule, of the shape to which the arguments broadcast.
 
-    Args:
-        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        process: laws, limits and prices.
-        depth_of_cut: [mm], from 0.
-        hardness: relative to nominal [-], above 0.
-        wear: flank wear at which the limits hold [mm], above 0; by default the mean over the edge's life.
-
-    Raises:
-        ValueError: the rule is unknown, or with these laws its limits fix no point.
+    ``rule``: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``; ValueError if it is unknown, or with these laws its limits fix no
+    point. Depth of cut [mm] is 0 or more, relative hardness [-] above 0. The limits hold at the flank wear [mm], above 0; by
+    default it is the mean over the edge's life.
     """
     cut = (np.maximum(depth_of_cut, MIN_DEPTH), hardness, process.mean_wear if wear is None else wear)
     held = _held(process, cut)
@@ -105,19 +95,19 @@ def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> N
     """
     cut = (depth_of_cut, hardness, process.mean_wear)
     _, _, pair = _cheapest(process, _held(process, cut), cut)
-    named = [sorted((one, other), key="NVT".find) for (one, _), (other, _) in _pairs(process)]
-    return np.asarray([*(" ".join(names) for names in named), ""])[pair]
+    return np.array([*(" ".join(sorted(names, key="NVT".find)) for names, _, _ in _pairs(process)), ""])[pair]
 
 
-def _pairs(process: Process) -> list[tuple[tuple[str, Limit], tuple[str, Limit]]]:
-    """Return the named pairs of limits that fix a point."""
-    bounds = [("P_z", process.thrust_force), ("N", process.power)]
-    bounds += [(name, Limit(_CUTTING_SPEED, end)) for name, end in zip(("V_min", "V"), process.cutting_speed_range, strict=True)]
-    bounds += [(name, Limit(_FEED, end)) for name, end in zip(("S_min", "S"), process.feed_range, strict=True)]
-    names = {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}
-    bounds += [(names[name], limit) for name, limit in process.further.items()]
-    pairs = [*combinations(bounds, 2), *((bound, ("T", process.life_limit(bound[1]))) for bound in bounds)]
-    return [(one, other) for one, other in pairs if not one[1].parallel(other[1])]
+def _pairs(process: Process) -> list[tuple[tuple[str, str], Limit, Limit]]:
+    """Return the pairs of limits that fix a point, and their names."""
+    (slowest, fastest), (least, most) = process.cutting_speed_range, process.feed_range
+    bounds = {"P_z": process.thrust_force, "N": process.power}
+    bounds |= {"V_min": Limit(_CUTTING_SPEED, slowest), "V": Limit(_CUTTING_SPEED, fastest)}
+    bounds |= {"S_min": Limit(_FEED, least), "S": Limit(_FEED, most)}
+    bounds |= {{"radial_force": "P_y", "torque": "M", "roughness": "R_z"}[name]: each for name, each in process.further.items()}
+    lives = [(bound, ("T", process.life_limit(bound[1]))) for bound in bounds.items()]
+    pairs = [*combinations(bounds.items(), 2), *lives]
+    return [((name, another), one, other) for (name, one), (another, other) in pairs if not one.parallel(other)]
 
 
 def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
@@ -147,8 +137,7 @@ def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, ND
     """
     slowest, fastest = log(process.cutting_speed_range)
     least, most = log(process.feed_range)
-    points = [one.line(*cut).crossing(other.line(*cut)) for (_, one), (_, other) in _pairs(process)]
-    points.append((fastest, least))
+    points = [one.line(*cut).crossing(other.line(*cut)) for _, one, other in _pairs(process)] + [(fastest, least)]
     shape = np.broadcast_shapes(*(line.room.shape for line in held), *(np.shape(value) for value in cut))
     speeds, feeds = (np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1))
     feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE) & (feeds >= least - ALIKE) & (feeds <= most + ALIKE)
@@ -164,35 +153,27 @@ def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, ND
 class AdaptiveRule(Policy):
     """A policy that applies a rule in every step to models rescaled by measured over predicted force and power.
 
-    Predictions and limits use nominal wear, depth and hardness; the scales absorb the deviations.
-
-    Args:
-        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
-        margin: factor on the limits of force, power and torque [-].
-        smoothing: weight of the newest ratio in a scale [-].
+    Predictions and limits use nominal wear, depth and hardness; the scales absorb the deviations. ``margin``: factor on the
+    limits of force, power and torque [-]; ``smoothing``: weight of the newest ratio in a scale [-].
     """
 
     def __init__(self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float) -> None:
         self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        reading = read(observations, self._scenario)
-        depth = self._scenario.workpiece.depth_of_cut
-        interval = self._scenario.control.interval / 60.0
+        reading, depth = read(observations, self._scenario), self._scenario.workpiece.depth_of_cut
+        setting = reading.cutting_speed, reading.feed, depth
         # A fresh edge counts with the wear after one control interval: without wear, no limit would apply.
-        fresh = self._process.wear(reading.cutting_speed, reading.feed, depth, time=interval)
-        wear = np.maximum(reading.nominal_wear, fresh)
-        force = self._process.thrust_force.law(reading.cutting_speed, reading.feed, depth, wear=wear)
-        power = self._process.power.law(reading.cutting_speed, reading.feed, depth, wear=wear)
+        wear = np.maximum(reading.nominal_wear, self._process.wear(*setting, time=self._scenario.control.interval / 60.0))
+        force, power = (limit.law(*setting, wear=wear) for limit in (self._process.thrust_force, self._process.power))
         measured = reading.cutting & (reading.power > 0)
         scales = self._scales.follow(measured, reading.thrust_force / force, reading.power / power)
         used = (scale / self._margin for scale in scales)
-        speeds, feeds = set_point(self._rule, self._process.rescaled(*used), depth, wear=wear)
-        return towards(reading, self._scenario, speeds, feeds)
+        return towards(reading, self._scenario, *set_point(self._rule, self._process.rescaled(*used), depth, wear=wear))
 
 
 def _plays(rule: str, scenario: Scenario) -> bool:
@@ -203,29 +184,24 @@ def _plays(rule: str, scenario: Scenario) -> bool:
     return sets_speed_and_feed(scenario)
 
 
-def _fixed(rule: str) -> Rule:
-    return Rule(
-        f"rule [{rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
-        lambda scenario, num_envs: FixedParameters(
-            scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
-        ),
-        lambda scenario: _plays(rule, scenario),
-        {},
-    )
+def _fixed(scenario: Scenario, num_envs: int, rule: str) -> FixedParameters:
+    return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
 
 
-def _adaptive(rule: str) -> Rule:
-    return Rule(
-        f"rule [{rule}] of Sharmazanashvili (2008) in real time, on models rescaled by measured force and power, with a margin",
-        partial(AdaptiveRule, rule=rule),
-        lambda scenario: _plays(rule, scenario),
-        {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
-        worth_tuning=rule == "PN",
-    )
-
+_RESCALED = "in real time, on models rescaled by measured force and power, with a margin"
+_MARGINS = {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)}
 
 RULES = {
-    f"{kind}_{rule.lower()}": make(rule)
-    for kind, make in (("rule", _fixed), ("adaptive", _adaptive))
+    f"{kind}_{rule.lower()}": Rule(
+        f"rule [{rule}] of Sharmazanashvili (2008) {how}",
+        partial(controller, rule=rule),
+        partial(_plays, rule),
+        parameters,
+        worth_tuning=rule == "PN" and controller is AdaptiveRule,
+    )
+    for kind, how, controller, parameters in (
+        ("rule", "on nominal models at mean wear", _fixed, {}),
+        ("adaptive", _RESCALED, AdaptiveRule, _MARGINS),
+    )
     for rule in ("PV", "SN", "PN")
 }

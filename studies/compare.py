@@ -245,7 +245,7 @@ def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicyS
     nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario, home)
     rule, parameters = catalogue.playable(variant.policy, nominal), tuned.parameters | variant.settings
     values: Any = parameters
-    return tuned.model_copy(update={"parameters": parameters, "make": lambda num_envs: rule.build(nominal, num_envs, values)})
+    return tuned.model_copy(update={"parameters": parameters, "make": partial(rule.controller, nominal, **values)})
 
 
 def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:

@@ -5,7 +5,7 @@ The machine code is kept on disk, so a second time this takes two seconds.
 
 from itertools import product
 
-from baselines.grid_search import GridSearch, RescaledGridSearch
+from baselines.grid_search import GridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
 from baselines.predictive import Predictive
 from turning_env import FamilyVectorEnv, RoughTurningVectorEnv, Scenario
@@ -14,7 +14,7 @@ from turning_env.scoring.seeds import tuning_seeds
 if __name__ == "__main__":
     rules = (
         GridSearch,
-        lambda *task: RescaledGridSearch(*task, margin=1.0, smoothing=0.5),
+        lambda *task: GridSearch(*task, margin=1.0, smoothing=0.5),
         lambda *task: Predictive(*task, severity=1.0, caution=1.0),
     )
     for num_envs, rule in product((1, 2), rules):

@@ -109,10 +109,10 @@ LINES = {
     "turning_shop": 2599,
     "turning_nc": 3812,
     "turning_control": 1500,
-    "baselines": 4563,
+    "baselines": 4136,
     "train": 3794,
     "leaderboard": 3237,
-    "papers": 2487,
+    "papers": 2485,
     "studies": 2015,
     "tests": 11960,
 }

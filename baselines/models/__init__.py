@@ -1,4 +1,1 @@
-"""Models that several controllers share: nominal process, filters, measured scales, price of edge life.
-
-A controller itself is a file in ``baselines``.
-"""
+"""Models that several controllers share: processes, filters, prices of edge life. A controller is a file in ``baselines``."""

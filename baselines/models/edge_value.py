@@ -10,12 +10,12 @@ where p(D) is the price at which the best set points, averaged over bars, gain n
 one equation per D, because the used life only grows (Bellman 1957). The charged price does not enter, because a whole edge costs
 the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate.
 
-If edges are changed and time is limited, a second costs what it could earn elsewhere. At that price of time, a whole edge just
-pays for itself, its change and their time. If edges are changed on command, worthless life need not be used: the price is at
-least 0, and the best time to change the edge is when it reaches 0.
+If edges are changed and time is limited, a second costs what it could earn elsewhere: at that price of time, a whole edge just
+pays for itself, its change and their time. If they are changed on command, worthless life need not be used: the price is at least
+0, and the best time to change the edge is when it reaches 0.
 
-``price_life`` does the same for laws that a filter estimates, in every step, but simpler: bars are as expected, and the feed is
-the highest that keeps the loads within their limits, or the nearest that the chip breaker allows. Then
+``price_life`` prices life by laws that a filter estimates, in every step. Bars are then as expected, and the feed is the highest
+that keeps the loads within their limits, or the nearest that the chip breaker allows:
 
     p(D) = max over cutting speeds of (value of metal less overload - price of time) / life used per time
 """
@@ -24,16 +24,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.normal import excess
+from baselines.rule import Array
 from turning_env import Scenario
 from turning_env.numerics.compilation import compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario.power_law import log_response
-
-Array = NDArray[np.float64]
 
 USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which the price is computed
 SPREAD = 0.03  # log standard deviation of force and power about their estimates (assumption: similar to a filter's)
@@ -59,10 +57,7 @@ class Worth(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def worth(scenario: Scenario, overload_price: float) -> Worth:
-    """Return the prices of time and life for a price of overload [s per s and relative excess of 1].
-
-    The arrays are cached, because they can take half a second to compute: do not write to them.
-    """
+    """Return the prices of time and life, whose array is cached, for a price of overload [s per s and relative excess of 1]."""
     value, rate, weight = _outcomes(scenario, overload_price)
     least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
 
@@ -73,11 +68,10 @@ def worth(scenario: Scenario, overload_price: float) -> Worth:
 
     if scenario.control.edge_changes == "end":
         return Worth(1.0, prices(1.0))
-    economics = scenario.economics
+    edge, change = scenario.economics.edge_cost, scenario.economics.edge_change_time
 
     def gain_of_an_edge(time_price: float) -> float:
-        change = time_price * economics.edge_change_time
-        return float(prices(time_price).mean()) - 60.0 * (economics.edge_cost + change)
+        return float(prices(time_price).mean()) - 60.0 * (edge + time_price * change)
 
     time_price = 0.0  # the edge does not even pay for itself
     if gain_of_an_edge(0.0) > 0.0:
@@ -151,7 +145,7 @@ def break_even(gain, rate, weight, price):
 
 
 @compiled_entry
-def price_life(parameters, laws, used_life, prices):
+def price_life(parameters, laws, used_lives, prices):
     """Fill in the price of life [s] at used shares [-], shape (num_envs,), by estimated laws of the expected bar.
 
     Their numbers, shape (num_envs, 11), are the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and exponents of speed
@@ -159,41 +153,33 @@ def price_life(parameters, laws, used_life, prices):
     """
     gained, lasts = np.empty((LIVES + 1, SPEEDS)), np.empty((LIVES + 1, SPEEDS))
     for i in range(len(prices)):
-        prices[i] = price_one(parameters[i % len(parameters)], laws[i], used_life[i], gained, lasts)
-
-
-@compiled_separately
-def price_one(p, laws, used_life, gained, lasts):
-    """Return the price of life [s] in one environment."""
-    life_rate, life_speed, life_feed, force, force_speed, force_feed, force_life, power, power_speed, power_feed, power_life = (
-        laws
-    )
-    for k in range(SPEEDS):
-        speed = p.slowest + (p.fastest - p.slowest) * k / (SPEEDS - 1.0)
-        capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle * exp(speed)
-        of_force, of_power = force + force_speed * speed, power + power_speed * speed - log(max(capacity, MIN_CAPACITY))
-        for j in range(LIVES + 1):
-            share = min(max(used_life, MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES
-            log_used = log(share)
-            highest = min(
-                -(of_force + force_life * log_used) / max(force_feed, MIN_EXPONENT),
-                -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT),
-            )
-            feed = min(max(highest, p.lowest), p.highest)
-            lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
-            gained[j, k] = (p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)) * lasts[j, k]
-    time = 1.0
-    for _ in range(NEWTON_STEPS):
-        earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
-        for j in range(LIVES):
-            best = best_of(gained[j], lasts[j], time)
-            price = gained[j, best] - time * lasts[j, best]
-            if price > 0.0:
-                earned += price / LIVES
-                slope += lasts[j, best] / LIVES
-        time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
-    best = best_of(gained[LIVES], lasts[LIVES], time)
-    return max(gained[LIVES, best] - time * lasts[LIVES, best], 0.0)
+        p, own = parameters[i % len(parameters)], laws[i]
+        life_rate, life_speed, life_feed = own[0], own[1], own[2]
+        force, force_speed, force_feed, force_life = own[3], own[4], own[5], own[6]
+        power, power_speed, power_feed, power_life = own[7], own[8], own[9], own[10]
+        for k in range(SPEEDS):
+            speed = p.slowest + (p.fastest - p.slowest) * k / (SPEEDS - 1.0)
+            capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle * exp(speed)
+            of_force, of_power = force + force_speed * speed, power + power_speed * speed - log(max(capacity, MIN_CAPACITY))
+            for j in range(LIVES + 1):
+                log_used = log(min(max(used_lives[i], MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES)
+                by_force = -(of_force + force_life * log_used) / max(force_feed, MIN_EXPONENT)
+                highest = min(by_force, -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT))
+                feed = min(max(highest, p.lowest), p.highest)
+                lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
+                gained[j, k] = (p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)) * lasts[j, k]
+        time = 1.0
+        for _ in range(NEWTON_STEPS):
+            earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
+            for j in range(LIVES):
+                best = best_of(gained[j], lasts[j], time)
+                price = gained[j, best] - time * lasts[j, best]
+                if price > 0.0:
+                    earned += price / LIVES
+                    slope += lasts[j, best] / LIVES
+            time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
+        best = best_of(gained[LIVES], lasts[LIVES], time)
+        prices[i] = max(gained[LIVES, best] - time * lasts[LIVES, best], 0.0)
 
 
 @compiled_separately

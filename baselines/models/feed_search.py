@@ -1,8 +1,8 @@
 """The search for the cutting speed and feed with the greatest expected gain of a step.
 
-It is Newton's method in log speed and log feed, from the actual ones, within reach. The gain's derivatives are computed with the
-gain. A step goes to the top of a parabola within reach; it is shortened until the gain rises. Where the gain is not concave, the
-parabola takes the curvatures' magnitudes (Dauphin et al. 2014), so the step still goes uphill.
+It is Newton's method in log speed and log feed, from the actual ones, within reach, with the gain's derivatives. A step goes to
+the top of a parabola within reach; it is shortened until the gain rises. Where the gain is not concave, the parabola takes the
+curvatures' magnitudes (Dauphin et al. 2014), so the step still goes uphill.
 """
 
 import math

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
+from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
 
 DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, WEAR_FEED, LAWS = range(10)
@@ -16,68 +16,58 @@ STATES = LAWS + 2 * ERRORS
 MIN_DEPTH = 0.05  # least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0
 MAX_SPREAD = 1.0  # upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it
 MIN_READING = 0.01  # share of the expected reading below which a reading is ignored [-]: the tool does not cut
-INSPECTION_DEVIATION = 0.05
-"""Log standard deviation of a removed edge's wear beside insert and batch [-] (assumption): its exact cuts are unknown."""
+INSPECTION_DEVIATION = 0.05  # log standard deviation of a removed edge's wear by its unknown cuts [-] (assumption)
 
-MEMORY = np.dtype(
-    (
-        np.record,
-        [
-            ("path", np.float64),  # travelled distance in air and metal [mm]
-            ("speed", np.float64),  # at the last reading [m/min]; 0 before the first
-            ("feed", np.float64),  # likewise [mm/rev]
-            ("cutting_time", np.float64),  # likewise [min]
-            ("nominal_wear", np.float64),  # likewise [mm]
-            ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
-            ("idle", np.float64),  # power of the idling spindle over that of the cut in the nominal model [-]
-            ("pace", np.float64, 2),  # mean log speed and log feed of the edge over the references, by the life that it used
-            ("slack", np.float64),  # how much farther the tool may be [mm]
-            ("measured", np.int64),
-        ],
-    )
-)
+_FIELDS = [
+    ("path", np.float64),  # travelled distance in air and metal [mm]
+    ("speed", np.float64),  # at the last reading [m/min]; 0 before the first
+    ("feed", np.float64),  # likewise [mm/rev]
+    ("cutting_time", np.float64),  # likewise [min]
+    ("nominal_wear", np.float64),  # likewise [mm]
+    ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
+    ("idle", np.float64),  # power of the idling spindle over that of the cut in the nominal model [-]
+    ("pace", np.float64, 2),  # mean log speed and log feed of the edge over the references, by the life that it used
+    ("slack", np.float64),  # how much farther the tool may be [mm]
+    ("measured", np.int64),
+]
+MEMORY = np.dtype((np.record, _FIELDS))
 
 
 @compiled_entry
-def follow(parameters, memory, mean, covariance, readings, chosen):
+def follow(parameters, memory, means, covariances, readings, chosen):
     """Predict up to readings and correct the estimates by them in chosen environments, see ``LoadFilter.observe``."""
     work = np.empty((6, STATES))
     for i in chosen:
-        follow_one(parameters[i % len(parameters)], memory[i], mean[i], covariance[i], readings[i], work)
-
-
-@compiled_separately
-def follow_one(p, m, mean, covariance, reading, work):
-    """Predict up to a reading and correct the estimate of one environment."""
-    commanded_speed, commanded_feed, speed, feed, cutting_time, nominal_wear, removed_wear, force, power, in_metal = reading
-    first = m.speed == 0.0
-    fresh_edge = cutting_time < m.cutting_time
-    if fresh_edge:
-        if removed_wear > 0.0 and m.nominal_wear > 0.0:
-            learn_wear(m, mean, covariance, log(removed_wear / m.nominal_wear), INSPECTION_DEVIATION**2, work)
-        forget(mean, covariance, INSERT, HISTORY + 1, p)
-        m.expected[0] = 0.0
-        m.expected[1] = 0.0
-    moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
-    if fresh_edge and cutting_time == 0.0:  # an edge that is found worn or broken ends the step early, somewhere
-        moved *= 0.5
-        m.slack = max(m.slack, moved)
-    if in_metal == 0.0:
-        m.slack = min(m.slack, p.approach)
-    bar = math.floor(m.path / p.pitch)
-    m.path = on_track(p, m.path + moved, in_metal > 0.0)
-    if math.floor(m.path / p.pitch) > bar:
-        forget(mean, covariance, DEPTH, INSERT, p)
-        m.measured = 0
-    metal = max(m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0)  # of this bar, behind the tool [mm]
-    cut = min(moved, metal)
-    move_on(p, mean, covariance, cut)
-    covariance[INSERT, INSERT] += p.history * cut / p.bar_length
-    if nominal_wear > 0.0:
-        wear_edge(p, m, mean, covariance, log(speed), log(feed), 0.0 if fresh_edge else m.nominal_wear / nominal_wear)
-    time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
-    learn(p, m, mean, covariance, speed, feed, nominal_wear if in_metal > 0.0 else 0.0, (force, power), time_in_metal, work)
-    m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
+        p, m, mean, covariance, reading = parameters[i % len(parameters)], memory[i], means[i], covariances[i], readings[i]
+        commanded_speed, commanded_feed, speed, feed, cutting_time, nominal_wear, removed_wear, force, power, in_metal = reading
+        first = m.speed == 0.0
+        fresh_edge = cutting_time < m.cutting_time
+        if fresh_edge:
+            if removed_wear > 0.0 and m.nominal_wear > 0.0:
+                learn_wear(m, mean, covariance, log(removed_wear / m.nominal_wear), INSPECTION_DEVIATION**2, work)
+            forget(mean, covariance, INSERT, HISTORY + 1, p)
+            m.expected[:] = 0.0
+        moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
+        if fresh_edge and cutting_time == 0.0:  # an edge that is found worn or broken ends the step early, somewhere
+            moved *= 0.5
+            m.slack = max(m.slack, moved)
+        if in_metal == 0.0:
+            m.slack = min(m.slack, p.approach)
+        bar = math.floor(m.path / p.pitch)
+        m.path = on_track(p, m.path + moved, in_metal > 0.0)
+        if math.floor(m.path / p.pitch) > bar:
+            forget(mean, covariance, DEPTH, INSERT, p)
+            m.measured = 0
+        metal = max(m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0)  # of this bar, behind the tool [mm]
+        cut = min(moved, metal)
+        move_on(p, mean, covariance, cut)
+        covariance[INSERT, INSERT] += p.history * cut / p.bar_length
+        if nominal_wear > 0.0:
+            wear_edge(p, m, mean, covariance, log(speed), log(feed), 0.0 if fresh_edge else m.nominal_wear / nominal_wear)
+        time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
+        wear_in_metal = nominal_wear if in_metal > 0.0 else 0.0
+        learn(p, m, mean, covariance, speed, feed, wear_in_metal, (force, power), time_in_metal, work)
+        m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
 
 
 @compiled
@@ -89,9 +79,7 @@ def wear_factor(m, mean):
 @compiled
 def set_wear_factor(m, derivatives, value):
     """Set the derivatives by the states of something that changes by ``value`` with the log wear factor."""
-    derivatives[INSERT : LOT + 1] = value
-    derivatives[WEAR_SPEED] = value * m.pace[0]
-    derivatives[WEAR_FEED] = value * m.pace[1]
+    derivatives[INSERT:LAWS] = value, value, value, value * m.pace[0], value * m.pace[1]
 
 
 @compiled
@@ -129,12 +117,8 @@ def forget(mean, covariance, first, last, p):
 def distance_moved(p, m, speed, feed):
     """Return the distance since the last reading [mm], from the drives' response to their commands."""
     over_speed, over_feed = m.speed - speed, m.feed - feed
-    even = p.sub_steps * (speed * feed)
-    return (
-        p.sub_step
-        * p.velocity
-        * (even + over_speed * feed * p.spindle_left + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
-    )
+    moved = p.sub_steps * (speed * feed) + over_speed * feed * p.spindle_left
+    return p.sub_step * p.velocity * (moved + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
 
 
 @compiled
@@ -205,10 +189,7 @@ def log_load(p, m, mean, law, depth, hardness, place, derivatives):
     derivatives[DEPTH] = p.bar_exponents[law, 0] / share
     derivatives[HARDNESS] = p.bar_exponents[law, 1]
     set_wear_factor(m, derivatives, exponent)
-    derivatives[first] = 1.0
-    derivatives[first + 1] = speed
-    derivatives[first + 2] = feed
-    derivatives[first + 3] = wear + factor
+    derivatives[first : first + ERRORS] = 1.0, speed, feed, wear + factor
     of_bar = p.bar_exponents[law, 0] * log(share) + p.bar_exponents[law, 1] * hardness
     of_law = mean[first] + mean[first + 1] * speed + mean[first + 2] * feed + mean[first + 3] * wear
     return of_bar + exponent * factor + of_law
@@ -232,16 +213,14 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
                 load -= p.idle_power * speed
             else:
                 nominal += p.idle_power * speed
-        expected = m.expected[law] * left_after(p.interval, lag) + nominal * (1.0 - left_after(time_in_metal, lag))
+        expected = m.expected[law] * decay(p.interval, lag) + nominal * (1.0 - decay(time_in_metal, lag))
         m.expected[law] = expected
-        good = cutting and expected > 0.5 * nominal and load > MIN_READING * nominal
         variance[law] = 0.0
-        if good:
+        if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
             # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
             timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
             variance[law] = p.noise[law] + timing * timing
-            predicted = log_load(p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
-            surprise[law] = log(load / expected) - predicted
+            surprise[law] = log(load / expected) - log_load(p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
             m.measured = 1
     before[:] = mean
     for law in range(2):
@@ -252,8 +231,8 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
 
 
 @compiled
-def left_after(time, time_constant):
-    """Return ``decay`` of a time [s]."""
+def decay(time, time_constant):
+    """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
     if time_constant > 0.0:
         return exp(-time / time_constant)
     return 0.0 if time > 0.0 else 1.0
@@ -291,56 +270,46 @@ def learn_states(memory, mean, covariance, chosen, states, variance):
 
 
 @compiled_entry
-def look_ahead(parameters, memory, mean, covariance, distance, entering, found):
+def look_ahead(parameters, memory, means, covariances, distances, enterings, found):
     """Fill in ``Outlook``, shape (fields, num_envs, points), see ``LoadFilter.outlook``."""
-    work = np.empty((5, STATES))
-    for i in range(len(memory)):
-        look_ahead_one(
-            parameters[i % len(parameters)], memory[i], mean[i], covariance[i], distance[i], entering[i], found[:, i], work
-        )
-
-
-@compiled_separately
-def look_ahead_one(p, m, mean, covariance, distance, entering, found, work):
-    """Fill in the outlook of one environment, shape (fields, points)."""
-    log_wear = log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
-    place = log(m.speed) - p.references[0], log(m.feed) - p.references[1], log_wear
-    origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
-    derivatives, products, variances, loads = work[0], work[1:3], work[3], work[4]
-    for law in range(2):  # what does not depend on the bar
-        loads[law] = log_load(p, m, mean, law, 0.0, 0.0, origin, derivatives)
-        here = log_load(p, m, mean, law, 0.0, 0.0, place, derivatives)
-        if law == 1:
-            loads[1] += log(1.0 + (m.idle * exp(-here) if p.separates_idle > 0.0 else m.idle))
-        variances[law] = 0.0
-        for i in range(STATES):
-            total = 0.0
-            for j in range(INSERT, STATES):
-                total += covariance[i, j] * derivatives[j]
-            products[law, i] = total
-            variances[law] += derivatives[i] * total if i >= INSERT else 0.0
-    for k in range(len(distance)):
-        depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
-        a, b, e, f = 0.0, 0.0, 0.0, 0.0
-        if not entering[k]:
-            a, b, c, d = transition(p.rates[0], distance[k])
-            free_depth = growth(p, DEPTH, a, b, c, d)[0]
-            e, f, c, d = transition(p.rates[1], distance[k])
-            free_hardness = growth(p, HARDNESS, e, f, c, d)[0]
-            depth = a * mean[DEPTH] + b * mean[DEPTH_SLOPE]
-            hardness = e * mean[HARDNESS] + f * mean[HARDNESS_SLOPE]
-        share = max(1.0 + depth, MIN_DEPTH)
-        found[0, k] = p.depth_of_cut * share
-        found[1, k] = hardness
-        for law in range(2):
-            by_depth, by_hardness = p.bar_exponents[law, 0] / share, p.bar_exponents[law, 1]
-            derivatives[DEPTH], derivatives[DEPTH_SLOPE] = by_depth * a, by_depth * b
-            derivatives[HARDNESS], derivatives[HARDNESS_SLOPE] = by_hardness * e, by_hardness * f
-            variance = variances[law] + by_depth * by_depth * free_depth + by_hardness * by_hardness * free_hardness
-            for i in range(INSERT):
-                total = 2.0 * products[law, i]
-                for j in range(INSERT):
+    derivatives, variances, loads, products = np.empty(STATES), np.empty(2), np.empty(2), np.empty((2, STATES))
+    for env in range(len(memory)):
+        p, m, mean, covariance = parameters[env % len(parameters)], memory[env], means[env], covariances[env]
+        log_wear = log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
+        place = log(m.speed) - p.references[0], log(m.feed) - p.references[1], log_wear
+        origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
+        for law in range(2):  # what does not depend on the bar
+            loads[law] = log_load(p, m, mean, law, 0.0, 0.0, origin, derivatives)
+            here = log_load(p, m, mean, law, 0.0, 0.0, place, derivatives)
+            if law == 1:
+                loads[1] += log(1.0 + (m.idle * exp(-here) if p.separates_idle > 0.0 else m.idle))
+            variances[law] = 0.0
+            for i in range(STATES):
+                total = 0.0
+                for j in range(INSERT, STATES):
                     total += covariance[i, j] * derivatives[j]
-                variance += derivatives[i] * total
-            found[2 + law, k] = loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
-            found[4 + law, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))
+                products[law, i] = total
+                variances[law] += derivatives[i] * total if i >= INSERT else 0.0
+        for k in range(distances.shape[1]):
+            depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
+            a, b, e, f = 0.0, 0.0, 0.0, 0.0
+            if not enterings[env, k]:
+                a, b, c, d = transition(p.rates[0], distances[env, k])
+                free_depth = growth(p, DEPTH, a, b, c, d)[0]
+                e, f, c, d = transition(p.rates[1], distances[env, k])
+                free_hardness = growth(p, HARDNESS, e, f, c, d)[0]
+                depth = a * mean[DEPTH] + b * mean[DEPTH_SLOPE]
+                hardness = e * mean[HARDNESS] + f * mean[HARDNESS_SLOPE]
+            share = max(1.0 + depth, MIN_DEPTH)
+            found[0, env, k], found[1, env, k] = p.depth_of_cut * share, hardness
+            for law in range(2):
+                by_depth, by_hardness = p.bar_exponents[law, 0] / share, p.bar_exponents[law, 1]
+                derivatives[:INSERT] = by_depth * a, by_depth * b, by_hardness * e, by_hardness * f
+                variance = variances[law] + by_depth * by_depth * free_depth + by_hardness * by_hardness * free_hardness
+                for i in range(INSERT):
+                    total = 2.0 * products[law, i]
+                    for j in range(INSERT):
+                        total += covariance[i, j] * derivatives[j]
+                    variance += derivatives[i] * total
+                found[2 + law, env, k] = loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
+                found[4 + law, env, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))

@@ -7,10 +7,9 @@ Force and power are power laws, so their log ratios to the nominal model are nea
 
 Depth and hardness vary along the bar and from bar to bar, as stationary processes with a slope (Matern 3/2: correlation
 (1 + a) exp(-a), a = rate * distance). Their variance is the sum of the scenario's variances; the rate follows from the mean
-square slope along a bar. ``insert`` and ``lot`` are log wear factors of the edge and of all edges of the job.
-
-Each law has a bias b and errors v, s and g of its exponents of speed, feed and wear, constant for a job (dual estimation). They
-count from the initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``LawErrors`` laws and lot are known.
+square slope along a bar. ``insert`` and ``lot`` are log wear factors of the edge and of all edges of the job. Each law has a bias
+b and errors v, s and g of its exponents of speed, feed and wear, constant for a job (dual estimation). They count from the
+initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``LawErrors`` laws and lot are known.
 
 If edges are inspected, the wear of a removed edge measures insert + lot. Observations do not contain the position, so the filter
 integrates the travelled distance to know when the next bar begins.
@@ -22,19 +21,16 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.models.kalman_steps import ERRORS, HISTORY, INSERT, LAWS, LOT, MEMORY, STATES, follow, learn_states, look_ahead
+from baselines.models import kalman_steps
+from baselines.models.kalman_steps import ERRORS, HISTORY, INSERT, LAWS, LOT, MEMORY, STATES, decay
+from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario
-from turning_env.numerics.functions import exp, hypotenuse, log
+from turning_env.numerics.functions import hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
 
-Array = NDArray[np.float64]
-
-SLOPE = 1.603
-"""Root mean square slope of noise along a bar, times correlation length over spread: sqrt(pi/2 + 1) for the fields' nodes."""
-READING_DEVIATION = 1e-3
-"""Log standard deviation of a reading beside its noise [-] (assumption): the filter does not resolve a step exactly."""
+SLOPE = 1.603  # root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for nodes of fields
+READING_DEVIATION = 1e-3  # log standard deviation of readings beside noise [-] (assumption): steps are not resolved exactly
 MISFIT = 0.02  # log standard deviation of loads about the corrected laws [-] (found on training jobs)
 
 
@@ -67,10 +63,7 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> tuple[Any, Array, Array]:
-    """Return what a filter knows of nominal models before an episode: records, expected states and their covariance.
-
-    ``errors``: the errors that the models are expected to have; None: they are right.
-    """
+    """Return what a filter knows of nominal models, with ``errors`` or right: records, expected states and their covariance."""
     parameters = records([_numbers(scenario, errors is not None) for scenario in scenarios])
     mean, covariance = np.zeros((len(scenarios), STATES)), parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
     if errors is not None:
@@ -82,19 +75,13 @@ def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> 
 
 
 class LoadFilter:
-    """A filter that estimates the states of many environments from their readings.
-
-    See ``model_of`` for the nominal models, one for all environments or one for each, and their errors.
-    """
+    """A filter that estimates the states of many environments from readings, with one nominal model or one for each."""
 
     def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:
         self.parameters, self._mean, self._covariance = model_of(scenarios, errors)
-        self.mean = np.zeros((num_envs, STATES))
-        """Expected states."""
-        self.covariance = np.zeros((num_envs, STATES, STATES))
-        """Their covariance."""
-        self.memory = np.zeros(num_envs, MEMORY)
-        """Records of what the filter keeps beside the states."""
+        self.mean = np.zeros((num_envs, STATES))  # expected states
+        self.covariance = np.zeros((num_envs, STATES, STATES))  # their covariance
+        self.memory = np.zeros(num_envs, MEMORY)  # records of what the filter keeps beside the states
 
     def assign(self, env_index: int, model: tuple[Any, Array, Array]) -> None:
         """Give an environment, of as many as there are models, another nominal model, and reset it."""
@@ -102,7 +89,7 @@ class LoadFilter:
             known[env_index] = other[0]
         self.reset(np.arange(len(self._mean)) == env_index)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         """Reset to the start of the first bar and to the prior."""
         scenarios = np.flatnonzero(mask) % len(self._mean)
         self.mean[mask], self.covariance[mask] = self._mean[scenarios], self._covariance[scenarios]
@@ -114,12 +101,6 @@ class LoadFilter:
         deviations = np.sqrt(np.diagonal(self._covariance, axis1=1, axis2=2))
         deviations[:, HISTORY] = deviations[:, INSERT]
         return deviations
-
-    @property
-    def end_loads(self) -> Array:
-        """Log force [N] and power [kW] of the nominal laws at 1 m/min, 1 mm/rev and the wear criterion, shape (models, 2)."""
-        laws = self.parameters["log_laws"]
-        return np.asarray(laws[:, :, 0] + laws[:, :, 3] * log(self.parameters["wear_criterion"])[:, np.newaxis])
 
     @property
     def along(self) -> Array:
@@ -165,7 +146,7 @@ class LoadFilter:
         errors = self.mean[:, LAWS:].reshape(-1, 2, ERRORS)[:, :, 1:]
         return np.asarray(self.parameters["log_laws"][:, :, 1:] + errors)
 
-    def observe(self, reading: Reading, mask: NDArray[np.bool_] | None = None) -> None:
+    def observe(self, reading: Reading, mask: Mask | None = None) -> None:
         """Predict up to a reading and correct the estimate by it, in the environments of a mask or in all."""
         columns = (
             *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
@@ -174,19 +155,16 @@ class LoadFilter:
         )
         readings = np.stack(columns, axis=1).astype(np.float64)
         chosen = np.arange(len(readings)) if mask is None else np.flatnonzero(mask)
-        follow(self.parameters, self.memory, self.mean, self.covariance, readings, chosen)
+        kalman_steps.follow(self.parameters, self.memory, self.mean, self.covariance, readings, chosen)
 
-    def tell(self, mask: NDArray[np.bool_], states: Array, deviation: float) -> None:
+    def tell(self, mask: Mask, states: Array, deviation: float) -> None:
         """Correct the estimates of a mask by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
-        learn_states(self.memory, self.mean, self.covariance, np.flatnonzero(mask), states, deviation * deviation)
+        kalman_steps.learn_states(self.memory, self.mean, self.covariance, np.flatnonzero(mask), states, deviation * deviation)
 
-    def outlook(self, distance: Array, entering: NDArray[np.bool_]) -> Outlook:
-        """Return the outlook on the present bar at distances ahead [mm], or, if ``entering``, on an unmeasured bar.
-
-        Both have shape (num_envs, points).
-        """
+    def outlook(self, distance: Array, entering: Mask) -> Outlook:
+        """Return the outlook at distances ahead [mm], shape (num_envs, points); if ``entering``, on an unmeasured bar."""
         found = np.empty((len(Outlook._fields), *distance.shape))
-        look_ahead(self.parameters, self.memory, self.mean, self.covariance, distance, entering, found)
+        kalman_steps.look_ahead(self.parameters, self.memory, self.mean, self.covariance, distance, entering, found)
         return Outlook(*found)
 
 
@@ -206,7 +184,7 @@ def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
     noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
     sub_step = control.interval / control.sub_steps
     times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
-    spindle, feed = decay(times, machine.spindle_time_constant), decay(times, machine.feed_time_constant)
+    spindle, feed = (np.vectorize(decay)(times, lag) for lag in (machine.spindle_time_constant, machine.feed_time_constant))
     return {
         "depth_of_cut": work.depth_of_cut,
         "approach": work.approach,
@@ -234,14 +212,3 @@ def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "wear_criterion": scenario.tool.wear_criterion,
         "idle_power": idle_power_at(scenario, 1.0),  # [kW] per cutting speed
     }
-
-
-def feed_velocity(scenario: Scenario, cutting_speed: Array, feed: Array) -> Array:
-    """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
-    return cutting_speed * feed * (1000.0 / (60.0 * np.pi * scenario.workpiece.diameter))
-
-
-def decay(time: Array, time_constant: float | Array) -> Array:
-    """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
-    lag = np.asarray(time_constant, np.float64)
-    return np.where(lag > 0, exp(-time / np.where(lag > 0, lag, 1.0)), np.where(time > 0, 0.0, 1.0))

@@ -28,10 +28,7 @@ def probability(x):
 
 @compiled
 def excess(log_mean, spread):
-    """Return the expectation of max(X - 1, 0), where log X is normal with a standard deviation above 0, and its derivatives.
-
-    The derivatives are the first two by the mean of log X.
-    """
+    """Return the expectation of max(X - 1, 0), where log X is normal, and its first two derivatives by the mean of log X."""
     ratio = log_mean / spread
     beyond = ratio + spread
     density = exp(-0.5 * (ratio * ratio))

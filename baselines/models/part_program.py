@@ -1,12 +1,10 @@
 """The part program on which a feed override acts: a programmed cutting speed and feed; and rules of such overrides."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from baselines.rule import Parameters, Range, Rule
+from baselines.rule import Array, Mask, Parameters, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.scoring.policy import Actions, Observations, Policy
@@ -18,53 +16,43 @@ SPEED_AND_TARGET = {"cutting_speed": PROGRAM["cutting_speed"], "target": Range(0
 
 
 class PartProgram:
-    """A programmed cutting speed and feed, and the range of the override [-]: 0 to ``control.override_max``.
-
-    Args:
-        parameters: ``cutting_speed`` [m/min] and ``feed`` [mm/rev], by default the scenario's initial ones.
-    """
+    """A programmed speed [m/min] and feed [mm/rev], by default the scenario's, and an override [-] of 0 to ``override_max``."""
 
     def __init__(self, scenario: Scenario, parameters: Parameters) -> None:
-        control, machine = scenario.control, scenario.machine
-        self.scenario = scenario
+        self.scenario, control, machine = scenario, scenario.control, scenario.machine
         speed = parameters.get("cutting_speed", control.initial_cutting_speed)
         feed = parameters.get("feed", control.initial_feed)
         self.cutting_speed = min(max(speed, machine.cutting_speed_min), scenario.cutting_speed_max)
         self.feed = min(max(feed, machine.feed_min), machine.feed_max)
         self.override_max = control.override_max
 
-    def override(self, reading: Reading) -> NDArray[np.float64]:
+    def override(self, reading: Reading) -> Array:
         """Return the commanded override [-], shape (num_envs,): commanded over programmed feed."""
         return np.clip(reading.commanded_feed / self.feed, 0.0, self.override_max)
 
-    def act(self, reading: Reading, override: NDArray[np.float64], change_edge: NDArray[np.bool_] | None = None) -> Actions:
+    def act(self, reading: Reading, override: Array, change_edge: Mask | None = None) -> Actions:
         """Return the actions that command the programmed cutting speed, and the programmed feed times an override [-].
 
         Override and feed are clipped to their ranges. ``change_edge``: see ``turning_env.action.towards``.
         """
-        machine = self.scenario.machine
         feed = np.clip(override, 0.0, self.override_max) * self.feed
-        feed = np.clip(feed, machine.feed_min, machine.feed_max)
+        feed = np.clip(feed, self.scenario.machine.feed_min, self.scenario.machine.feed_max)
         return towards(reading, self.scenario, np.full(len(feed), self.cutting_speed), feed, change_edge)
 
 
 class OverrideLaw(Policy):
     """A controller without state: a ``law`` returns the new override [-] for a reading and the commanded override."""
 
-    def __init__(self, program: PartProgram, law: Callable[[Reading, NDArray[np.float64]], NDArray[np.float64]]) -> None:
+    def __init__(self, program: PartProgram, law: Callable[[Reading, Array], Array]) -> None:
         self._program, self._law = program, law
 
     def act(self, observations: Observations) -> Actions:
-        """Return the actions, shape (num_envs, action size), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._program.scenario)
         return self._program.act(reading, self._law(reading, self._program.override(reading)))
 
 
 def on_program(controller: Callable[..., Policy]) -> Callable[..., Policy]:
-    """Return the controller of a rule which is ``controller(program, num_envs, **parameters)``.
-
-    The program takes its cutting speed and feed from the rule's parameters; the controller gets the others.
-    """
+    """Return the controller of a rule; its program takes cutting speed and feed from the parameters, it gets the others."""
 
     def build(scenario: Scenario, num_envs: int, **parameters: float) -> Policy:
         own = {name: parameters.pop(name) for name in PROGRAM if name in parameters}
@@ -89,23 +77,24 @@ def override_rules(
     The first has ``parameters`` and may be ``worth_tuning``, the second has ``with_speed``, including its program's. Both play if
     ``plays`` is true and metal removal is rewarded. See ``on_program`` and ``Rule`` for the other arguments.
     """
-    rule = Rule(
-        description,
-        on_program(controller),
-        lambda scenario: on_override(scenario) and plays(scenario),
-        parameters,
-        changes_edges=changes_edges,
-        worth_tuning=worth_tuning,
-    )
-    tuned = "speed and feed" if "feed" in with_speed else "speed"
-    own = replace(
-        rule,
-        description=f"{description}, with the program's {tuned} tuned",
-        plays=lambda scenario: on_speed_and_feed(scenario) and plays(scenario),
-        parameters=with_speed,
-        worth_tuning=False,
-    )
-    return {name: rule, f"{name}_with_speed": own}
+    build, tuned = on_program(controller), "speed and feed" if "feed" in with_speed else "speed"
+    return {
+        name: Rule(
+            description,
+            build,
+            lambda scenario: on_override(scenario) and plays(scenario),
+            parameters,
+            changes_edges=changes_edges,
+            worth_tuning=worth_tuning,
+        ),
+        f"{name}_with_speed": Rule(
+            f"{description}, with the program's {tuned} tuned",
+            build,
+            lambda scenario: on_speed_and_feed(scenario) and plays(scenario),
+            with_speed,
+            changes_edges=changes_edges,
+        ),
+    }
 
 
 def target_load(scenario: Scenario, share: float) -> float:
@@ -113,16 +102,11 @@ def target_load(scenario: Scenario, share: float) -> float:
     return share * scenario.limits.power / scenario.machine.rated_power
 
 
-def on_override(scenario: Scenario) -> bool:
-    """Return whether an action sets the feed override alone, and metal removal is rewarded."""
-    return scenario.control.action == "override" and scenario.control.aim == "removal"
+def on_override(scenario: Scenario, aim: str = "removal") -> bool:
+    """Return whether an action sets the feed override alone, and metal removal is rewarded, or another ``aim``."""
+    return scenario.control.action == "override" and scenario.control.aim == aim
 
 
 def on_speed_and_feed(scenario: Scenario) -> bool:
     """Return whether an action sets speed and feed, so that the controller chooses the program, and metal removal is rewarded."""
     return sets_speed_and_feed(scenario) and scenario.control.aim == "removal"
-
-
-def on_roughness(scenario: Scenario) -> bool:
-    """Return whether an action sets the feed override alone, and a roughness is to be held."""
-    return scenario.control.action == "override" and scenario.control.aim == "roughness"

@@ -6,11 +6,9 @@ The edge's life and all limited responses are power laws of cutting speed V, fee
     q = 1/(V S t) + gamma/C_T V^(mu-1) S^(nu-1) t^(rho-1)                cost of metal [min/cm3]
 
 where gamma is the time to change an edge plus its price, both in machine time [min]. Along a limit on V^alpha S^beta, the cost
-is least at the life
+is least at the life below. The wear law turns it into a limit: T = T_0 where the wear after T_0 minutes equals the criterion.
 
     T_0 = gamma ((alpha nu - beta mu) / (alpha - beta) - 1)              economic life [min]
-
-The wear law turns a life into a limit: T = T_0 where the wear after T_0 minutes equals the criterion.
 """
 
 import math
@@ -19,12 +17,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from baselines.rule import Array, Mask
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, log
-
-Array = NDArray[np.float64]
 
 ALIKE = 1e-9  # tolerance for equal exponents
 MIN_SCALE = 0.1  # lower bound of a scale [-]: no lathe cuts with a tenth of the nominal force
@@ -42,7 +39,7 @@ class Line:
     def highest_feed(self, log_cutting_speed: Array) -> Array:
         """Return the log feed at which the limit is reached, infinite if more feed never reaches it."""
         if self.feed <= 0:
-            return np.full(np.broadcast_shapes(self.room.shape, log_cutting_speed.shape), np.inf)
+            return np.full_like(self.room + log_cutting_speed, np.inf)
         return (self.room - self.cutting_speed * log_cutting_speed) / self.feed
 
     def highest_cutting_speed(self, log_feed: Array) -> Array:
@@ -53,8 +50,7 @@ class Line:
         """Return log cutting speed [m/min] and log feed [mm/rev] at which this and another, not parallel, limit are reached."""
         determinant = self.cutting_speed * other.feed - self.feed * other.cutting_speed
         log_speed = (self.room * other.feed - self.feed * other.room) / determinant
-        log_feed = (self.cutting_speed * other.room - self.room * other.cutting_speed) / determinant
-        return log_speed, log_feed
+        return log_speed, (self.cutting_speed * other.room - self.room * other.cutting_speed) / determinant
 
 
 @dataclass(frozen=True)
@@ -121,11 +117,11 @@ class Process:
         """Return the process with the forces, and power and torque, scaled by factors [-] above 0."""
         scales = dict.fromkeys(("thrust_force", "radial_force"), force_scale) | dict.fromkeys(("power", "torque"), power_scale)
 
-        def rescaled(name: str, limit: Limit) -> Limit:
-            return replace(limit, most=np.divide(limit.most, scales.get(name, 1.0)))
+        def rescaled(limits: Mapping[str, Limit]) -> Any:
+            return {key: replace(limit, most=np.divide(limit.most, scales.get(key, 1.0))) for key, limit in limits.items()}
 
-        own: dict[str, Any] = {name: rescaled(name, getattr(self, name)) for name in ("thrust_force", "power", "torque")}
-        return replace(self, **own, further={name: rescaled(name, limit) for name, limit in self.further.items()})
+        own = rescaled({name: getattr(self, name) for name in ("thrust_force", "power", "torque")})
+        return replace(self, **own, further=rescaled(self.further))
 
     @property
     def mean_wear(self) -> float:
@@ -141,8 +137,7 @@ class Process:
     def log_life(self, log_cutting_speed: Array, log_feed: Array, depth_of_cut: ArrayLike, hardness: ArrayLike) -> Array:
         """Return the log life [min]; arrays broadcast."""
         line = Limit(self.wear, self.wear_criterion).line(depth_of_cut, hardness, 1.0)
-        room = line.room - line.cutting_speed * log_cutting_speed - line.feed * log_feed
-        return np.asarray(room / self.wear.time)
+        return (line.room - line.cutting_speed * log_cutting_speed - line.feed * log_feed) / self.wear.time
 
     def log_cost(self, log_cutting_speed: Array, log_feed: Array, depth_of_cut: ArrayLike, hardness: ArrayLike) -> Array:
         """Return the log cost of metal [min/cm3]; arrays broadcast."""
@@ -174,11 +169,11 @@ class Scales:
     def __init__(self, num_envs: int, smoothing: float) -> None:
         self._smoothing, self._scales = smoothing, np.ones((2, num_envs))
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
+    def reset(self, mask: Mask) -> None:
         """Return to the model's force and power."""
         self._scales[:, mask] = 1.0
 
-    def follow(self, mask: NDArray[np.bool_], force_ratio: Array, power_ratio: Array) -> Array:
+    def follow(self, mask: Mask, force_ratio: Array, power_ratio: Array) -> Array:
         """Move the scales of the masked environments towards new ratios; return those of force and power, shape (2, num_envs)."""
         self._scales += np.where(mask, self._smoothing, 0.0) * (np.stack([force_ratio, power_ratio]) - self._scales)
         return np.maximum(self._scales, MIN_SCALE)

@@ -8,7 +8,6 @@ of an edge's life, in steps of 1 / ``LIVES``. With a price of time c, a set poin
 
 at the rate of wear there, where q is the chance that the edge survives the step. V(D) is the greatest such worth, or that of a
 change of the edge, if larger. Time is limited, so it costs what it can earn: with the right c, a fresh edge is worth V(0) = 0.
-
 Bars are as expected. Their spreads enter the expected excess over a limit and the chance to survive.
 """
 
@@ -16,15 +15,13 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baselines.models.normal import tail
+from baselines.rule import Array
 from turning_env import Scenario
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.sections import EdgeFailure
-
-Array = NDArray[np.float64]
 
 FORMS = "edge_failure.", "machine.chatter"
 """How the dotted names of the fields begin that the schedule needs beside the power laws."""
@@ -55,8 +52,9 @@ def has_forms(scenario: Scenario) -> bool:
 @lru_cache(maxsize=4096)
 def schedule(scenario: Scenario) -> Schedule:
     """Return the best use of an edge, by the scenario's own laws and forms, as if they were true."""
-    speed = _between(_SLOWEST * scenario.machine.cutting_speed_min, scenario.cutting_speed_max, _SPEEDS)[:, np.newaxis]
-    feed = _between(*scenario.feed_range, _FEEDS)
+    slowest, (least, most) = _SLOWEST * scenario.machine.cutting_speed_min, scenario.feed_range
+    speed = exp(np.linspace(log(slowest), log(scenario.cutting_speed_max), _SPEEDS))[:, np.newaxis]
+    feed = exp(np.linspace(log(least), log(most), _FEEDS))
     gain, time, survival = (np.broadcast_to(each, (LIVES, _SPEEDS, _FEEDS)) for each in _steps(scenario, speed, feed))
     low, high = 0.0, _MAX_TIME_PRICE
     for _ in range(_BISECTIONS):
@@ -67,11 +65,7 @@ def schedule(scenario: Scenario) -> Schedule:
     return Schedule(speed[fast, 0], feed[wide], change / LIVES, price)
 
 
-def _between(low: float, high: float, count: int) -> Array:
-    return np.asarray(exp(np.linspace(log(low), log(high), count)))
-
-
-def _backward(scenario: Scenario, gain: Array, survival: Array, price: float) -> tuple[float, NDArray[np.int64], int]:
+def _backward(scenario: Scenario, gain: Array, survival: Array, price: float) -> tuple[float, Any, int]:
     """Return a fresh edge's worth [s], the best set point in each step of life, and the step in which to change the edge."""
     economics = scenario.economics
     edge, change, downtime = 60.0 * economics.edge_cost, economics.edge_change_time, economics.breakage_downtime
@@ -101,8 +95,8 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any
     def spread(law: Any) -> Any:
         return hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
 
-    def wear(used: Array) -> Array:
-        return np.asarray(tool.wear_criterion * real_power(used, exponent))
+    def wear(used: Array) -> Any:
+        return tool.wear_criterion * real_power(used, exponent)
 
     def force(used: Array) -> Any:
         return material.thrust_force(speed, feed, depth, wear=wear(used)) * dynamic
@@ -132,7 +126,7 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any
     def strong(used: Array) -> Any:
         """Return the chance that an edge is stronger than force and notch."""
         by_force = log(tool.edge_strength / force(used)) / hypotenuse(spread(material.thrust_force), tool.edge_strength_spread)
-        by_notch = -log(np.maximum(failure.notch_growth * used, _LEAST)) / np.maximum(tool.edge_strength_spread, _LEAST)
+        by_notch = -log(np.maximum(failure.notch_growth * used, _LEAST)) / max(tool.edge_strength_spread, _LEAST)
         return _below(by_force) * _below(by_notch) + _LEAST
 
     survival = exp(-hazard * minutes) * np.minimum(strong(end) / strong(start), 1.0)

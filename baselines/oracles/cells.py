@@ -64,10 +64,7 @@ def survey(states, parameters, scratches, fields, cells):
 
 @compiled_entry
 def best_return(states, parameters, scratches, fields, cells, log_speeds, log_feeds, steps, ripple, lives):
-    """Return (bound on the return [s], cell at which the edge is worn out at best).
-
-    ``steps``: log steps from the feed at the limit; ``ripple``: relative amplitude of the depth's run-out [-].
-    """
+    """Return (bound on the return [s], cell of the end of the edge at best); ``steps``: log steps from the feed at the limit."""
     state, p = states[0], parameters[0]
     wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
     length = p.bar_length[0] / cells  # [mm]
@@ -77,7 +74,7 @@ def best_return(states, parameters, scratches, fields, cells, log_speeds, log_fe
     life_by_feed = wear_law.feed[0] * p.life_exponent[0]
     feed_factors, life_factors = raised(steps, -1.0), raised(steps, life_by_feed - 1.0)
     force_factors, power_factors = raised(steps, force_law.feed[0]), raised(steps, power_law.feed[0])
-    shallowest = log(1.0 - ripple)
+    shallowest = log(1.0 - ripple)  # relative amplitude of the depth's run-out
     values, ends = np.zeros(lives + 1), np.full(lives + 1, float(fields.shape[1]))
     next_values, next_ends = values.copy(), ends.copy()
     speeds = np.empty(log_speeds.shape[0] + 3 * (log_speeds.shape[0] > 1))

@@ -1,10 +1,7 @@
-"""The causal oracle: the optimiser with foresight, with the true present state.
+"""The causal oracle: the optimiser with foresight, with the true present state (docs/bounds.md).
 
 Its filter gets the true depth of cut, hardness and wear at the tool after every step. It does not know depth and hardness ahead
-of the tool, nor the next bar. So the clairvoyant bound minus its return is the cost of not knowing the future. Its return minus a
-policy's is the cost of not knowing the present, if that policy controls equally well.
-
-It is not ranked as a policy, because no control can measure its inputs.
+of the tool, nor the next bar. It is not ranked as a policy, because no control can measure its inputs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,12 +30,12 @@ class PerfectState(Predictive):
 
     def _observe(self, reading: Reading) -> None:
         super()._observe(reading)
-        truth = self._truth
-        known = truth["cutting"] & (truth["depth_of_cut"] > 0.0) & (truth["wear"] > 0.0) & (reading.nominal_wear > 0.0)
-        wear_factor = np.where(known, truth["wear"], 1.0) / np.where(known, reading.nominal_wear, 1.0)
-        depth = truth["depth_of_cut"] / self._filter.parameters["depth_of_cut"] - 1.0
-        hardness = log(np.where(known, truth["hardness"], 1.0))
-        self._filter.tell(known, np.stack((depth, hardness, log(wear_factor)), axis=1), STATE_DEVIATION)
+        cutting, depth, wear, hardness = (self._truth[name] for name in ("cutting", "depth_of_cut", "wear", "hardness"))
+        known = cutting & (depth > 0.0) & (wear > 0.0) & (reading.nominal_wear > 0.0)
+        wear_factor = np.where(known, wear, 1.0) / np.where(known, reading.nominal_wear, 1.0)
+        deviation = depth / self._filter.parameters["depth_of_cut"] - 1.0
+        logs = log(np.where(known, hardness, 1.0)), log(wear_factor)
+        self._filter.tell(known, np.stack((deviation, *logs), axis=1), STATE_DEVIATION)
 
 
 covers = plays  # whether a scenario has the actions and inputs that it needs

@@ -42,7 +42,7 @@ def draw(scenario: Scenario | None = None) -> Figure:
     scenario = scenario or stepped_bar(DEPTHS)
     runs = {}
     for name, (title, parameters) in SHOWN.items():
-        policy = RULES[name].build(scenario, 1, RULES[name].fixed | parameters)
+        policy = RULES[name].controller(scenario, 1, **RULES[name].fixed | parameters)
         runs[title] = play_bar(lambda num_envs, policy=policy: policy, scenario)  # type: ignore[misc]
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))

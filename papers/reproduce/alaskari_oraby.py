@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.fixed import FixedParameters
-from baselines.grid_search import GridSearch, RescaledGridSearch
+from baselines.grid_search import GridSearch
 from papers import rows, verification
 from papers.grid_search import FEEDS, LIMITS, SCENARIO, SPEEDS, before, best_at_each_speed, plane, sides, whole_life
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
@@ -154,7 +154,7 @@ def equal_wear() -> dict[str, EqualWear]:
     nominal = by_minute.nominal()
     players: dict[str, tuple[Scenario, PolicyFactory]] = {
         "grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs)),
-        "rescaled grid search": (by_minute, lambda num_envs: RescaledGridSearch(nominal, num_envs, 1.0, 1.0)),
+        "rescaled grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs, 1.0, 1.0)),
     }
     for test in MEASURED:
         fixed = FixedParameters(by_tenth, test.cutting_speed, test.feed)

@@ -71,7 +71,7 @@ def stepped(name: str, depths: tuple[float, ...] = STEPS) -> Trajectory:
     scenario = stepped_bar(depths)
     if name in FORMS:
         return play_bar(lambda num_envs: fuzzy(scenario, name), scenario)
-    return play_bar(lambda num_envs: LOAD_RULES["programmed_feed"].build(scenario, num_envs, {}), scenario)
+    return play_bar(lambda num_envs: LOAD_RULES["programmed_feed"].controller(scenario, num_envs), scenario)
 
 
 def saved(form: str) -> float:

@@ -25,7 +25,8 @@ from functools import cache
 import numpy as np
 
 from baselines.fixed import HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED
-from baselines.models.process import Array, Limit, Process
+from baselines.models.process import Limit, Process
+from baselines.rule import Array
 from baselines.two_limits import MIN_DEPTH, set_point
 from papers import rows
 from papers.reproduce.checks import Check, at_least, at_most, table
@@ -101,10 +102,7 @@ def blanks() -> tuple[Blank, ...]:
 
 
 def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
-    """Return the cost of one pass over the nominal bar [min] at a depth of cut [mm], infinite if too deep for a limit.
-
-    A pass in air is run at the ends of the ranges.
-    """
+    """Return the cost [min] of a pass of a depth [mm] over the nominal bar: at the ranges' ends in air, infinite if too deep."""
     process, workpiece = handbook_process(rule, slack), Scenario().workpiece
     speed, feed = set_point(rule, process, depth_of_cut)
     depth = np.maximum(depth_of_cut, MIN_DEPTH)

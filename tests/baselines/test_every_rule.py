@@ -36,7 +36,7 @@ def test_actions_are_finite_for_any_observation(name: str, preset: str) -> None:
     if scenario.control.action != "part":
         seen[:, 4:6, 0] = low[0]  # no load
         seen[:, 6:8, 6] = np.linspace(0.0, 3.0, 12, dtype=np.float32)[:, np.newaxis]  # edges that live on
-    policy = rule.build(scenario, num_envs, parameters(rule))
+    policy = rule.controller(scenario, num_envs, **parameters(rule))
     policy.reset(np.ones(num_envs, np.bool_))
     shape = RoughTurningVectorEnv(num_envs, scenario).action_space.shape
     with np.errstate(divide="raise", invalid="raise"):
@@ -53,7 +53,7 @@ def test_environments_do_not_influence_one_another_and_a_reset_forgets_everythin
     rule, env = playable(name, scenario), RoughTurningVectorEnv(3, scenario)
 
     def fresh(num_envs: int) -> Policy:
-        policy = rule.build(scenario, num_envs, parameters(rule))
+        policy = rule.controller(scenario, num_envs, **parameters(rule))
         policy.reset(np.ones(num_envs, np.bool_))
         return policy
 

@@ -13,14 +13,14 @@ from turning_env import FamilyVectorEnv
 from turning_env.scenario.family import Family
 from turning_env.scoring.play import play, play_family
 
-SETTINGS = (1.0, 1.0, 1.0)
+SETTINGS = {"severity": 1.0, "caution": 1.0, "wear_caution": 1.0}
 JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2)]
 
 
 @pytest.mark.slow
 def test_jobs_played_together_are_those_played_alone() -> None:
-    env, together = FamilyVectorEnv(2, context="hidden"), SelfTuning(JOBS, 2, *SETTINGS)
-    alone = [SelfTuning(job, 1, *SETTINGS) for job in JOBS]
+    env, together = FamilyVectorEnv(2, context="hidden"), SelfTuning(JOBS, 2, **SETTINGS)
+    alone = [SelfTuning(job, 1, **SETTINGS) for job in JOBS]
     observations, _ = env.reset(seed=0)
     for policy in (together, *alone):
         policy.reset(np.ones(2 if policy is together else 1, np.bool_))
@@ -52,7 +52,7 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
 def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> None:
     told = Truthful.of(Family.load("unmodelled"), FORMS)
     models = [told.job(seed).scenario.nominal() for seed in (1, 2)]
-    env, policy = FamilyVectorEnv(2, told, context="hidden"), SelfTuning(models, 2, *SETTINGS)
+    env, policy = FamilyVectorEnv(2, told, context="hidden"), SelfTuning(models, 2, **SETTINGS)
     observations, _ = env.reset(seed=1)
     policy.reset(np.ones(2, np.bool_))
     for _ in range(60):
