@@ -1,7 +1,7 @@
 """Choose the feeds and speeds of a part program anew, and write it back with only its F and S words changed.
 
 Every F word, and every S word of a constant cutting speed, gets the constant value that makes the program shortest. The limits
-are the scenario's force and power with the edge worn as at its change, the machine's range, and the tool life that the program
+are the scenario's force and power with the edge worn as at its change, the machine's range, and the edges that the program
 used before.
 """
 
@@ -237,9 +237,8 @@ class _Search:
         return costs
 
     def _decimals(self, key: int) -> int:
-        if self.keys[key][0] == "S":
-            return 0
-        return FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH
+        of_feed = FEED_DECIMALS if self.scales[key] == 1.0 else FEED_DECIMALS_INCH
+        return 0 if self.keys[key][0] == "S" else of_feed
 
     def _rounded_feed(self, feed: float, key: int) -> float:
         """Return a feed as it can be written: rounded down, but not below the machine's lowest."""

@@ -61,7 +61,8 @@ class Situation:
         self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)  # of rapids, dwells, changes [s]
         self.fed = np.isin(self.kinds, ("feed", "thread"))  # slices that are run at feed
         drills = [tool for tool, kind in removal.tools.items() if kind.startswith(DRILL)]
-        self.engaged = (self.kinds == "feed") & (slices.depth > MIN_DEPTH) & ~np.isin(self.tool, drills)  # slices that turn metal
+        self.apart = self.fed & ((self.kinds == "thread") | np.isin(self.tool, drills))  # threads, drills: no load is computed
+        self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.apart  # slices that turn metal
         self.without_limit = [getattr(scenario.limits, name) == none for name, none in NO_LIMIT.items()]  # thrust force, power
         low = scenario.machine.feed_min
         self.feed_range = low, max(min(scenario.machine.feed_max, machine.max_feed), low)  # of feeds to choose [mm/rev]

@@ -35,6 +35,7 @@ class Summary:
     time: float  # cycle time [s]
     time_in_metal: float
     time_at_feed_in_air: float
+    time_of_threads_and_drills: float
     other_time: float  # rapid moves, dwells and tool changes [s]
     removed: float  # [cm3]
     max_load: float  # highest share of a limit in the last part of an edge [-]
@@ -47,9 +48,9 @@ class Summary:
 
     def lines(self) -> list[str]:
         """Return the totals as text."""
-        times = (
-            f"{self.time_in_metal:.1f} s in metal, {self.time_at_feed_in_air:.1f} s at feed in air, {self.other_time:.1f} s other"
-        )
+        apart = f"{self.time_of_threads_and_drills:.1f} s of threads and drills, " * (self.time_of_threads_and_drills > 0.0)
+        air = f"{self.time_at_feed_in_air:.1f} s at feed in air"
+        times = f"{self.time_in_metal:.1f} s in metal, {apart}{air}, {self.other_time:.1f} s other"
         load = f"highest load: {100 * self.max_load:.0f} % of a limit; {self.overload_time:.1f} s above a limit"
         load = load if self.limited else "limits of force and power are off"
         edges = [
@@ -73,7 +74,8 @@ def summary(situation: Situation, played: Play) -> Summary:
     return Summary(
         time=float(played.time.sum()),
         time_in_metal=float(time[on].sum()),
-        time_at_feed_in_air=float(time[~on].sum()),
+        time_at_feed_in_air=float(time[~on & ~situation.apart].sum()),
+        time_of_threads_and_drills=float(time[situation.apart].sum()),
         other_time=float(situation.other_time.sum()),
         removed=float(removal.slices.volume.sum() / 1000.0),
         max_load=float(played.load.max()),
@@ -152,7 +154,7 @@ def rows(situation: Situation, played: Play) -> list[Row]:
         row |= {"text": texts[line - 1].strip()[:MAX_TEXT], "depth": float(slices.depth[metal].max(initial=0.0))}
         row |= {"diameters": (2.0 * float(radius.min()), 2.0 * float(radius.max())), "feed": float(played.feed[cut].max())}
         row |= {"cutting_speed": float(played.cutting_speed[cut].max()), "time": float(time[group].sum())}
-        row |= {"air_time": row["time"] - float(time[metal].sum()), "removed": float(slices.volume[group].sum() / 1000.0)}
+        row |= {"air_time": float(time[group] @ ~(on | s.apart)[group]), "removed": float(slices.volume[group].sum() / 1000.0)}
         row |= {"force_share": float(played.force_share[group].max()), "power_share": float(played.power_share[group].max())}
         row |= {"used_life": float(played.used_life[group].sum()), "saves": saves}
         remark = "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""

@@ -24,7 +24,7 @@ from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
 from turning_nc.moves import run
-from turning_nc.report import implausible
+from turning_nc.report import implausible, summary
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
 from turning_nc.words import NcError, divide
 from turning_shop import WorkshopError
@@ -271,6 +271,9 @@ def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
     assert guessed_stock(bored)[1].startswith("tube:")
     drilled = remove(bored, read_stock("bar:60x60"), {"T0101": "drill:20"})
     assert volume(drilled.stock) - volume(drilled.part) > math.pi * 10.0**2 * 40.0
+    situation = Situation(SCENARIO, Machine(), bored, drilled)
+    totals = summary(situation, play(situation, change_wear(situation)))
+    assert totals.time_of_threads_and_drills == pytest.approx(60.0 * 42.0 / (0.1 * 800.0))  # not in air
     mirrored, plain = (remove(moves(f"{BAR}G0 X{x}\nG1 Z-30. F0.2"), read_stock("bar:60x60")) for x in ("-54.", "54."))
     assert mirrored.slices.volume.sum() == plain.slices.volume.sum() > 0.0
 
