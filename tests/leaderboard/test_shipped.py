@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
 BEST = "analytic_gradient"
+OVERRIDES = "omative", "tmac", "iadapts", "fuzzy_override", "constant_force_limit", "current_limit"
 AGENTS_OF_ALL_KINDS = ["ppo-seed0", "recurrent_ppo-seed1", "lagrangian_ppo-seed2", "sac-seed3", "tqc-seed4", f"{BEST}-seed0"]
 
 
@@ -34,7 +35,7 @@ def test_every_result_is_valid() -> None:
         ("RoughTurning-v0", "rough_turning", 2, ["fixed_tuned", "grid_search", "rescaled_grid_search", *AGENTS_OF_ALL_KINDS]),
         ("RoughTurning-v0", "rough_turning", 1, [CLAIRVOYANT, "causal", "predictive"]),
         ("RoughTurning-v0", "ck45", 1, ["rescaled_grid_search", f"{BEST}-seed1"]),
-        ("RoughTurning-Override-v0", None, 1, ["omative", f"{BEST}-seed2"]),
+        ("RoughTurning-Override-v0", None, 1, [*OVERRIDES, f"{BEST}-seed2"]),
         ("RoughTurning-Surface-v1", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
         pytest.param(*(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal"]), marks=pytest.mark.soak),
