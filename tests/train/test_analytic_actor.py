@@ -39,12 +39,6 @@ def test_actions_and_commands_are_those_of_the_environment(preset: str) -> None:
         np.testing.assert_allclose(log_feed.exp(), infos["commanded_feed"], rtol=1e-5)
 
 
-@pytest.mark.parametrize("preset", ["paper", "batch_casting"])
-def test_other_actions_are_refused(preset: str) -> None:
-    with pytest.raises(ValueError, match=r"control\.action is .* but must be"):
-        TargetCommands(Scenario.load(preset))
-
-
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "shift"])
 def test_the_tracker_knows_where_the_tool_is(preset: str) -> None:
     scenario = Scenario.load(preset)

@@ -1,14 +1,11 @@
 """The multiplier replaces the price of severe overload, and follows the severe share of cutting time."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.train.small import small_run
-from train.lagrangian_ppo import ALGORITHM, AllowanceVecEnv
-from train.training import train
+from train.lagrangian_ppo import AllowanceVecEnv
 from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.vector_env import info_at_end_of_step
@@ -44,10 +41,3 @@ def test_severe_overload_costs_the_multiplier_in_place_of_its_price() -> None:
         ours.adapt(target, 2.0)
     assert ours.severe_share == pytest.approx(share)
     assert ours.multiplier == pytest.approx(7.0 * math.exp(2.0 * 0.5 * share))
-
-
-@pytest.mark.slow
-def test_the_multiplier_rises_where_edges_are_overloaded(tmp_path: Path) -> None:
-    run = small_run(ALGORITHM, tmp_path, OVERLOADING, initial_multiplier=3.0)
-    train(run, ALGORITHM)
-    assert run.read_learning_curve()[-1]["multiplier"] > 3.0
