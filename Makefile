@@ -13,7 +13,7 @@ RESULTS ?= results
 SHIPPED ?= agents
 SHIPPED_RESULTS ?= leaderboard/results
 JOBS ?= 2
-ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v0 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
+ENVS ?= RoughTurning-v0 RoughTurning-Paper-v0 RoughTurning-Override-v1 RoughTurning-Surface-v1 RoughTurning-Shift-v0 RoughTurning-Batch-v0 \
 	RoughTurning-Family-v0
 # Policies of the family's boards that do not machine sensibly.
 DEGENERATE = $$(.venv/bin/python -c "from baselines.trivial import DEGENERATE; print(*DEGENERATE)")
@@ -37,7 +37,7 @@ install = .venv/bin/python -c '$(NEEDS)' $(1) | $(INSTALL) -r -
 
 # Agents that ship: environment id and algorithm.
 AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
-	$(addprefix RoughTurning-Override-v0/,analytic_gradient ppo) RoughTurning-Surface-v1/ppo \
+	$(addprefix RoughTurning-Override-v1/,analytic_gradient ppo) RoughTurning-Surface-v1/ppo \
 	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
 SEEDS ?= 0 1 2 3 4
 

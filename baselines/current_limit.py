@@ -2,14 +2,14 @@
 
 A Butterworth low-pass of 10th order removes ripple and noise from the current. The estimate is the force whose steady current
 is the root mean square of the last filtered samples. The feed velocity shifts the no-load current, and the feed belongs to the
-estimated force, so both pass the same filter (the feed: assumption; the rest of the estimate is the paper's).
+estimated force, so both pass the same filter, the feed after the lag of the chip (assumption; the rest is the paper's).
 
 The nominal exponent of feed scales the force to every grade of the feed switch. If the force is above the upper limit, a share of
 the force limit, the controller takes the highest grade within that limit; if it is below the lower limit, the lowest grade above
 that one. The distance between the limits prevents chatter of the switch. (The paper adapts the feed to the calculated force and
 the limit, but states no law: assumption.) In air, and in metal until the estimate has settled, the feed is the programmed one.
 
-It needs of the nominal model: the exponent of feed in the law of thrust force, and the motor's current per force.
+It needs of the nominal model: the law of thrust force's exponent of feed, the lag of the chip, and the motor's current per force.
 """
 
 import math
@@ -21,7 +21,7 @@ from baselines.models.part_program import PROGRAM, PartProgram, override_rules
 from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import real_power, sine_and_cosine
-from turning_env.physics.drives import force_from_current
+from turning_env.physics.drives import force_from_current, lag_share
 from turning_env.physics.records import parameter_records
 from turning_env.scoring.policy import Actions, Observations, Policy
 
@@ -72,22 +72,22 @@ class Smoother:
         self._steady = steady[:, np.newaxis, np.newaxis, :]
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
         self._window = np.zeros((window, num_envs, signals))
-        self._count = np.zeros((num_envs, 1), np.int64)  # of each environment's samples
+        self.count = np.zeros((num_envs, 1), np.int64)  # of each environment's samples
         self._next = 0
 
     def reset(self, mask: Mask) -> None:
         self._window[:, mask] = 0.0
-        self._count[mask] = 0
+        self.count[mask] = 0
 
     def update(self, samples: Array) -> Array:
         """Return the smoothed signals after the next samples, both of shape (num_envs, signals)."""
-        fresh = self._count[:, 0] == 0
+        fresh = self.count[:, 0] == 0
         self._state[:, fresh] = self._steady * samples[fresh][..., np.newaxis]
         filtered, self._state = self._filter(self._sections, samples[..., np.newaxis], axis=-1, zi=self._state)
         self._window[self._next] = filtered[..., 0]
         self._next = (self._next + 1) % len(self._window)
-        self._count = np.minimum(self._count + 1, len(self._window))
-        return np.asarray(np.sqrt((self._window**2).sum(axis=0) / self._count))
+        self.count = np.minimum(self.count + 1, len(self._window))
+        return np.asarray(np.sqrt((self._window**2).sum(axis=0) / self.count))
 
 
 class ForceEstimator:
@@ -97,6 +97,9 @@ class ForceEstimator:
         self._parameters, self._machine = parameter_records(scenario)[0], scenario.machine
         self._senses_current = scenario.sensors.force == "servo_current"
         self._smoother = Smoother(num_envs, 3, cutoff, window)
+        turn = 60.0 / (self._parameters.revolutions_per_metre[0] * scenario.control.initial_cutting_speed)  # [s]
+        self._remains = 1.0 - lag_share(scenario.control.interval, turn * self._machine.chip_lag)
+        self._chip_feed = np.zeros(num_envs)  # feed that the force follows [mm/rev]
         self.reset = self._smoother.reset
         self.delay = delay(cutoff) + 0.5 * (window - 1)  # delay of an estimate [samples]
 
@@ -104,12 +107,12 @@ class ForceEstimator:
         """Return thrust force [N] and feed [mm/rev] of one moment, ``delay`` samples ago, after the next reading."""
         sensed = reading.servo_current if self._senses_current else reading.thrust_force
         feed_velocity = reading.cutting_speed * self._parameters.revolutions_per_metre[0] * reading.feed
-        samples = np.stack([sensed, feed_velocity, reading.feed], axis=1)
-        force, feed_velocity, feed = self._smoother.update(samples).T
+        remains = self._remains * (self._smoother.count[:, 0] > 0)
+        self._chip_feed = reading.feed - remains * (reading.feed - self._chip_feed)
+        force, feed_velocity, feed = self._smoother.update(np.stack([sensed, feed_velocity, self._chip_feed], axis=1)).T
         if self._senses_current:
             force = force_from_current(self._parameters, 0, force, feed_velocity)  # type: ignore[no-untyped-call]
-        # After a jump the filter overshoots.
-        return np.maximum(force, 0.0), np.clip(feed, self._machine.feed_min, self._machine.feed_max)
+        return np.maximum(force, 0.0), np.clip(feed, self._machine.feed_min, self._machine.feed_max)  # the filter overshoots
 
 
 class CurrentLimit(Policy):

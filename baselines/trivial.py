@@ -18,6 +18,7 @@ from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 Words = NDArray[np.uint64]
+Condition = Callable[[Scenario], bool]
 
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
 _MIXERS = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
@@ -111,11 +112,7 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     return FirstThen(num_envs, idle, steps / 2.0, FixedParameters.programmed(each))
 
 
-def _rule(
-    description: str,
-    policy: Callable[[Sequence[Scenario], int], Policy],
-    plays: Callable[[Scenario], bool] = lambda scenario: True,
-) -> Rule:
+def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], plays: Condition = lambda _: True) -> Rule:
     """Return a rule for one scenario or many."""
 
     def controller(scenario: Scenario | Sequence[Scenario], num_envs: int) -> Policy:

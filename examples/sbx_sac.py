@@ -1,7 +1,7 @@
 """SBX, Stable-Baselines3 in JAX: SAC on the batch, with the adapter for Stable-Baselines3.
 
 python -m examples.sbx_sac --steps 100000
-python -m examples.sbx_sac --env RoughTurning-Override-v0 --discount 0.98
+python -m examples.sbx_sac --env RoughTurning-Override-v1 --discount 0.98
 """
 
 import sys

@@ -1,7 +1,7 @@
 """The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
 Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`). There
-are no spreads and no noise, and the edge does not break. By default, force and power follow depth and feed at once.
+are no spreads and no noise, and the edge does not break.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ def stepped_bar(
     return changed(
         "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
-        machine={"chip_lag": 0.0, "rated_power": torque * base.machine.rated_power} | machine,
+        machine={"rated_power": torque * base.machine.rated_power} | machine,
         workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
         sensors={"power_noise": 0.0, "force_noise": 0.0},
         limits={"power": torque * base.limits.power},

@@ -75,7 +75,7 @@ def tuning_of_an_agent(folder: Path) -> int:
 
 def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
     """Play a few rules."""
-    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v0", "--seeds", "16", *more]
+    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v1", "--seeds", "16", *more]
     rules = ["constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac"]
     return leaderboard_command.main([*words, "--policies", *rules])
 

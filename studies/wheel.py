@@ -36,7 +36,7 @@ for env in ("RoughTurning-v0", make_vec_env("RoughTurning-v0", 4), RoughTurningV
 """
 SCORE = """
 import numpy as np, turning_env
-print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "RoughTurning-Override-v0", seeds=4))
+print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "RoughTurning-Override-v1", seeds=4))
 """
 
 

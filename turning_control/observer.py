@@ -44,7 +44,7 @@ class Observer:
         edge = (power.wear / force.wear if force.wear else 0.0), 1.0
         self._exponents = np.array([(law.depth_of_cut, law.hardness, w) for law, w in zip((power, force), edge, strict=True)])
         self._noise = np.hypot((sensors.power_noise, sensors.force_noise), MODEL_NOISE)
-        self._time_constants = sensors.power_time_constant, sensors.force_time_constant
+        self._chip_lag, self._time_constants = machine.chip_lag, (sensors.power_time_constant, sensors.force_time_constant)
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
         self._slope_length = 0.5 * work.depth_correlation_length
@@ -60,12 +60,12 @@ class Observer:
         self._acts = scenario.control.interval + machine.command_delay  # [s] until the end of the next command's step
         self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
         self._place, self._cutting_time = np.zeros((2, num_envs))
-        self._lagging = np.zeros((2, num_envs))  # nominal loads behind the sensors' lag
+        self._forming, self._lagging = np.zeros((2, 2, num_envs))  # nominal loads behind the chip's lag, and the sensors'
         self._in_metal, self.known = np.zeros((2, num_envs), np.bool_)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._forget(self._mean, self._covariance, mask, slice(None))
-        self._place[mask] = self._cutting_time[mask] = self._lagging[:, mask] = 0.0
+        self._place[mask] = self._cutting_time[mask] = self._forming[:, mask] = self._lagging[:, mask] = 0.0
         self._in_metal[mask] = self.known[mask] = False
 
     def _forget(self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice) -> None:
@@ -100,14 +100,15 @@ class Observer:
         cut_power = reading.power - idle_power_at(scenario, reading.cutting_speed)
         measured = np.maximum([cut_power, reading.thrust_force], 0.01 * nominal)
         moves = reading.feed > 0.5 * scenario.machine.feed_min  # the models do not hold at a standstill
+        remains = np.exp(-moved / reading.feed / self._chip_lag) if self._chip_lag > 0.0 else 0.0  # moved / feed: turns
+        self._forming = np.where(reading.cutting, nominal - remains * (nominal - self._forming), 0.0)
         for k, tau in enumerate(self._time_constants):
             share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
-            self._lagging[k] += (np.where(reading.cutting, nominal[k], 0.0) - self._lagging[k]) * share
+            self._lagging[k] += (self._forming[k] - self._lagging[k]) * share
             readable = reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
             lag = np.log(np.maximum(self._lagging[k], 1e-9) / nominal[k])
             noise = self._noise[k] * (np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0)
-            if k == 0:
-                self.known |= readable
+            self.known |= readable & (k == 0)
             self._correct(k, np.log(measured[k] / nominal[k]) - lag, noise**2 + (LAG_ERROR * lag) ** 2, depth, readable)
 
     def _section(self) -> NDArray[np.intp]:
@@ -161,11 +162,10 @@ class Observer:
         self._forget(*there, new_bar, OF_A_BAR)
         loads = np.empty((2, 2, len(section)))
         for j, ((mean, covariance), unknown) in enumerate(((here, ~self.known), (there, new_bar | ~self.known))):
-            margin = np.where(unknown, ENTRY, MARGIN)
             for k in (0, 1):
                 value, gradient = self._response(k, mean, self._depths[j])
                 spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, covariance, gradient))
-                tolerated = value + margin * spread - np.log1p(scenario.limits.overload_tolerance)
+                tolerated = value + np.where(unknown, ENTRY, MARGIN) * spread - np.log1p(scenario.limits.overload_tolerance)
                 loads[j, k] = np.maximum(value - np.log(target), tolerated)
         self._loads = np.exp(loads)
         distance = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place

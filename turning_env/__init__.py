@@ -54,7 +54,7 @@ __all__ += ["Scenario", "ScenarioError", "Score"]
 _ENTRY_POINTS = {
     "RoughTurning-v0": ("env:RoughTurningEnv", "rough_turning"),
     "RoughTurning-Paper-v0": ("tasks:PaperEnv", "paper"),
-    "RoughTurning-Override-v0": ("tasks:OverrideEnv", "override"),
+    "RoughTurning-Override-v1": ("tasks:OverrideEnv", "override"),
     "RoughTurning-Surface-v1": ("tasks:SurfaceEnv", "surface"),
     "RoughTurning-Shift-v0": ("tasks:ShiftEnv", "shift"),
     "RoughTurning-Batch-v0": ("tasks:BatchEnv", "batch_casting"),

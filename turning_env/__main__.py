@@ -86,7 +86,7 @@ def _score(options: argparse.Namespace) -> int:
     model of Stable-Baselines3 or a module of PyTorch. It runs in this process: score only code that you trust.
 
     python -m turning_env score my_agent.onnx
-    python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v0 --seeds 32
+    python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v1 --seeds 32
     """
     try:
         found = score(options.policy, options.env, options.seeds)

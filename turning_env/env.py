@@ -152,7 +152,7 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Registered ids
 
-    `RoughTurning-v0`, as described above; `RoughTurning-Paper-v0`, `-Override-v0`, `-Surface-v1`, `-Shift-v0` and `-Batch-v0`
+    `RoughTurning-v0`, as described above; `RoughTurning-Paper-v0`, `-Override-v1`, `-Surface-v1`, `-Shift-v0` and `-Batch-v0`
     (`turning_env.tasks`); `RoughTurning-Family-v0`, many lathes with wrong nominal models (`turning_env.FamilyEnv`); and
     `RoughTurning-Program-v1`, a part program of your own (`turning_nc.environment.ProgramEnv`). `turning_env.SPLITS` names
     presets that show how well a policy generalises.

@@ -19,13 +19,13 @@ class PaperEnv(RoughTurningEnv):
 
 
 class OverrideEnv(RoughTurningEnv):
-    """``RoughTurning-Override-v0``: hold the spindle load by feed override, and finish early (fuzzy override paper).
+    """``RoughTurning-Override-v1``: hold the spindle load by feed override, and finish early (fuzzy override paper).
 
     One pass over a stepped, slightly eccentric bar of steel E295 on a 9 kW lathe, spindle at 710 rev/min, programmed feed
     0.4 mm/rev. The depth of cut steps through 1, 2, 3, 1 and 3 mm in sections of 20 mm, and ripples by 2 % every four
-    turns. Depth and hardness also vary at random. The feed servo lags by 0.13 s. The target load is 60 % of 9 kW, the observed
-    power limit. At this one spindle speed it is also the share of torque, for every drive with a base speed of up to 710 rev/min.
-    The preset `override_torque` has an idle torque beside, as the paper's drive.
+    turns. Depth and hardness also vary at random. The target load is 60 % of 9 kW, the observed power limit. At this one spindle
+    speed it is also the share of torque, for every drive with a base speed of up to 710 rev/min. v1: the load lags behind the
+    chip by a turn, 84 ms, and the feed servo by 0.02 s instead of 0.13 s.
 
     **Action**, `Box(-1, 1, (1,), float32)`, every 12 ms, an interpolator's cycle: feed override, from 0 % (-1) to 200 % (1) of
     the programmed feed. Below 1 % it stays at 1 %.

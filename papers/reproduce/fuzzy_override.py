@@ -4,8 +4,8 @@ All on the stepped bar without randomness (``papers/stepped_bar.py``). The paper
 period: many are played. Over-regulation is any swing beyond the one that the load requires. Against a slow ripple of 2 %, that
 is 2 % over the exponent of feed in the power law.
 
-The idle torque of the drive is not in the text. One value is chosen, with which an override of 145 % holds the target load at
-2 mm; the time saved follows from it.
+The text has neither idle torque nor lags. One idle torque is chosen, with which an override of 145 % holds the target load at
+2 mm; the time saved follows from it. The servo's time constant is chosen for the swing of the first form.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ TRANSIENT = 5.0  # time after which the override has settled on a bar of one dep
 FEED_VELOCITY = 4.0  # programmed feed above that at 3 mm under control [mm/s], which settles at 0.84 of 3.9 mm/s
 STRONG = 2.0  # torque of a strong drive over that of the test's, in place of the wheel lathe's [-]
 LAGS = ((0.13, 0.0), (0.13, 0.5), (0.13, 1.0), (0.02, 0.0), (0.02, 1.0))
-"""Time constants of the feed servo [s] and lags of the chip [turns]: the first are the test's, the third those of `surface`."""
+"""Time constants of the feed servo [s] and lags of the chip [turns]: the third are those of `surface`, the last the test's."""
 
 
 def fuzzy(scenario: Scenario, form: str) -> Policy:

@@ -84,6 +84,6 @@ def test_it_wraps_environments_of_gymnasium_and_refuses_others():
     believing = BeliefObservation(env)
     assert believing.observation_space.shape == (env.observation_space.shape[0] + len(ENTRIES),)
     assert believing.reset(seed=0)[0] in believing.observation_space
-    for other, message in (("RoughTurning-Override-v0", "control.action 'override'"), ("Pendulum-v1", "needs a RoughTurning")):
+    for other, message in (("RoughTurning-Override-v1", "control.action 'override'"), ("Pendulum-v1", "needs a RoughTurning")):
         with pytest.raises(ValueError, match=message):
             BeliefObservation(gymnasium.make(other))

@@ -51,7 +51,7 @@ def read_only() -> Iterator[Callable[[], Path]]:
 
 def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
     """Programs that write, with their arguments."""
-    rules = ["run", "--policies", "programmed_feed", "tmac", "--env", "RoughTurning-Override-v0", "--seeds", "1"]
+    rules = ["run", "--policies", "programmed_feed", "tmac", "--env", "RoughTurning-Override-v1", "--seeds", "1"]
     search = ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--seeds", "2"]
     return {
         "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")]),

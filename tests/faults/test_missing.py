@@ -48,8 +48,8 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
             "onnxruntime",
             "leaderboard run --results FILE --policies --agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
         ),
-        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --out FILE.gif"),
-        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v0 --steps 1 --human"),
+        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --out FILE.gif"),
+        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --human"),
     ],
 )
 def test_what_is_missing_is_said_in_one_line(package: str, command: str, without: Path) -> None:
@@ -70,6 +70,6 @@ def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) ->
 
 
 def test_without_torch_rules_are_played(without: Path) -> None:
-    words = ["-m", "leaderboard", "run", "--env", "RoughTurning-Override-v0", "--seeds", "1", "--policies", "programmed_feed"]
+    words = ["-m", "leaderboard", "run", "--env", "RoughTurning-Override-v1", "--seeds", "1", "--policies", "programmed_feed"]
     assert python(without, "torch", *words, "--results", str(without / "results")).returncode == 0
     assert (without / "results" / "index.html").exists()

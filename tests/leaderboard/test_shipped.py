@@ -35,7 +35,7 @@ def test_every_result_is_valid() -> None:
         ("RoughTurning-v0", "rough_turning", 2, ["fixed_tuned", "grid_search", "rescaled_grid_search", *AGENTS_OF_ALL_KINDS]),
         ("RoughTurning-v0", "rough_turning", 1, [CLAIRVOYANT, "causal", "predictive"]),
         ("RoughTurning-v0", "ck45", 1, ["rescaled_grid_search", f"{BEST}-seed1"]),
-        ("RoughTurning-Override-v0", None, 1, [*OVERRIDES, f"{BEST}-seed2"]),
+        ("RoughTurning-Override-v1", None, 1, [*OVERRIDES, f"{BEST}-seed2"]),
         ("RoughTurning-Surface-v1", None, 1, ["constant_force", "ppo-seed3"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed4"]),
         pytest.param(*(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal"]), marks=pytest.mark.soak),

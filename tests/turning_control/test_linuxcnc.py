@@ -90,7 +90,7 @@ def test_the_figures_of_a_run() -> None:
     rows = [row | {"seconds": 11.0, "engaged_time": 10.0, "severe_overload_time": 0.1}] * 2
     assert linuxcnc.figures(rows, 0.25) == pytest.approx((22.0, 4.0, 0.01, 1.0, 0.0, 0.006))
     simulated = linuxcnc.simulated("programmed", Scenario.load("override"), 1, 0)
-    assert "| programmed | simulation | 22.5" in linuxcnc.table({"programmed": (simulated, simulated)})  # docs/linuxcnc.md
+    assert "| programmed | simulation | 22.4" in linuxcnc.table({"programmed": (simulated, simulated)})  # docs/linuxcnc.md
 
 
 def running() -> list[str]:

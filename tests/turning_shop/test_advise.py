@@ -149,7 +149,7 @@ def test_the_best_rule_and_an_agent_are_compared_with_fixed_parameters() -> None
     for each in others:
         assert each.saved.value == pytest.approx(fixed.cost.value - each.cost.value)
     assert others[0].saved.low > 0
-    other = str(ROOT / "agents" / "RoughTurning-Override-v0" / "override" / "ppo-seed0.onnx")
+    other = str(ROOT / "agents" / "RoughTurning-Override-v1" / "override" / "ppo-seed0.onnx")
     with pytest.raises(WorkshopError, match=r"--agent .*ppo-seed0"):
         play_all(weaker, Evidence(), best, [other], 2)
 

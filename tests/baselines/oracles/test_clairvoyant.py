@@ -39,7 +39,7 @@ def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> Non
 
 def test_it_says_what_it_covers() -> None:
     covered = {env_id for env_id, preset in IDS.items() if covers(Scenario.load(preset))}
-    assert covered == {"RoughTurning-v0", "RoughTurning-Override-v0"}
+    assert covered == {"RoughTurning-v0", "RoughTurning-Override-v1"}
     assert not covers(Scenario.model_validate({"control": {"time_limit": 5.0}}))
     with pytest.raises(ValueError, match="does not cover scenario 'shift'"):
         bounds(Scenario.load("shift"), SEEDS)

@@ -18,7 +18,7 @@ from turning_env.scoring.score import FOLDER, Score, compare, score, shipped
 
 ROOT = Path(__file__).parents[3]
 AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
-OVERRIDE, PAPER = "RoughTurning-Override-v0", "RoughTurning-Paper-v0"  # an episode of the latter has few steps
+OVERRIDE, PAPER = "RoughTurning-Override-v1", "RoughTurning-Paper-v0"  # an episode of the latter has few steps
 
 
 def full_feed(observations: Any) -> Any:
