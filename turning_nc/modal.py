@@ -185,9 +185,9 @@ class Modal:
             return 0.0
         if "." in word.text or not (steps or self.counts_steps):
             return word.value * self.length_scale
-        length = word.value * (0.001 if self.length_scale != INCH else 0.0001 * INCH)
-        self.note(f"{word.address}{word.text} without a decimal point is read as {length:g} mm")
-        return length
+        inch = self.length_scale == INCH
+        self.note(f"a cycle's words without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}")
+        return word.value * (0.0001 * INCH if inch else 0.001)
 
     def target(self, line: Line, start: Point | None = None) -> Point:
         """Return the point to which a block's coordinates lead, by default from the tool's position."""

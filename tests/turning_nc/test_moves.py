@@ -394,5 +394,6 @@ def test_controls_that_are_not_read_are_named(line: str, control: str) -> None:
 
 
 def test_notes_stand_once_with_their_lines() -> None:
-    made = moves(BAR + "G1 Z-5. F0.2 M77\nZ-6. M77\n" + "/Z-7.\n" * 7)
-    assert [note.partition(":")[0] for note in made.notes] == ["lines 4, 5", "lines 6, 7, 8, 9, 10, ... (7 lines)"]
+    made = moves(BAR + "G1 Z-5. F0.2 M77\nZ-6. M77\n" + "/Z-7.\n" * 7 + "G75 R0.5\nG75 X20. P1000\nG75 X10. P2000")
+    lines = ["lines 4, 5", "lines 6, 7, 8, 9, 10, ... (7 lines)", "lines 14, 15"]
+    assert [note.partition(":")[0] for note in made.notes] == lines
