@@ -181,13 +181,14 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     if run.parameters["steps"] < 1:
         raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
     with folder_lock(run.folder, wait):
-        run.begin()
-        if run.policy.exists():
-            return run.policy
         torch.set_num_threads(1)
         torch.distributions.Distribution.set_default_validate_args(False)  # a third of the time of a family's PPO
-        resumed = run.checkpoint.exists()
-        model = load_checkpoint(run, algorithm) if resumed else new_model(run, algorithm)
+        resumed, finished = run.checkpoint.exists(), run.policy.exists()
+        model = None if resumed or finished else new_model(run, algorithm)  # before run.json is written: it may be refused
+        run.begin()
+        if finished:
+            return run.policy
+        model = model or load_checkpoint(run, algorithm)
         model.learn(
             run.parameters["steps"] - model.num_timesteps,
             callback=[*algorithm.callbacks(run), Recorder(run, algorithm, checkpoint_every)],

@@ -145,6 +145,8 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path, capsys) -> None:
     algorithm, few = ALGORITHMS["sac"], {"memory": 100_000, "steps": 64}
     run = small_run(algorithm, tmp_path, **few)
+    with pytest.raises(ValueError, match="frames is 0"):  # leaves nothing behind that the next training would resume
+        train(small_run(algorithm, tmp_path, **few, frames=0), algorithm)
     path = train(run, algorithm)
     before = path.stat()
     assert train(run, algorithm) == path
