@@ -78,4 +78,4 @@ def command_all(states, parameters, scratches, actions, count):  # type: ignore[
     """Set the commanded speed and feed of environments in blocks from their actions."""
     for block in range(len(states)):
         first = block * WIDTH
-        command(states[block], scratches[0].work, actions[first:], 0, min(count - first, WIDTH), parameters[0])
+        command(states[block], scratches[0].work, actions[first:], min(count - first, WIDTH), parameters[0])

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import logger
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
@@ -29,26 +30,49 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
 
-def portable(spec: EnvSpec | None, batch: Batch) -> EnvSpec | None:
-    """Return a spec that serialises to JSON, makes the same environment anywhere and states an episode's largest length.
+class Shared:
+    """What the single environment and the vector environment share: a batch, its specification and its viewer."""
 
-    If an episode ends with its job, it states no length: ``gymnasium.make(spec)`` would report that end as a truncation.
-    """
-    if spec is None:
-        return None
-    scenario = batch.scenario
-    kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
-    if "scenario" in kwargs and kwargs["scenario"] not in presets():
-        kwargs["scenario"] = scenario.portable()
-    steps = spec.max_episode_steps
-    if batch.jobs is not None:
-        kwargs |= {"family": batch.jobs.family.portable()} if "family" in kwargs else {}
-    elif steps is None and scenario.control.action != "part":
-        steps = scenario.max_episode_steps
-    return replace(spec, kwargs=kwargs, max_episode_steps=steps)
+    _spec: EnvSpec | None = None
+    _viewer: Any = None  # turning_render's
+
+    def _set_up(self, batch: Batch, render_mode: str | None, rendered_envs: int) -> None:
+        self._batch, self.scenario, self.render_mode = batch, batch.scenario, render_mode
+        if render_mode is not None:
+            (viewer,) = provided("viewer")  # its libraries are optional
+            self._viewer = viewer(self, batch, rendered_envs)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """The specification that made this environment. It serialises to JSON and makes the same environment anywhere."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            scenario, jobs, steps = self.scenario, self._batch.jobs, spec.max_episode_steps
+            kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
+            if "scenario" in kwargs and kwargs["scenario"] not in presets():
+                kwargs["scenario"] = scenario.portable()
+            if jobs is not None and "family" in kwargs:
+                kwargs["family"] = jobs.family.portable()
+            if "autoreset_mode" in kwargs:
+                kwargs["autoreset_mode"] = AutoresetMode(kwargs["autoreset_mode"]).value
+            # If an episode ends with its job, a length would make `gymnasium.make(spec)` report that end as a truncation.
+            if steps is None and jobs is None and scenario.control.action != "part":
+                steps = scenario.max_episode_steps
+            spec = replace(spec, kwargs=kwargs, max_episode_steps=steps)
+        self._spec = spec
+
+    def render(self) -> Any:
+        """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""
+        if self._viewer is None:
+            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
+            return None
+        return self._viewer.render()
 
 
-class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Rough turning of steel bars with one carbide edge; the policy sets cutting speed and feed.
 
     ## Description
@@ -169,25 +193,9 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     _PRESET = "rough_turning"
 
     def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
-        self._batch = Batch(self._PRESET if scenario is None else scenario, 1, single=True)
-        self.scenario = self._batch.scenario
-        self._spec: EnvSpec | None = None
-        self.render_mode = render_mode
+        self._set_up(Batch(self._PRESET if scenario is None else scenario, 1, single=True), render_mode, 1)
         self.observation_space, self.action_space = self._batch.observation_space(), action_space(self.scenario)
         self._under_way = False
-        self._viewer: Any = None  # turning_render's
-        if render_mode is not None:
-            (viewer,) = provided("viewer")  # its libraries are optional
-            self._viewer = viewer(self, self._batch)
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The specification from which `gymnasium.make` made this environment."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = portable(spec, self._batch)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""
@@ -226,13 +234,6 @@ class RoughTurningEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if batch.jobs is not None:
             info["job"] = int(batch.job_numbers[0])
         return batch.observation.copy(), report[REWARD], terminated, truncated, info
-
-    def render(self) -> Any:
-        """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""
-        if self._viewer is None:
-            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
-            return None
-        return self._viewer.render()
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -57,22 +57,18 @@ def observe(state, work, first, last, p):
         entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
         entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
         entries[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
-    for i in env_range(first, last):
         entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
         entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
     for i in env_range(first, last):
-        work.log_wear[i] = log_wear(p.nominal, i, state.nominal_used_life[i])
-    for i in env_range(first, last):
         speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i]
-        force, power = force_and_power(p.nominal, i, speed, feed, depth, work.log_wear[i], 0.0)
+        wear = log_wear(p.nominal, i, state.nominal_used_life[i])
+        force, power = force_and_power(p.nominal, i, speed, feed, depth, wear, 0.0)
         power += idle_power(p.nominal, i, state.cutting_speed[i])
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
         entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
         entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
-    for i in env_range(first, last):
-        ratio = min(exp(work.log_wear[i] - p.log_wear_criterion[i]), MAX_RATIO)
-        entries[OBS.nominal_wear, i] = ratio if state.nominal_used_life[i] > 0.0 else 0.0
+        entries[OBS.nominal_wear, i] = min(exp(wear - p.log_wear_criterion[i]), MAX_RATIO) if has_cut else 0.0
     if p.reads_torque:
         for i in env_range(first, last):
             available = capacity(p, i, state.cutting_speed[i])
@@ -103,42 +99,34 @@ def observe(state, work, first, last, p):
 
 
 class Reading(NamedTuple):
-    """A batch of observations in physical units; every field has shape (environments,)."""
+    """A batch of observations in physical units: arrays of shape (environments,), NaN for what a scenario does not observe.
+
+    Measured are `power` [kW]; `load` [-], power over the spindle's rated power, or torque over the torque that it has at its
+    speed (`spindle.reading`); `thrust_force` [N], if the servo current is sensed the force whose steady current it is;
+    `servo_current` [A]; `probed_depth` [mm], the mean allowance of the next blank; and `removed_wear` [mm], of the edge that was
+    taken out last, 0 before the first change. Cutting speeds are in m/min and feeds in mm/rev. `cutting_time` [min] is the
+    edge's, `nominal_wear` [mm] the nominal model's prediction. `power_ratio` and `force_ratio` [-] are measured over predicted;
+    if the servo current is sensed, `force_ratio` is the current's. `cutting` is true in metal. `roughness_reference` [um] is the
+    reference of Ra, `spindle_heat` [-] the heating of the spindle's motor over that of its rated load.
+    """
 
     power: NDArray[np.float64]
-    """Measured power [kW]."""
     load: NDArray[np.float64]
-    """Measured power over the spindle's rated power, or torque over the torque that it has at its speed (``spindle.reading``)."""
     thrust_force: NDArray[np.float64]
-    """Measured thrust force [N]; if the servo current is sensed, the force whose steady current it is."""
     servo_current: NDArray[np.float64]
-    """Measured servo current [A]; NaN if it is not sensed."""
     cutting_speed: NDArray[np.float64]
-    """Actual cutting speed [m/min]."""
     feed: NDArray[np.float64]
-    """Actual feed [mm/rev]."""
     commanded_cutting_speed: NDArray[np.float64]
-    """Commanded cutting speed [m/min]."""
     commanded_feed: NDArray[np.float64]
-    """Commanded feed [mm/rev]."""
     cutting_time: NDArray[np.float64]
-    """Cutting time of the edge [min]."""
     nominal_wear: NDArray[np.float64]
-    """Wear predicted by the nominal model [mm]."""
     power_ratio: NDArray[np.float64]
-    """Measured over predicted power [-]."""
     force_ratio: NDArray[np.float64]
-    """Measured over predicted thrust force [-]; if the servo current is sensed, measured over predicted current."""
     cutting: NDArray[np.bool_]
-    """Whether the tool is in metal."""
     roughness_reference: NDArray[np.float64]
-    """Reference of Ra [um]; NaN if there is none."""
     probed_depth: NDArray[np.float64]
-    """Mean allowance of the next blank [mm]; NaN if blanks are not probed."""
     spindle_heat: NDArray[np.float64]
-    """Heating of the spindle's motor over that of its rated load [-]; NaN without short-time overload."""
     removed_wear: NDArray[np.float64]
-    """Measured wear of the edge that was taken out last [mm], 0 before the first change; NaN if edges are not inspected."""
 
 
 def _in_range(position: NDArray[np.float64], low: Any, high: Any) -> NDArray[np.float64]:

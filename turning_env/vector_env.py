@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import logger
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -13,8 +11,7 @@ from numpy.typing import NDArray
 
 from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
 from turning_env.batch.jobs import Jobs
-from turning_env.env import check_options, portable
-from turning_env.extras import provided
+from turning_env.env import Shared, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
 
@@ -25,7 +22,7 @@ Infos = dict[str, Any]
 Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Infos]
 
 
-class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
+class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
     """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
     See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches the single environment after
@@ -65,35 +62,17 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
-        self._batch = Batch(scenario, num_envs, threads)
-        self.scenario = self._batch.scenario
-        if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
-            raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
-        self._spec: EnvSpec | None = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
-        self.render_mode = render_mode
+        self._set_up(Batch(scenario, num_envs, threads), render_mode, rendered_envs or num_envs)
+        if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
+            raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
         self.single_observation_space, self.single_action_space = self._batch.observation_space(), action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._viewer: Any = None  # turning_render's
-        if render_mode is not None:
-            (viewer,) = provided("viewer")  # its libraries are optional
-            self._viewer = viewer(self, self._batch, rendered_envs or num_envs)
         self._all = np.ones(num_envs, np.bool_)
         self._all.flags.writeable = False  # it goes out as a mask in every info
         self._masks = dict.fromkeys(_MASKS, self._all)
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """The specification from which `gymnasium.make_vec` made this environment."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = portable(spec, self._batch)
-        if self._spec is not None and "autoreset_mode" in self._spec.kwargs:
-            self._spec.kwargs["autoreset_mode"] = self.autoreset_mode.value
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -136,10 +115,7 @@ class RoughTurningVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], 
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
-        if self._viewer is None:
-            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
-            return None
-        return tuple(self._viewer.frames())
+        return super().render() if self._viewer is None else tuple(self._viewer.frames())
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the threads."""

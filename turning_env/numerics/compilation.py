@@ -12,7 +12,6 @@ import logging
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from pathlib import Path
@@ -57,41 +56,31 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
     Numba numbers record types in the order in which a process meets them, and names machine code by these numbers. Processes load
     one another's code, so an argument of an entry, and of what it calls, must always be of the same record type.
     """
-    return function if numba.config.DISABLE_JIT else Entry(function)  # type: ignore[attr-defined]
+    config: Any = numba.config
+    name, module = function.__name__, function.__globals__
+    ready: Any = None
 
-
-class Entry:
-    """A function that is compiled, or loaded, when it is called first."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        functools.update_wrapper(self, function)
-        self._function = function
-        self._compiled: Any = None
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Call the compiled function."""
-        return self._compiled(*arguments) if self._compiled else self._first_call(arguments)
-
-    def _first_call(self, arguments: tuple[Any, ...]) -> Any:
-        folder = machine_code_folder(Path(inspect.getfile(self._function)).parent)
-        name, started = self._function.__name__, time.perf_counter()
-        anew = folder is None or not any(folder.rglob(f"*.{name}-*.nbi"))
-        if anew:
+    @functools.wraps(function)
+    def entry(*arguments: Any) -> Any:
+        nonlocal ready
+        if ready is not None:
+            return ready(*arguments)
+        folder = machine_code_folder(Path(inspect.getfile(function)).parent)
+        if folder is None or not any(folder.rglob(f"*.{name}-*.nbi")):
             _LOG.warning("compiling %s, or waiting for another process that does ...", name)
         with file_lock(folder / f".{name}.lock", wait=True) if folder else nullcontext():
-            config: Any = numba.config
             before = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or before)
-                self._compiled = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(self._function)
+                ready = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(function)
             finally:
                 config.CACHE_DIR = before
-            result = self._compiled(*arguments)
-        if self._function.__globals__.get(name) is self:
-            self._function.__globals__[name] = self._compiled  # callers in the function's module need no wrapper
-        if anew:
-            _LOG.warning("... which took %.0f s", time.perf_counter() - started)
+            result = ready(*arguments)
+        if module.get(name) is entry:
+            module[name] = ready  # callers in the function's module need no wrapper
         return result
+
+    return function if config.DISABLE_JIT else entry
 
 
 @functools.cache

@@ -11,15 +11,8 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 
 # Uses of random numbers. Two uses of one channel would be correlated, so every use has its own.
-EDGE_CHANNEL = np.uint64(1)
-BAR_CHANNEL = np.uint64(2)
-HARDNESS_CHANNEL = np.uint64(3)
-DEPTH_CHANNEL = np.uint64(4)
-SENSOR_CHANNEL = np.uint64(5)
-REFERENCE_CHANNEL = np.uint64(6)
-CHIPPING_CHANNEL = np.uint64(7)
-TANGLE_CHANNEL = np.uint64(8)
-JOB_CHANNEL = np.uint64(9)
+EDGE_CHANNEL, BAR_CHANNEL, HARDNESS_CHANNEL, DEPTH_CHANNEL, SENSOR_CHANNEL = map(np.uint64, range(1, 6))
+REFERENCE_CHANNEL, CHIPPING_CHANNEL, TANGLE_CHANNEL, JOB_CHANNEL = map(np.uint64, range(6, 10))
 
 _WORD = np.uint64(0xFFFFFFFF)
 _WORD_BITS = np.uint64(32)

@@ -43,14 +43,15 @@ def note_command(state, i):
 
 
 @compiled
-def hold_command(state, work, i, p):
-    """Set the past command that drives still follow at the beginning of a step, how long, and the one that they follow then."""
+def follow_late_command(state, work, i, p):
+    """Set the cutting speed and feed that the drives follow in a sub-step, if commands act late."""
     whole = min(max(math.ceil(p.steps_late[i]) - 1, 0), MAX_DELAY - 1)
-    work.sub_steps_held[i] = (p.steps_late[i] - whole) * p.sub_steps
-    work.held_cutting_speed[i] = state.past_cutting_speeds[whole, i]
-    work.held_feed[i] = state.past_feeds[whole, i]
-    work.next_cutting_speed[i] = state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
-    work.next_feed[i] = state.past_feeds[whole - 1, i] if whole > 0 else state.commanded_feed[i]
+    sub_steps_before = p.sub_steps - work.sub_steps_left[i]
+    held = min(max((p.steps_late[i] - whole) * p.sub_steps - sub_steps_before, 0.0), 1.0)  # share of the sub-step
+    speed = state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
+    feed = state.past_feeds[whole - 1, i] if whole > 0 else state.commanded_feed[i]
+    work.target_cutting_speed[i] = speed + (state.past_cutting_speeds[whole, i] - speed) * held
+    work.target_feed[i] = feed + (state.past_feeds[whole, i] - feed) * held
 
 
 @compiled

@@ -11,23 +11,21 @@ import math
 from numba import literal_unroll
 
 from turning_env.numerics.compilation import compiled, compiled_separately, env_range
-from turning_env.numerics.functions import exp, log, real_power
+from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
-from turning_env.physics.chatter import sing
-from turning_env.physics.drives import clipped, hold_command, note_command, set_point
-from turning_env.physics.economics import compute_reward
+from turning_env.physics.drives import clipped, follow_late_command, note_command, set_point
 from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_at_notch, chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
-from turning_env.physics.report import clear_sums
+from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
-from turning_env.physics.slender_bar import bend_bar, note_stiffness
+from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import tangle, use_up_margin
-from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, wear_by_clock, with_phases
+from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, with_phases
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
 _ZERO_AT_START = (
@@ -79,7 +77,19 @@ def run_step(state, work, report, actions, count, p):
             if actions[i, p.change_action] > 0.0:
                 charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
                 change_edge(state, report, i, p, 0.0)
-    passes = prepare(state, work, actions, 0, count, p)
+    passes = 1
+    if p.action == PART:
+        for i in range(count):
+            start_part(state, work, i, p, actions[i])
+            passes = max(passes, work.passes[i])
+    else:
+        if p.delays_commands:
+            for i in range(count):
+                note_command(state, i)
+        command(state, work, actions, count, p)
+        for i in range(count):
+            work.sub_step[i] = p.sub_step[i]
+            work.sub_steps_left[i] = p.sub_steps
     for number in range(passes):
         if p.action == PART:
             for i in range(count):
@@ -108,73 +118,29 @@ def run_step(state, work, report, actions, count, p):
 
 
 @compiled
-def finish_step(state, work, report, i, p, timeless, by_step):
-    """Set terminated, truncated and reward [s]."""
-    finished = 1 if state.path[i] > p.path_end[i] - 1e-6 else 0  # a path of whole bars, but for rounding
-    ends_with_edge = 1 if timeless else 0
-    terminated = finished | (work.edge_failed[i] & ends_with_edge)
-    out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
-    out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step[i] >= p.time_limit[i] else 0
-    out_of_time = out_of_steps if timeless else out_of_minutes
-    report.terminated[i] = float(terminated)
-    report.truncated[i] = float(out_of_time & (1 - terminated))
-    state.ended[i] = out_of_time | terminated
-
-    report.finished[i] = float(finished)
-    report.broken[i] = 1.0 if report.edges_broken[i] > 0.0 else 0.0
-    engaged = report.engaged_time[i] if by_step and report.engaged_time[i] > 0.0 else 1.0
-    report.mean_thrust_force[i] /= engaged
-    report.mean_power[i] /= engaged
-    report.reward[i] = compute_reward(report, i, p, work.minutes[i])
-
-
-@compiled
-def prepare(state, work, actions, first, last, p):
-    """Apply the actions; return the number of travels: 1, or with parts the largest number of passes of any environment."""
-    if p.action != PART:
-        if p.delays_commands:
-            for i in env_range(first, last):
-                note_command(state, i)
-        command(state, work, actions, first, last, p)
-        if p.delays_commands:
-            for i in env_range(first, last):
-                hold_command(state, work, i, p)
-        for i in env_range(first, last):
-            work.sub_step[i] = p.sub_step[i]
-            work.sub_steps_left[i] = p.sub_steps
-        return 1
-    most = 0
-    for i in env_range(first, last):
-        start_part(state, work, i, p, actions[i])
-        most = max(most, work.passes[i])
-    return most
-
-
-@compiled
-def command(state, work, actions, first, last, p):
+def command(state, work, actions, count, p):
     """Set the commanded cutting speed and feed from actions, which are clipped to -1..1."""
-    for i in env_range(first, last):
+    second = 0 if p.action == OVERRIDE else 1
+    for i in range(count):
         work.action[0, i] = clipped(actions[i, 0])
+        work.action[1, i] = clipped(actions[i, second])
     if p.action == OVERRIDE:
-        for i in env_range(first, last):
+        for i in range(count):
             state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * p.override_max[i] * p.initial_feed[i]
+    elif p.action == SET_POINT:
+        for i in range(count):
+            state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min[i], p.cutting_speed_max[i])
+            state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min[i], p.feed_max[i])
     else:
-        for i in env_range(first, last):
-            work.action[1, i] = clipped(actions[i, 1])
-        if p.action == SET_POINT:
-            for i in env_range(first, last):
-                state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min[i], p.cutting_speed_max[i])
-                state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min[i], p.feed_max[i])
-        else:
-            for i in env_range(first, last):
-                state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step[i] * work.action[0, i])
-                state.commanded_feed[i] *= exp(p.feed_step[i] * work.action[1, i])
-    for i in env_range(first, last):
+        for i in range(count):
+            state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step[i] * work.action[0, i])
+            state.commanded_feed[i] *= exp(p.feed_step[i] * work.action[1, i])
+    for i in range(count):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
         state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min[i]), p.reachable_cutting_speed[i])
         state.commanded_feed[i] = min(max(feed, p.feed_min[i]), p.feed_max[i])
     if p.has_section_speeds:
-        for i in env_range(first, last):
+        for i in range(count):
             limit = limit_of_section(p, i, state.path[i])
             state.commanded_cutting_speed[i] = min(state.commanded_cutting_speed[i], limit)
 
@@ -191,10 +157,7 @@ def travel(state, work, report, count, p):
         work.cut[i], _ = position_in_row(p, i, state.path[i])
         begin_charging(state, work, i)
         work.chip_remains[i] = 0.0
-        work.time_power[i] = 0.0
-    if not by_equivalent_time:
-        for i in range(count):
-            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
+        work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
     for _ in range(p.sub_steps):
         failed = run_sub_step(state, work, report, count, p, varies)
         if failed > 0 and p.action == PART:
@@ -205,7 +168,6 @@ def travel(state, work, report, count, p):
             for i in range(count):
                 if work.worn[i] + work.broken[i] > 0:
                     begin_charging(state, work, i)
-                    work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
                 work.worn[i] = 0
                 work.broken[i] = 0
     for i in range(count):
@@ -218,9 +180,11 @@ def run_sub_step(state, work, report, count, p, varies):
 
     ``varies``: whether limits of power do (``spindle.limit_varies``).
     """
-    delayed = p.delays_commands
+    if p.delays_commands:
+        for i in range(count):
+            follow_late_command(state, work, i, p)
     for i in range(count):
-        move(state, work, i, p, delayed)
+        move(state, work, i, p)
     if p.bends:
         for i in range(count):
             note_stiffness(state, work, i)
@@ -233,38 +197,27 @@ def run_sub_step(state, work, report, count, p, varies):
         work.log_cutting_speed[i] = log(state.cutting_speed[i])
         work.log_feed[i] = log(state.feed[i])
         work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
-    for i in range(count):
-        state.cutting_time[i] += work.engaged[i]
-    if p.has_phases:
-        for i in range(count):
-            work.life_before[i] = state.used_life[i]
+        work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
             state.used_life[i] += life_share(p, i, log_coefficient(state, work, i, p), work.engaged[i])
     else:
         for i in range(count):
-            work.time_power_before[i] = work.time_power[i]
-            work.time_power[i] = real_power(state.cutting_time[i], p.wear_law.time[i])
-        for i in range(count):
-            coefficient = log_coefficient(state, work, i, p)
-            before, after = work.time_power_before[i], work.time_power[i]
-            work.wear[i] = wear_by_clock(p, i, state.used_life[i], coefficient, before, after)
-        for i in range(count):
-            used_life = real_power(work.wear[i], p.life_exponent[i])
-            used_life = max(used_life, state.used_life[i])  # rounding must not make an edge sharper
-            state.used_life[i] = used_life if work.engaged[i] > 0.0 else state.used_life[i]
+            start, used_life = state.cutting_time[i], state.used_life[i]
+            life = life_by_clock(p, i, used_life, log_coefficient(state, work, i, p), start, start + work.engaged[i])
+            state.used_life[i] = max(life, used_life) if work.engaged[i] > 0.0 else used_life  # rounding makes no edge sharper
     if p.has_phases:
         for i in range(count):
             state.used_life[i] = with_phases(p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i])
-    for i in range(count):
-        work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
     if p.chips_lag:
         for i in range(count):
             work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
     if p.chatters:
         for i in range(count):
-            sing(state, work, i, p)
+            chatter(state, work, i, p)
     for i in range(count):
+        state.cutting_time[i] += work.engaged[i]
+        work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
         load_edge(state, work, i, p)
     if p.holds_roughness:
         for i in range(count):
@@ -295,7 +248,10 @@ def run_sub_step(state, work, report, count, p, varies):
     for i in range(count):
         add_to_sums(state, work, report, i, p, varies)
         failed += watch_edge(state, work, i, p, stops)
-        leave_metal(state, work, i)
+        in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
+        remains = 1.0 if in_metal else work.chip_remains[i]
+        state.thrust_force[i] *= remains
+        state.power[i] *= remains
         follow_process(state, work, i, p)
     if p.heats:
         for i in range(count):
@@ -304,23 +260,15 @@ def run_sub_step(state, work, report, count, p, varies):
 
 
 @compiled
-def move(state, work, i, p, delayed):
-    """Let the drives follow their commands, which may be delayed, and move the tool."""
+def move(state, work, i, p):
+    """Let the drives follow their commands, and move the tool."""
     runs = work.sub_steps_left[i] > 0
-    running = 1 if runs else 0
-    work.running[i] = running
-    work.sub_steps_left[i] -= running
+    work.sub_steps_left[i] -= 1 if runs else 0
     sub_step = work.sub_step[i] if runs else 0.0
     spindle_share = p.spindle_share[i] if runs else 0.0
     feed_share = p.feed_share[i] if runs else 0.0
-    speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-    if delayed:
-        held = min(work.sub_steps_held[i], 1.0)
-        work.sub_steps_held[i] -= held
-        speed = work.next_cutting_speed[i] + (work.held_cutting_speed[i] - work.next_cutting_speed[i]) * held
-        feed = work.next_feed[i] + (work.held_feed[i] - work.next_feed[i]) * held
-    state.cutting_speed[i] += (speed - state.cutting_speed[i]) * spindle_share
-    state.feed[i] += (feed - state.feed[i]) * feed_share
+    state.cutting_speed[i] += (work.target_cutting_speed[i] - state.cutting_speed[i]) * spindle_share
+    state.feed[i] += (work.target_feed[i] - state.feed[i]) * feed_share
     spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]  # [rev/min]
     feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
     turns = spindle_speed * sub_step
@@ -391,15 +339,6 @@ def watch_edge(state, work, i, p, stops):
     left = work.sub_steps_left[i]
     work.sub_steps_left[i] = 0 if stops and (failed | arrived) > 0 else left
     return failed
-
-
-@compiled
-def leave_metal(state, work, i):
-    """Set thrust force and power to 0 in air."""
-    in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
-    remains = 1.0 if in_metal else work.chip_remains[i]
-    state.thrust_force[i] *= remains
-    state.power[i] *= remains
 
 
 @compiled

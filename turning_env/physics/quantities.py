@@ -106,11 +106,8 @@ WORK = (
     Q("action", "-", "speed and feed of the action, clipped", np.float64, (2, WIDTH)),
     Q("sub_step", "min", "length of a sub-step"),
     Q("sub_steps_left", "-", "sub-steps left in the step or pass", np.int64),
-    Q("sub_steps_held", "-", "sub-steps until the drives follow the next command"),
-    Q("held_cutting_speed", "m/min", "command that the drives follow until then"),
-    Q("held_feed", "mm/rev", "likewise"),
-    Q("next_cutting_speed", "m/min", "command that they follow from then on"),
-    Q("next_feed", "mm/rev", "likewise"),
+    Q("target_cutting_speed", "m/min", "command that the spindle follows, which may be a late one"),
+    Q("target_feed", "mm/rev", "likewise of the feed"),
     Q("time", "min", "time since clock and life were last brought up to date"),
     Q("used_life_before", "-", "used life at the beginning of that time"),
     Q("cutting_time_before", "min", "cutting time at the beginning of that time"),
@@ -121,8 +118,7 @@ WORK = (
     Q("pass_depth", "mm", "depth of a pass"),
     Q("part_start", "mm", "path at which the part begins"),
     Q("engaged_before", "s", "cutting time of the part before the pass"),
-    Q("running", "-", "the environment takes part in the sub-step, 0 or 1", np.int64),
-    Q("turns", "rev", "turns of the spindle in the sub-step"),
+    Q("turns", "rev", "turns of the spindle in the sub-step, 0 if the environment does not take part"),
     Q("cut", "mm", "metal behind the tool at the sub-step's end"),
     Q("middle", "mm", "likewise in the middle of what was cut"),
     Q("engaged", "min", "time in metal in the sub-step"),
@@ -140,9 +136,6 @@ WORK = (
     Q("log_feed", "-", "logarithm of the feed [mm/rev]"),
     Q("log_depth", "-", "logarithm of the depth of cut [mm]"),
     Q("log_wear", "-", "logarithm of the flank wear [mm]"),
-    Q("time_power", "-", "cutting time to the power n of W = K t^n, by clock time"),
-    Q("time_power_before", "-", "likewise before the sub-step"),
-    Q("wear", "-", "wear over the criterion, by clock time"),
     Q("chip_remains", "-", "share of force and power that is left of before"),
     Q("over_further", "-", "largest excess over a further limit, relative"),
     Q("worn", "-", "the edge is worn out, 0 or 1", np.int64),
@@ -160,35 +153,30 @@ WORK = (
 
 _BY_NAME = {quantity.name: quantity for quantity in STATE}
 
-
-def _kept(*names: str) -> list[Quantity]:
-    """Return quantities of the state, which are reported as they are."""
-    return [_BY_NAME[name] for name in names]
-
-
-AT_END = (
-    *_kept("cutting_speed", "feed", "commanded_cutting_speed", "commanded_feed"),
+_AT_END: tuple[str | Quantity, ...] = (
+    *("cutting_speed", "feed", "commanded_cutting_speed", "commanded_feed"),
     Q("spindle_speed", "rev/min", "spindle speed"),
     Q("feed_velocity", "mm/min", "feed velocity"),
     Q("torque", "N m", "spindle torque"),
-    *_kept("path"),
+    "path",
     Q("bar", "-", "bars begun before this one"),
     Q("cutting", "bool", "the tool is in metal", np.bool_),
     Q("depth_of_cut", "mm", "depth of cut, 0 in air"),
     Q("hardness", "-", "hardness over nominal, 0 in air"),
-    *_kept("cutting_time", "used_life"),
+    *("cutting_time", "used_life"),
     Q("wear", "mm", "flank wear"),
     Q("wear_factor", "-", "wear of the insert over nominal"),
-    *_kept("edge_strength", "thrust_force"),
+    *("edge_strength", "thrust_force"),
     Q("power", "kW", "spindle power"),
-    *_kept("measured_thrust_force", "measured_servo_current", "measured_power"),
+    *("measured_thrust_force", "measured_servo_current", "measured_power"),
     Q("spindle_load", "-", "spindle power over rated power, or torque over available torque (`spindle.reading`)"),
-    *_kept("spindle_heat"),
+    "spindle_heat",
     Q("roughness", "um", "Ra, 0 in air and in scenarios without a reference"),
-    *_kept("roughness_reference", "probed_depth"),
+    *("roughness_reference", "probed_depth"),
 )
+AT_END = tuple(_BY_NAME[each] if isinstance(each, str) else each for each in _AT_END)
 """True values in ``info`` at the end of a step."""
-KEPT = tuple(quantity.name for quantity in AT_END if quantity is _BY_NAME.get(quantity.name))
+KEPT = tuple(each for each in _AT_END if isinstance(each, str))
 """Names of those that are quantities of the state."""
 
 OVER_STEP = (
@@ -240,22 +228,10 @@ OBSERVATION = (
     Entry("power_ratio", "measured power: `5 * (power / predicted power - 1)`", _LOW, _HIGH),
     Entry("force_ratio", "measured thrust force: `5 * (force / predicted force - 1)`", _LOW, _HIGH),
     Entry("cutting", "1 in metal, 0 in air", 0.0, 1.0),
-    Entry(
-        *("spindle_heat", "heating of the spindle's motor over that of its rated load", 0.0, MAX_RATIO),
-        present=lambda s: s.spindle.short_time_load > 1.0,
-    ),
-    Entry(
-        *("roughness_reference", "reference of Ra, log scale, -1 lowest, 1 highest", -1.0, 1.0),
-        present=lambda s: s.control.aim == "roughness",
-    ),
-    Entry(
-        *("probed_depth", "mean allowance of the next blank: `5 * (allowance / drawing's allowance - 1)`", _LOW, _HIGH),
-        present=lambda s: s.sensors.probe,
-    ),
-    Entry(
-        *("removed_wear", "measured wear of the last removed edge over the criterion, 0 before one", 0.0, MAX_RATIO),
-        present=lambda s: s.sensors.inspects_edges,
-    ),
+    Entry("spindle_heat", "heat of the motor over that at rated load", 0.0, MAX_RATIO, lambda s: s.spindle.short_time_load > 1),
+    Entry("roughness_reference", "reference of Ra, log scale, -1 to 1", -1.0, 1.0, lambda s: s.control.aim == "roughness"),
+    Entry("probed_depth", "allowance of the next blank: `5 * (mean / drawing's - 1)`", _LOW, _HIGH, lambda s: s.sensors.probe),
+    Entry("removed_wear", "wear of the last removed edge over the criterion", 0.0, MAX_RATIO, lambda s: s.sensors.inspects_edges),
 )
 """Observation entries in order. Entries of some scenarios only come last."""
 

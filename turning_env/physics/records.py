@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turning_env.physics import parameters, quantities
 from turning_env.physics.parameters import Parameter
-from turning_env.physics.quantities import AT_END, WIDTH
+from turning_env.physics.quantities import WIDTH
 from turning_env.scenario import Scenario
 
 
@@ -47,8 +47,6 @@ WORK = _record_type([*((each.name, each.dtype, each.shape) for each in quantitie
 REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
 PARAMETERS = _record_type([*_OWN, *((name, _PARAMETERS[name]) for name in CHOICES)])
 SCRATCH = _record_type([("work", WORK), ("report", REPORT)])  # a thread's working memory, without the environments' states
-
-FIRST_SUM, LAST_ROW = len(AT_END), len(quantities.REPORT)  # first row of the report's table that a step starts with 0
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:

@@ -1,4 +1,7 @@
-"""The report of a step: sums over the step, and the true state at its end."""
+"""The report of a step: sums over the step, the reward [s] and its terms, and the true state at its end.
+
+Edges are charged in ``edge.py``. (Overload price: assumption, see docs/choices.md.)
+"""
 
 import math
 
@@ -7,11 +10,12 @@ from numba import literal_unroll
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp
-from turning_env.physics.quantities import KEPT
-from turning_env.physics.records import FIRST_SUM, LAST_ROW
+from turning_env.physics.quantities import AT_END, KEPT, REPORT
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.surface import roughness
 from turning_env.physics.wear import log_wear
+
+_FIRST_SUM, _ROWS = len(AT_END), len(REPORT)
 
 
 @compiled
@@ -19,8 +23,38 @@ def clear_sums(report, first, last):
     """Set the report's sums over a step to 0: ``quantities.OVER_STEP`` and ``OUTCOME``."""
     table = report.table
     for i in env_range(first, last):
-        for k in range(FIRST_SUM, LAST_ROW):
+        for k in range(_FIRST_SUM, _ROWS):
             table[k, i] = 0.0
+
+
+@compiled
+def finish_step(state, work, report, i, p, timeless, by_step):
+    """Set terminated, truncated, the reward and its terms [s], and the mean force, power and costs."""
+    finished = 1 if state.path[i] > p.path_end[i] - 1e-6 else 0  # a path of whole bars, but for rounding
+    ends_with_edge = 1 if timeless else 0
+    terminated = finished | (work.edge_failed[i] & ends_with_edge)
+    out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
+    out_of_minutes = 1 if state.clock[i] + 0.5 * p.sub_step[i] >= p.time_limit[i] else 0
+    out_of_time = out_of_steps if timeless else out_of_minutes
+    report.terminated[i] = float(terminated)
+    report.truncated[i] = float(out_of_time & (1 - terminated))
+    state.ended[i] = out_of_time | terminated
+
+    report.finished[i] = float(finished)
+    report.broken[i] = 1.0 if report.edges_broken[i] > 0.0 else 0.0
+    engaged = report.engaged_time[i] if by_step and report.engaged_time[i] > 0.0 else 1.0
+    report.mean_thrust_force[i] /= engaged
+    report.mean_power[i] /= engaged
+
+    report.reward_metal[i] = 60.0 * report.removed[i] / p.reference_removal_rate[i]
+    report.reward_time[i] = -report.time[i]
+    report.reward_overload[i] = -60.0 * p.overload_price[i] * (report.cost_force[i] + report.cost_power[i])
+    report.reward_roughness[i] = -p.roughness_price[i] * report.roughness_deviation[i]
+    report.cost_force[i] /= work.minutes[i]
+    report.cost_power[i] /= work.minutes[i]
+    report.cost[i] = report.cost_force[i] + report.cost_power[i]
+    reward = report.reward_metal[i] + report.reward_time[i] + report.reward_edge[i]
+    report.reward[i] = reward + report.reward_overload[i] + report.reward_breakage[i] + report.reward_roughness[i]
 
 
 @compiled
@@ -39,14 +73,12 @@ def write_state(state, report, first, last, p):
         report.spindle_load[i] = power / available
         report.power[i] = power
         report.bar[i] = np.floor(state.path[i] * p.bars_per_path[i])
-    for i in env_range(first, last):
         in_metal = state.cutting[i] > 0
         hardness = exp(state.log_hardness[i])
         report.cutting[i] = 1.0 if in_metal else 0.0
         report.depth_of_cut[i] = state.depth_of_cut[i] if in_metal else 0.0
         report.hardness[i] = hardness if in_metal else 0.0
         report.wear_factor[i] = exp(state.log_wear_factor[i])
-    for i in env_range(first, last):
         wear = exp(log_wear(p, i, state.used_life[i]))
         report.wear[i] = wear if state.used_life[i] > 0.0 else 0.0
         report.roughness[i] = 0.0

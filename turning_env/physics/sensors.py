@@ -1,16 +1,25 @@
-"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise (``docs/models_lathe.md``)."""
+"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise (``docs/models_lathe.md``).
+
+As the machine warms up, their readings drift, and thermal growth changes the depth of cut.
+"""
 
 from turning_env.numerics.compilation import compiled, env_range
+from turning_env.numerics.functions import exp
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
 from turning_env.physics.drives import servo_current
 from turning_env.physics.spindle import idle_power
-from turning_env.physics.warm_up import warmth
+
+
+@compiled
+def warmth(state, i, p):
+    """Return how warm the machine is: 0 at the start, 1 at last, exponentially (assumption; a lathe takes about an hour)."""
+    return 1.0 - exp(-state.clock[i] / p.warm_up_time[i])
 
 
 @compiled
 def follow_process(state, work, i, p):
     """Move the lagged power [kW] and thrust force [N] towards the process over one sub-step."""
-    runs = work.running[i] > 0
+    runs = work.turns[i] > 0.0
     power_share = p.power_sensor_share[i] if runs else 0.0
     force_share = p.force_sensor_share[i] if runs else 0.0
     power = state.power[i] + idle_power(p, i, state.cutting_speed[i])

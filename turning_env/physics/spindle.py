@@ -57,7 +57,7 @@ def heat_up(state, work, i, p):
     """Move the motor's heat [-] towards that of the present load over one sub-step."""
     speed = state.cutting_speed[i]
     load = (state.power[i] + idle_power(p, i, speed)) / (p.rated_power[i] * capacity(p, i, speed))
-    minutes = work.sub_step[i] if work.running[i] > 0 else 0.0
+    minutes = work.sub_step[i] if work.turns[i] > 0.0 else 0.0
     share = 1.0 - exp(-minutes / p.thermal_time_constant[i])
     state.spindle_heat[i] += (load * load - state.spindle_heat[i]) * share
 

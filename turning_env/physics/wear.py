@@ -19,18 +19,11 @@ def life_share(p, i, log_wear_coefficient, time):
 
 
 @compiled
-def wear_by_clock(p, i, used_life, log_wear_coefficient, time_power_before, time_power):
-    """Return wear / criterion [-] after further cutting at constant log K, by clock time; powers of cutting time are t^n."""
-    growth = exp(log_wear_coefficient - p.log_wear_criterion[i]) * (time_power - time_power_before)
-    return real_power(used_life, p.wear_law.time[i]) + growth
-
-
-@compiled
 def life_by_clock(p, i, used_life, log_wear_coefficient, start, end):
     """Return the used life [-] after cutting from ``start`` to ``end`` [min] at constant log K, by clock time."""
-    exponent = p.wear_law.time[i]
-    wear = wear_by_clock(p, i, used_life, log_wear_coefficient, real_power(start, exponent), real_power(end, exponent))
-    return real_power(wear, p.life_exponent[i])
+    n = p.wear_law.time[i]
+    growth = exp(log_wear_coefficient - p.log_wear_criterion[i]) * (real_power(end, n) - real_power(start, n))
+    return real_power(real_power(used_life, n) + growth, p.life_exponent[i])
 
 
 @compiled

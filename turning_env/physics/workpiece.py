@@ -12,7 +12,7 @@ import numpy as np
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import log, sine_and_cosine
 from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
-from turning_env.physics.warm_up import warmth
+from turning_env.physics.sensors import warmth
 
 MIN_DEPTH_SHARE = 0.01
 
@@ -53,17 +53,31 @@ def look_up_fields(state, work, first, last, p):
     """
     passing = 0
     for i in env_range(first, last):
-        locate(state, work, i, p)
+        cut = work.middle[i]
+        bar = np.floor(cut * p.bars_per_cut[i])
+        along = max(cut - bar * p.bar_length[i], 0.0)  # rounding must not ask for a node before the first
+        hardness_cell = np.floor(along * p.hardness_nodes_per_length[i])
+        depth_cell = np.floor(along * p.depth_nodes_per_length[i])
+        moved = abs(bar - state.bar[i]) + abs(hardness_cell - state.hardness_cell[i]) + abs(depth_cell - state.depth_cell[i])
+        work.along[i] = along
+        work.nominal_depth[i] = p.depth_of_cut[i]
+        work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
         passing += work.passing[i]
     if passing > 0:
         pass_nodes(state, work, first, last, p)
-    for i in env_range(first, last):
-        work.nominal_depth[i] = p.depth_of_cut[i]
     if p.depth_sections > 0:
         for i in env_range(first, last):
             work.nominal_depth[i] = p.depth_profile[section_at(p, i, work.along[i])]
     for i in env_range(first, last):
-        blend_nodes(state, work, i, p)
+        share = work.along[i] * p.hardness_nodes_per_length[i] - state.hardness_cell[i]
+        noise = noise_between(state.hardness_left[i], state.hardness_right[i], share)
+        hardness = p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
+        hardness += p.hardness_along_spread[i] * noise
+        state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
+        share = work.along[i] * p.depth_nodes_per_length[i] - state.depth_cell[i]
+        noise = noise_between(state.depth_left[i], state.depth_right[i], share)
+        depth = work.nominal_depth[i] + p.depth_bar_spread[i] * state.bar_depth_normal[i]
+        work.blank_depth[i] = depth + p.depth_along_spread[i] * noise
     if p.ripples:
         for i in env_range(first, last):
             sine, _ = sine_and_cosine(p.depth_ripples_per_turn[i] * state.turns[i])
@@ -72,27 +86,22 @@ def look_up_fields(state, work, first, last, p):
         for i in env_range(first, last):
             work.blank_depth[i] += p.thermal_growth[i] * warmth(state, i, p)
     for i in env_range(first, last):
-        limit_depth(state, work, i)
+        nominal = work.nominal_depth[i]
+        work.blank_depth[i] = max(work.blank_depth[i], MIN_DEPTH_SHARE * nominal) if nominal > 0.0 else 0.0
+        depth = min(work.blank_depth[i], state.pass_ceiling[i]) - state.pass_floor[i]
+        state.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else state.depth_of_cut[i]
     if p.has_gradient:
         for i in env_range(first, last):
             deeper = state.depth_of_cut[i] / work.nominal_depth[i] - 1.0 if work.nominal_depth[i] > 0.0 else 0.0
             state.log_hardness[i] += 0.5 * p.hardness_gradient[i] * deeper if work.engaged[i] > 0.0 else 0.0
-    if p.has_skin:
+    if p.has_skin:  # the outermost depth [mm] of a blank
         for i in env_range(first, last):
-            cut_skin(state, work, i, p)
-
-
-@compiled
-def locate(state, work, i, p):
-    """Find the place along the bar, and whether the kept nodes are behind it."""
-    cut = work.middle[i]
-    bar = np.floor(cut * p.bars_per_cut[i])
-    along = max(cut - bar * p.bar_length[i], 0.0)  # rounding must not ask for a node before the first
-    hardness_cell = np.floor(along * p.hardness_nodes_per_length[i])
-    depth_cell = np.floor(along * p.depth_nodes_per_length[i])
-    moved = abs(bar - state.bar[i]) + abs(hardness_cell - state.hardness_cell[i]) + abs(depth_cell - state.depth_cell[i])
-    work.along[i] = along
-    work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
+            lowest = max(work.blank_depth[i] - p.skin_thickness[i], state.pass_floor[i])
+            skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
+            share = skin / state.depth_of_cut[i] if min(work.engaged[i], state.depth_of_cut[i]) > 0.0 else 0.0
+            state.log_hardness[i] += log(1.0 + share * (p.skin_hardness[i] - 1.0))
+            wear = log(1.0 + share * (p.skin_wear[i] - 1.0))
+            state.log_skin_wear[i] = wear if work.engaged[i] > 0.0 else state.log_skin_wear[i]
 
 
 @compiled
@@ -148,47 +157,13 @@ def pass_node(state, work, i, k, channel, nodes, nodes_per_length, spread):
 
 
 @compiled
-def blend_nodes(state, work, i, p):
-    """Set log hardness [-] without skin, and the blank's depth [mm] without ripple, from the bar's offsets and the nodes."""
-    noise = noise_along(work, i, state.hardness_cell, state.hardness_left, state.hardness_right, p.hardness_nodes_per_length[i])
-    hardness = p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
-    hardness += p.hardness_along_spread[i] * noise
-    state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
-    noise = noise_along(work, i, state.depth_cell, state.depth_left, state.depth_right, p.depth_nodes_per_length[i])
-    depth = work.nominal_depth[i] + p.depth_bar_spread[i] * state.bar_depth_normal[i]
-    work.blank_depth[i] = depth + p.depth_along_spread[i] * noise
-
-
-@compiled
-def noise_along(work, i, cells, left, right, nodes_per_length):
-    """Return a field's unit-variance noise at the place along the bar, between the two nodes on either side.
+def noise_between(left, right, share):
+    """Return a field's unit-variance noise at a share of the way between two nodes.
 
     The nodes' weights run along a quarter of the unit circle, so their squares add up to 1 everywhere.
     """
-    share = work.along[i] * nodes_per_length - cells[i]
     square = share * share
-    return ((1.0 - square) * left[i] + 2.0 * share * right[i]) / (1.0 + square)
-
-
-@compiled
-def limit_depth(state, work, i):
-    """Limit the depth of cut [mm] to the metal between the pass's floor and ceiling; a blank keeps a little depth."""
-    nominal = work.nominal_depth[i]
-    blank = max(work.blank_depth[i], MIN_DEPTH_SHARE * nominal) if nominal > 0.0 else 0.0
-    work.blank_depth[i] = blank
-    depth = min(blank, state.pass_ceiling[i]) - state.pass_floor[i]
-    state.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else state.depth_of_cut[i]
-
-
-@compiled
-def cut_skin(state, work, i, p):
-    """Add the effect of the skin, the outermost depth [mm] of a blank, to the cut's hardness and the edge's wear."""
-    lowest = max(work.blank_depth[i] - p.skin_thickness[i], state.pass_floor[i])
-    skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
-    cutting = min(work.engaged[i], state.depth_of_cut[i]) > 0.0
-    share = skin / state.depth_of_cut[i] if cutting else 0.0
-    state.log_hardness[i] += log(1.0 + share * (p.skin_hardness[i] - 1.0))
-    state.log_skin_wear[i] = log(1.0 + share * (p.skin_wear[i] - 1.0)) if work.engaged[i] > 0.0 else state.log_skin_wear[i]
+    return ((1.0 - square) * left + 2.0 * share * right) / (1.0 + square)
 
 
 @compiled
