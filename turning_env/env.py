@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
 from turning_env.batch.jobs import Jobs
 from turning_env.extras import provided
 from turning_env.info import Info, info_of
@@ -176,10 +176,8 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
 
     ## Registered ids
 
-    `RoughTurning-v0`, as described above; `RoughTurning-Paper-v0`, `-Override-v1`, `-Surface-v1`, `-Shift-v0` and `-Batch-v0`
-    (`turning_env.tasks`); `RoughTurning-Family-v0`, many lathes with wrong nominal models (`turning_env.FamilyEnv`); and
-    `RoughTurning-Program-v1`, a part program of your own (`turning_nc.environment.ProgramEnv`). `turning_env.SPLITS` names
-    presets that show how well a policy generalises.
+    `turning_env.tasks`, `turning_env.FamilyEnv` (many lathes with wrong nominal models) and `turning_nc.environment.ProgramEnv`
+    (a part program of your own) specify the other ids. `turning_env.SPLITS` names presets that show how a policy generalises.
 
     Raises:
         ScenarioError: the scenario cannot be loaded; the message names the field, its value and what is allowed.
@@ -194,7 +192,8 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
 
     def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
         self._set_up(Batch(self._PRESET if scenario is None else scenario, 1, single=True), render_mode, 1)
-        self.observation_space, self.action_space = self._batch.observation_space(), action_space(self.scenario)
+        self.observation_space = observation_space(self.scenario, self._batch.context_size)
+        self.action_space = action_space(self.scenario)
         self._under_way = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
@@ -204,11 +203,9 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
         super().reset(seed=seed)
         if seed is None and not batch.seeded:
             seed = int(self.np_random.integers(2**63))
-        if seed is None:
-            batch.next_episode(_ONLY)
-        else:
+        if seed is not None:
             batch.seed(0, seed)
-            batch.start(_ONLY)
+        batch.start(_ONLY)
         self._under_way = True
         if self._viewer is not None:
             self._viewer.note()

@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
 from turning_env.batch.jobs import Jobs
 from turning_env.env import Shared, check_options
 from turning_env.info import INFO_KEYS, info_of
@@ -67,7 +67,8 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         self._set_up(Batch(scenario, num_envs, threads), render_mode, rendered_envs or num_envs)
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
             raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
-        self.single_observation_space, self.single_action_space = self._batch.observation_space(), action_space(self.scenario)
+        self.single_observation_space = observation_space(self.scenario, self._batch.context_size)
+        self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._all = np.ones(num_envs, np.bool_)
@@ -88,8 +89,7 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeded = np.flatnonzero(chosen & given)
         batch.seed(seeded, seeds[seeded])
-        batch.start(chosen & given)
-        batch.next_episode(chosen & ~given)
+        batch.start(chosen)
         if self._viewer is not None:
             self._viewer.note()
         return batch.observations, self._infos(batch.table, chosen)
@@ -108,7 +108,7 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             ended = terminated | truncated
             if ended.any():
                 final = self._final_infos(ended)
-                batch.next_episode(ended)
+                batch.start(ended)
         if self._viewer is not None:
             self._viewer.note()
         return batch.observations, rewards, terminated, truncated, self._infos(batch.table, self._all) | final

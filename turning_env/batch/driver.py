@@ -119,8 +119,8 @@ class Batch:
         source: scenario to play, or jobs of which every episode plays one.
         num_envs: number of environments.
         threads: number of threads that share the work; results do not depend on it.
-        single: whether this is the batch of one single environment: its actions have shape (action size,), and every step fills
-            the same arrays, of which ``observation`` and ``report`` are views.
+        single: whether actions have shape (action size,), and every step fills the same arrays, which ``observation`` and
+            ``report`` view.
 
     Attributes:
         seeded: whether episodes have been started.
@@ -135,12 +135,13 @@ class Batch:
         self.jobs = jobs = source if isinstance(source, Jobs) else None
         self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
         self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
-        self._context = np.zeros((num_envs, len(jobs.context_names) if jobs else 0), np.float32)
+        self.context_size = len(jobs.context_names) if jobs else 0
+        self._context = np.zeros((num_envs, self.context_size), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self._states = new_records(STATE, -(-num_envs // WIDTH))
         self.actions = np.zeros((num_envs, action_size(scenario)))
         self._entries = len(quantities.layout(scenario))
-        self.observations = np.zeros((num_envs, self._entries + self._context.shape[1]), np.float32)
+        self.observations = np.zeros((num_envs, self._entries + self.context_size), np.float32)
         self.table = np.zeros((len(quantities.REPORT), num_envs))
         # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
         padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
@@ -167,10 +168,6 @@ class Batch:
             records[...] = values[name]
         self._prepare()
 
-    def observation_space(self) -> spaces.Space[NDArray[np.float32]]:
-        """Return a new space of one environment's observations, with the context of its job."""
-        return observation_space(self.scenario, self._context.shape[1])
-
     @property
     def ended(self) -> NDArray[np.bool_]:
         """Whether the episodes have ended, shape (num_envs,)."""
@@ -192,16 +189,19 @@ class Batch:
         return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
 
     def seed(self, env_indices: Any, seeds: Any) -> None:
-        """Set environments' seeds; the next episode is the first of its seed. See ``checked_seed``."""
+        """Set environments' seeds; the next episode is the first of its seed, episode 0. See ``checked_seed``."""
         block, i = np.divmod(env_indices, WIDTH)
         self._states["seed"][block, i] = seeds
-        self._states["episode"][block, i] = 0
+        self._states["episode"][block, i] = MAX_SEED  # before 0, as numbers without a sign begin anew
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
-        """Start the episode of its seed and number in every chosen environment, shape (num_envs,)."""
+        """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
         if not self._single:
             self.observations, self.table = self.observations.copy(), self.table.copy()
-        self._take_jobs(np.flatnonzero(chosen))
+        env_indices = np.flatnonzero(chosen)
+        block, i = np.divmod(env_indices, WIDTH)
+        self._states["episode"][block, i] += np.uint64(1)
+        self._take_jobs(env_indices)
         start_episodes(self._states, self._parameters, self._scratches[0], chosen, self.observations, self.table)
         self.observations[:, self._entries :] = self._context
         self.seeded = True
@@ -217,18 +217,19 @@ class Batch:
             self.job_numbers[k] = number
             numbers_of(self._parameters)[block, :, i], self._context[k] = self.jobs[number]
 
-    def next_episode(self, chosen: NDArray[np.bool_]) -> None:
-        """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
-        block, i = np.divmod(np.flatnonzero(chosen), WIDTH)
-        self._states["episode"][block, i] += np.uint64(1)
-        self.start(chosen)
-
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 
         ValueError if the actions are not finite numbers of shape (num_envs, action size); then no environment has moved.
         """
-        self._take(actions)
+        try:
+            given = np.asarray(actions)
+        except ValueError:  # ragged
+            given = np.array(None)
+        if given.shape != self._shape or given.dtype.char not in _NUMBERS:
+            got = f"shape {given.shape}" if given.dtype.char in _NUMBERS else repr(actions)
+            raise ValueError(f"actions must be numbers of shape {self._shape}, got {got}")
+        self._given[...] = given
         if self.jobs is not None:
             self._take_jobs(np.flatnonzero(self.ended), 1)
         observations, table = self.observations, self.table
@@ -267,16 +268,6 @@ class Batch:
         """Release the threads."""
         if self._helpers is not None:
             self._helpers.shutdown()
-
-    def _take(self, actions: Any) -> None:
-        try:
-            given = np.asarray(actions)
-        except ValueError:  # ragged
-            given = np.array(None)
-        if given.shape != self._shape or given.dtype.char not in _NUMBERS:
-            got = f"shape {given.shape}" if given.dtype.char in _NUMBERS else repr(actions)
-            raise ValueError(f"actions must be numbers of shape {self._shape}, got {got}")
-        self._given[...] = given
 
 
 REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))  # rows of ``Batch.table``

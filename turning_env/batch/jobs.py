@@ -1,5 +1,6 @@
 """The jobs of a family as the compiled transition reads them: drawn in chunks, and kept."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ class Jobs:
     def __init__(self, family: Family, split: str, told: bool) -> None:
         self.family, self.split = family, split
         self._told = told
-        self._chunks: dict[int, tuple[NDArray[np.float64], NDArray[np.float32]]] = {}
+        self._chunk = cache(self._draw)
         # A job's scenario, of which every job has the choices, such as its action and its sensors.
         self.scenario: Scenario = family.job(0, split).scenario
         self.context_names = family.context_names if told else ()  # of what is appended to an observation
@@ -35,13 +36,10 @@ class Jobs:
 
     def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Return a job's numbers, in the order of ``PARAMETERS``, and its context."""
-        chunk, i = divmod(number, CHUNK)
-        if chunk not in self._chunks:
-            self._chunks[chunk] = self._drawn(chunk)
-        numbers, context = self._chunks[chunk]
-        return numbers[i], context[i]
+        numbers, context = self._chunk(number // CHUNK)
+        return numbers[number % CHUNK], context[number % CHUNK]
 
-    def _drawn(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    def _draw(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK, draw.nominal)
         for name in CHOICES:

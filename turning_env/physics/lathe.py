@@ -17,7 +17,7 @@ from turning_env.physics.drives import clipped, follow_late_command, note_comman
 from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_at_notch, chip, collapse
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
-from turning_env.physics.parts import end_part, end_pass, start_part, start_pass
+from turning_env.physics.parts import end_pass, start_part, start_pass
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
@@ -69,8 +69,6 @@ def run_step(state, work, report, actions, count, p):
     for i in range(count):
         work.minutes[i] = 0.0
         work.edge_failed[i] = 0
-        work.worn[i] = 0
-        work.broken[i] = 0
         work.tangles[i] = 0
     if p.change_action >= 0:
         for i in range(count):
@@ -101,10 +99,6 @@ def run_step(state, work, report, actions, count, p):
             for i in range(count):
                 if number < work.passes[i]:
                     end_pass(state, work, report, i, p)
-                if number == work.passes[i] - 1:
-                    end_part(state, work, i, p)
-        else:
-            replace_failed_edges(state, work, report, 0, count, p)
     if p.chips_tangle:
         for i in range(count):
             stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])
@@ -147,9 +141,9 @@ def command(state, work, actions, count, p):
 
 @compiled_separately
 def travel(state, work, report, count, p):
-    """Run every environment's remaining sub-steps, but not beyond the end of its edge or of the job.
+    """Run every environment's remaining sub-steps, but not beyond the end of the job or, without parts, of its edge.
 
-    With parts, failed edges are replaced in between. The function adds to the report's sums. In them, ``cost_force``,
+    Failed edges are replaced. The function adds to the report's sums. In them, ``cost_force``,
     ``cost_power`` and the means are still integrals: [min], [min], [N s] and [kJ].
     """
     by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)
@@ -159,17 +153,8 @@ def travel(state, work, report, count, p):
         work.chip_remains[i] = 0.0
         work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
     for _ in range(p.sub_steps):
-        failed = run_sub_step(state, work, report, count, p, varies)
-        if failed > 0 and p.action == PART:
-            for i in range(count):
-                if work.worn[i] + work.broken[i] > 0:
-                    charge_time_and_life(state, work, report, i, p, by_equivalent_time)
-            replace_failed_edges(state, work, report, 0, count, p)
-            for i in range(count):
-                if work.worn[i] + work.broken[i] > 0:
-                    begin_charging(state, work, i)
-                work.worn[i] = 0
-                work.broken[i] = 0
+        if run_sub_step(state, work, report, count, p, varies) > 0:
+            replace_failed_edges(state, work, report, count, p, by_equivalent_time)
     for i in range(count):
         charge_time_and_life(state, work, report, i, p, by_equivalent_time)
 
@@ -367,17 +352,18 @@ def charge_time_and_life(state, work, report, i, p, by_equivalent_time):
 
 
 @compiled
-def replace_failed_edges(state, work, report, first, last, p):
-    """Charge broken edges, and replace worn-out and broken edges unless the episode ends with them."""
-    failed = 0
-    for i in env_range(first, last):
-        failed += work.worn[i] | work.broken[i]
-    if failed > 0:
-        for i in env_range(first, last):
+def replace_failed_edges(state, work, report, count, p, by_equivalent_time):
+    """Charge worn-out and broken edges, and replace them unless the episode ends with them."""
+    for i in range(count):
+        if work.worn[i] + work.broken[i] > 0:
+            charge_time_and_life(state, work, report, i, p, by_equivalent_time)
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
-            if work.worn[i] + work.broken[i] > 0 and p.edge_changes != END:
+            if p.edge_changes != END:
                 change_edge(state, report, i, p, p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i])
+            begin_charging(state, work, i)
+            work.worn[i] = 0
+            work.broken[i] = 0
 
 
 @compiled

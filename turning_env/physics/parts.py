@@ -46,7 +46,7 @@ def start_pass(state, work, report, i, p, action, number):
 
 @compiled
 def end_pass(state, work, report, i, p):
-    """Return the tool; the pass's mean force and power become the sensed values."""
+    """Return the tool, before the next part; the pass's mean force and power become the sensed values."""
     engaged = report.engaged_time[i] - work.engaged_before[i]
     if engaged > 0.0:
         report.mean_thrust_force[i] /= engaged
@@ -57,11 +57,6 @@ def end_pass(state, work, report, i, p):
     state.clock[i] += return_time
     report.time[i] += 60.0 * return_time
     cool_down(state, i, p, return_time)
-
-
-@compiled
-def end_part(state, work, i, p):
-    """Put the tool before the next part."""
     state.path[i] = work.part_start[i] + p.bar_pitch[i]
     state.pass_floor[i] = 0.0
     state.pass_ceiling[i] = math.inf

@@ -3,14 +3,13 @@
 A block is ``WIDTH`` environments. Its records hold an array over these environments for each quantity.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.physics import parameters, quantities
-from turning_env.physics.parameters import Parameter
 from turning_env.physics.quantities import WIDTH
 from turning_env.scenario import Scenario
 
@@ -60,11 +59,11 @@ def parameter_records(scenario: Scenario, count: int = WIDTH, nominal: Scenario 
     The numbers of the scenario and of its ``nominal`` model can be arrays of ``count`` numbers (``scenario/plan.py``).
     """
     records = new_records(PARAMETERS, count // WIDTH)
-    for parameter, value in _values(scenario):
-        _fill(records[parameter.name], value)
-    for parameter, value in _values(nominal or scenario.nominal()):
-        if parameter.name in parameters.NOMINAL:
-            _fill(records["nominal"][parameter.name], value)
+    for columns, source in ((records, scenario), (records["nominal"], nominal or scenario.nominal())):
+        fields = {key: value for name, each in source if name not in ("name", "material", "nominal_model") for key, value in each}
+        for each in parameters.PARAMETERS:
+            if each.name in columns.dtype.names:
+                _fill(columns[each.name], each.value(source) if each.value else fields[each.name])
     return records
 
 
@@ -77,12 +76,6 @@ def numbers_of(records: Any) -> NDArray[np.float64]:
 def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
     """Return states, parameters and scratch of one block of environments of a scenario, each an array of one record."""
     return new_records(STATE, 1), parameter_records(scenario), new_records(SCRATCH, 1)
-
-
-def _values(scenario: Scenario) -> Iterator[tuple[Parameter, Any]]:
-    fields = {key: value for name, each in scenario if name not in ("name", "material", "nominal_model") for key, value in each}
-    for parameter in parameters.PARAMETERS:
-        yield parameter, parameter.value(scenario) if parameter.value else fields[parameter.name]
 
 
 def _fill(column: Any, value: Any) -> None:
