@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 from gymnasium.vector import AutoresetMode
 
 from turning_env.batch.jobs import Jobs
-from turning_env.env import RoughTurningEnv
+from turning_env.env import RoughTurningEnv, Shared
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family, Job, families
 from turning_env.vector_env import RoughTurningVectorEnv
@@ -16,10 +16,18 @@ FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
 
 
-def _jobs(family: FamilySource, split: str, context: Context) -> Jobs:
-    if context not in get_args(Context):
-        raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
-    return Jobs(Family.load(family), split, context == "told")
+class OfFamily(Shared):
+    """What environments that play the jobs of a family share."""
+
+    def _jobs(self, family: FamilySource, split: str, context: Context) -> Jobs:
+        if context not in get_args(Context):
+            raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
+        self.family, self.split = Family.load(family), split
+        return Jobs(self.family, split, context == "told")
+
+    def job(self, env_index: int = 0) -> Job:
+        """Return an environment's present job: its true scenario, nominal model and context."""
+        return self._batch.job(env_index)
 
 
 def vector_env(
@@ -31,7 +39,7 @@ def vector_env(
     return RoughTurningVectorEnv(num_envs, source, autoreset_mode, threads=threads)
 
 
-class FamilyEnv(RoughTurningEnv):
+class FamilyEnv(OfFamily, RoughTurningEnv):
     """``RoughTurning-Family-v0``: rough turning on many lathes, whose nominal models are wrong.
 
     ## Description
@@ -74,24 +82,12 @@ class FamilyEnv(RoughTurningEnv):
     def __init__(
         self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
     ) -> None:
-        jobs = _jobs(family, split, context)
-        self.family, self.split = jobs.family, split
-        super().__init__(jobs, render_mode)
-
-    def job(self) -> Job:
-        """Return the present job: its true scenario, nominal model and context."""
-        return self._batch.job(0)
+        super().__init__(self._jobs(family, split, context), render_mode)
 
 
-class FamilyVectorEnv(RoughTurningVectorEnv):
+class FamilyVectorEnv(OfFamily, RoughTurningVectorEnv):
     """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed; see ``RoughTurningVectorEnv``."""
 
     def __init__(self, num_envs: int = 1, family: FamilySource = "shop", split: str = "train", context: Context = "told",
                  *args: Any, **kwargs: Any) -> None:  # fmt: skip
-        jobs = _jobs(family, split, context)
-        self.family, self.split = jobs.family, split
-        super().__init__(num_envs, jobs, *args, **kwargs)
-
-    def job(self, env_index: int) -> Job:
-        """Return an environment's present job: its true scenario, nominal model and context."""
-        return self._batch.job(env_index)
+        super().__init__(num_envs, self._jobs(family, split, context), *args, **kwargs)
