@@ -12,8 +12,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
-from turning_env.batch.jobs import Jobs
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, Jobs, action_space, checked_seed, observation_space
 from turning_env.extras import provided
 from turning_env.info import Info, info_of
 from turning_env.scenario import Source, presets

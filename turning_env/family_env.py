@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 from gymnasium.vector import AutoresetMode
 
-from turning_env.batch.jobs import Jobs
+from turning_env.batch.driver import Jobs
 from turning_env.env import RoughTurningEnv, Shared
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family, Job, families

@@ -9,8 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, action_space, checked_seed, observation_space
-from turning_env.batch.jobs import Jobs
+from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, Jobs, action_space, checked_seed, observation_space
 from turning_env.env import Shared, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source

@@ -1,24 +1,24 @@
-"""The driver of environments: their records, the compiled loops over them, and the threads that share the work."""
+"""The driver of environments: their jobs and records, the compiled loops over them, and the threads that share the work."""
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from turning_env.batch.jobs import Jobs
 from turning_env.info import Info, info_of
 from turning_env.numerics.compilation import compiled, compiled_entry, env_range
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
+from turning_env.physics.records import CHOICES, PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario, Source
-from turning_env.scenario.family import CONTEXT_LIMIT, Job
+from turning_env.scenario.family import CHUNK, CONTEXT_LIMIT, Family, Job
 
 MAX_SEED = 2**64 - 1
 BLOCKS_CLAIMED = 16
@@ -64,16 +64,6 @@ def write_out(state, scratch, p, first, last, start, observations, table):
             observations[start + i, k] = work.observation[place, i]
 
 
-@compiled
-def all_finite(actions, first, last):
-    """Return whether the actions of environments ``first`` to ``last - 1`` are finite."""
-    finite = True
-    for i in env_range(first, last):
-        for k in range(actions.shape[1]):
-            finite &= abs(actions[i, k]) < np.inf
-    return finite
-
-
 @compiled_entry
 def start_episodes(states, parameters, scratches, chosen, observations, table):
     """Start an episode in every chosen environment (``chosen``: bool, shape (environments,))."""
@@ -94,7 +84,11 @@ def step_blocks(states, parameters, scratches, actions, observations, table, fir
 
     Return whether their actions are finite; if not, none has moved.
     """
-    if not all_finite(actions, first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
+    finite = True
+    for i in env_range(first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
+        for k in range(actions.shape[1]):
+            finite &= abs(actions[i, k]) < np.inf
+    if not finite:
         return False
     scratch = scratches[0]
     work, report = scratch.work, scratch.report
@@ -110,6 +104,45 @@ def step_blocks(states, parameters, scratches, actions, observations, table, fir
                 start_episode(state, work, report, i, p)
         write_out(state, scratch, p, 0, count, start, observations, table)
     return True
+
+
+class Jobs:
+    """The jobs of a split, by number; ``told``: whether the nominal model's numbers are appended to observations."""
+
+    def __init__(self, family: Family, split: str, told: bool) -> None:
+        self.family, self.split = family, split
+        self._told = told
+        self._chunk = cache(self._draw)
+        # A job's scenario, of which every job has the choices, such as its action and its sensors.
+        self.scenario: Scenario = family.job(0, split).scenario
+        self.context_names = family.context_names if told else ()  # of what is appended to an observation
+        self._shared = parameter_records(self.scenario)
+
+    def __reduce__(self) -> Any:
+        """Pickle and copy the split without its jobs."""
+        return Jobs, (self.family, self.split, self._told)
+
+    def block_parameters(self, blocks: int) -> Any:
+        """Return parameters for blocks of environments, with the choices that all jobs share."""
+        records = new_records(PARAMETERS, blocks)
+        for name in CHOICES:
+            records[name] = self._shared[name][0]
+        return records
+
+    def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Return a job's numbers, in the order of ``PARAMETERS``, and its context."""
+        numbers, context = self._chunk(number // CHUNK)
+        return numbers[number % CHUNK], context[number % CHUNK]
+
+    def _draw(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        draw = self.family.draw(self.split, chunk)
+        records = parameter_records(draw.true, CHUNK, draw.nominal)
+        for name in CHOICES:
+            if (records[name] != self._shared[name][0]).any():
+                raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
+        numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
+        context = self.family.context(draw.features) if self._told else np.zeros((CHUNK, 0))
+        return numbers, context.astype(np.float32)
 
 
 class Batch:

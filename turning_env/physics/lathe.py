@@ -15,7 +15,7 @@ from turning_env.numerics.functions import exp, log
 from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.drives import clipped, follow_late_command, note_command, set_point
 from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
-from turning_env.physics.failure import break_at_notch, chip, collapse
+from turning_env.physics.failure import break_failing_edges
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_pass, start_part, start_pass
 from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
@@ -24,7 +24,7 @@ from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
 from turning_env.physics.surface import draw_reference, roughness
-from turning_env.physics.swarf import tangle, use_up_margin
+from turning_env.physics.swarf import tangle
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, with_phases
 from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
 
@@ -64,7 +64,10 @@ def start_episode(state, work, report, i, p):
 
 @compiled_separately
 def run_step(state, work, report, actions, count, p):
-    """Run one step of the first ``count`` environments of a block; ``actions`` has shape (environments, action size)."""
+    """Run one step of the first ``count`` environments of a block; ``actions`` has shape (environments, action size).
+
+    Until it is finished, ``cost_force``, ``cost_power`` and the means in the report are integrals: [min], [min], [N s] and [kJ].
+    """
     clear_sums(report, 0, count)
     for i in range(count):
         work.minutes[i] = 0.0
@@ -75,6 +78,7 @@ def run_step(state, work, report, actions, count, p):
             if actions[i, p.change_action] > 0.0:
                 charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
                 change_edge(state, report, i, p, 0.0)
+    by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)
     passes = 1
     if p.action == PART:
         for i in range(count):
@@ -94,7 +98,16 @@ def run_step(state, work, report, actions, count, p):
                 work.sub_steps_left[i] = 0  # where the part has fewer passes
                 if number < work.passes[i]:
                     start_pass(state, work, report, i, p, actions[i], number)
-        travel(state, work, report, count, p)
+        for i in range(count):
+            work.cut[i], _ = position_in_row(p, i, state.path[i])
+            begin_charging(state, work, i)
+            work.chip_remains[i] = 0.0
+            work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
+        for _ in range(p.sub_steps):
+            if run_sub_step(state, work, report, count, p, varies) > 0:
+                replace_failed_edges(state, work, report, count, p, by_equivalent_time)
+        for i in range(count):
+            charge_time_and_life(state, work, report, i, p, by_equivalent_time)
         if p.action == PART:
             for i in range(count):
                 if number < work.passes[i]:
@@ -140,28 +153,8 @@ def command(state, work, actions, count, p):
 
 
 @compiled_separately
-def travel(state, work, report, count, p):
-    """Run every environment's remaining sub-steps, but not beyond the end of the job or, without parts, of its edge.
-
-    Failed edges are replaced. The function adds to the report's sums. In them, ``cost_force``,
-    ``cost_power`` and the means are still integrals: [min], [min], [N s] and [kJ].
-    """
-    by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)
-    for i in range(count):
-        work.cut[i], _ = position_in_row(p, i, state.path[i])
-        begin_charging(state, work, i)
-        work.chip_remains[i] = 0.0
-        work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
-    for _ in range(p.sub_steps):
-        if run_sub_step(state, work, report, count, p, varies) > 0:
-            replace_failed_edges(state, work, report, count, p, by_equivalent_time)
-    for i in range(count):
-        charge_time_and_life(state, work, report, i, p, by_equivalent_time)
-
-
-@compiled_separately
 def run_sub_step(state, work, report, count, p, varies):
-    """Run one sub-step; return the number of environments in which the edge is worn out or broken.
+    """Run one sub-step, not beyond the end of the job; return the number of environments with a worn-out or broken edge.
 
     ``varies``: whether limits of power do (``spindle.limit_varies``).
     """
@@ -203,28 +196,20 @@ def run_sub_step(state, work, report, count, p, varies):
     for i in range(count):
         state.cutting_time[i] += work.engaged[i]
         work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
-        load_edge(state, work, i, p)
+        speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
+        force, power = force_and_power(p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
+        force *= 1.0 + work.chatter[i]
+        remains, cuts = work.chip_remains[i], work.engaged[i] > 0.0
+        state.thrust_force[i] = force * (1.0 - remains) + state.thrust_force[i] * remains if cuts else state.thrust_force[i]
+        state.power[i] = power * (1.0 - remains) + state.power[i] * remains if cuts else state.power[i]
     if p.holds_roughness:
         for i in range(count):
             deviation = abs(roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
             in_air = p.sub_step[i] - work.engaged[i]  # a surface that is not made deviates by all of its reference
             report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
-    if p.collapses:
-        for i in range(count):
-            collapse(state, work, i, p)
-    if p.edges_chip:
-        for i in range(count):
-            chip(state, work, i, p)
-    if p.notches:
-        for i in range(count):
-            break_at_notch(state, work, i, p)
+    break_failing_edges(state, work, count, p)
     if p.chips_tangle:
-        tangled = 0
-        for i in range(count):
-            tangled += use_up_margin(state, work, i, p)
-        if tangled:
-            for i in range(count):
-                tangle(state, work, i)
+        tangle(state, work, count, p)
     failed, stops = 0, p.action != PART
     for k in range(p.further_limits):
         for i in range(count):
@@ -275,19 +260,6 @@ def log_coefficient(state, work, i, p):
     """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
     nominal = log_wear_coefficient(p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i])
     return state.log_wear_factor[i] + nominal + state.log_skin_wear[i]
-
-
-@compiled
-def load_edge(state, work, i, p):
-    """Set thrust force [N] and power [kW] if metal was cut."""
-    speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
-    force, power = force_and_power(p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
-    remains = work.chip_remains[i]
-    force *= 1.0 + work.chatter[i]
-    force = force * (1.0 - remains) + state.thrust_force[i] * remains
-    power = power * (1.0 - remains) + state.power[i] * remains
-    state.thrust_force[i] = force if work.engaged[i] > 0.0 else state.thrust_force[i]
-    state.power[i] = power if work.engaged[i] > 0.0 else state.power[i]
 
 
 @compiled

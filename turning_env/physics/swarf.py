@@ -11,18 +11,18 @@ ROUNDING = 1e-6  # relative error of a commanded feed [-]: actions are of single
 
 
 @compiled
-def use_up_margin(state, work, i, p):
-    """Use up the margin while cutting outside the window; return whether nothing is left."""
-    breaks = (p.chip_feed_min[i] <= state.feed[i] * (1.0 + ROUNDING)) & (state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING))
-    breaks &= (p.chip_depth_min[i] <= state.depth_of_cut[i]) & (state.depth_of_cut[i] <= p.chip_depth_max[i])
-    state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate[i] * work.engaged[i]
-    return state.tangle_margin[i] <= 0.0
-
-
-@compiled
-def tangle(state, work, i):
-    """Count a tangle if no margin is left: at most one per sub-step."""
-    if state.tangle_margin[i] <= 0.0:
-        work.tangles[i] += 1
-        state.tangles[i] += 1
-        state.tangle_margin[i] += exponential(state, i, TANGLE_CHANNEL, 0, state.tangles[i])
+def tangle(state, work, count, p):
+    """Use up margins while cutting outside the window, and count a tangle if none is left: at most one per sub-step."""
+    tangled = 0
+    for i in range(count):
+        feed, depth = state.feed[i] * (1.0 + ROUNDING), state.depth_of_cut[i]
+        breaks = (p.chip_feed_min[i] <= feed) & (state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING))
+        breaks &= (p.chip_depth_min[i] <= depth) & (depth <= p.chip_depth_max[i])
+        state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate[i] * work.engaged[i]
+        tangled += state.tangle_margin[i] <= 0.0
+    if tangled:
+        for i in range(count):
+            if state.tangle_margin[i] <= 0.0:
+                work.tangles[i] += 1
+                state.tangles[i] += 1
+                state.tangle_margin[i] += exponential(state, i, TANGLE_CHANNEL, 0, state.tangles[i])
