@@ -161,17 +161,15 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
         gymnasium.make("turning_env:RoughTurning-v0", scenario={"base": "forging", "limits": {"power": 9.0}})
 
     `render_mode`: `None`, `"rgb_array"` (`render()` returns a frame, uint8 of shape (640, 960, 3)) or `"human"` (a window shows
-    every step without a call of `render`); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs
-    `pip install pillow pygame-ce`. A frame shows the bar with its true hardness and allowance, which are hidden from the policy,
-    the tool, power, force and wear against their limits, and the operating map of speed and feed. Loads, return and map begin
-    with an episode's first frame. Rendering does not change the episode.
+    every step); with `gymnasium.make` also `"rgb_array_list"`. Drawing needs `pip install pillow pygame-ce`. A frame shows the
+    bar with its hidden hardness and allowance, the tool, power, force and wear against their limits, and the operating map of
+    speed and feed. Loads, return and map begin with an episode's first frame.
 
     ## Spec
 
-    Store `env.spec` with `to_json`; it makes the same environment anywhere, as it holds a preset's name or values, never a path.
-    `spec.max_episode_steps` is the largest number of steps of an episode, 3600. The environment truncates episodes itself;
-    `gymnasium.make(env.spec)` also adds a `TimeLimit` of that number. Pass `max_episode_steps=-1` if you make the spec with
-    another scenario.
+    Store `env.spec` with `to_json`: it holds a preset's name or values, never a path, so it makes the same environment anywhere.
+    `gymnasium.make(env.spec)` adds a `TimeLimit` of `spec.max_episode_steps`, the largest number of steps, 3600, at which the
+    environment truncates itself. Pass `max_episode_steps=-1` if you make the spec with another scenario.
 
     ## Registered ids
 

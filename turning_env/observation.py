@@ -138,7 +138,6 @@ def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 _parameters = cache(parameter_records)
-_CONTROLLED = slice(OBS.cutting_speed, OBS.commanded_feed + 1)
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
@@ -149,7 +148,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
     ranges = np.broadcast_arrays(machine.cutting_speed_min, machine.feed_min, machine.cutting_speed_max, machine.feed_max)
     lows, highs = np.reshape(ranges, (2, 2, -1))
-    controlled = _in_range(rows[_CONTROLLED].reshape(2, 2, -1), lows, highs)
+    controlled = _in_range(rows[OBS.cutting_speed : OBS.commanded_feed + 1].reshape(2, 2, -1), lows, highs)
     (cutting_speed, feed), (commanded_cutting_speed, commanded_feed) = controlled
     power = _ratio(columns["power"]) * limits.power
     thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown

@@ -116,18 +116,11 @@ class Jobs:
         # A job's scenario, of which every job has the choices, such as its action and its sensors.
         self.scenario: Scenario = family.job(0, split).scenario
         self.context_names = family.context_names if told else ()  # of what is appended to an observation
-        self._shared = parameter_records(self.scenario)
+        self.parameters = parameter_records(self.scenario)  # of one block; the jobs share those of ``CHOICES``
 
     def __reduce__(self) -> Any:
         """Pickle and copy the split without its jobs."""
         return Jobs, (self.family, self.split, self._told)
-
-    def block_parameters(self, blocks: int) -> Any:
-        """Return parameters for blocks of environments, with the choices that all jobs share."""
-        records = new_records(PARAMETERS, blocks)
-        for name in CHOICES:
-            records[name] = self._shared[name][0]
-        return records
 
     def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Return a job's numbers, in the order of ``PARAMETERS``, and its context."""
@@ -138,7 +131,7 @@ class Jobs:
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK, draw.nominal)
         for name in CHOICES:
-            if (records[name] != self._shared[name][0]).any():
+            if (records[name] != self.parameters[name][0]).any():
                 raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
         numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
         context = self.family.context(draw.features) if self._told else np.zeros((CHUNK, 0))
@@ -167,11 +160,12 @@ class Batch:
         self.seeded = False
         self.jobs = jobs = source if isinstance(source, Jobs) else None
         self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
-        self._parameters: Any = jobs.block_parameters(-(-num_envs // WIDTH)) if jobs else parameter_records(scenario)
+        blocks = -(-num_envs // WIDTH)
+        self._parameters: Any = np.repeat(jobs.parameters, blocks) if jobs else parameter_records(scenario)
         self.context_size = len(jobs.context_names) if jobs else 0
         self._context = np.zeros((num_envs, self.context_size), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
-        self._states = new_records(STATE, -(-num_envs // WIDTH))
+        self._states = new_records(STATE, blocks)
         self.actions = np.zeros((num_envs, action_size(scenario)))
         self._entries = len(quantities.layout(scenario))
         self.observations = np.zeros((num_envs, self._entries + self.context_size), np.float32)

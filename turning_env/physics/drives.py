@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from turning_env.numerics.compilation import compiled
-from turning_env.numerics.functions import expm1, sine_and_cosine
+from turning_env.numerics.functions import expm1
 from turning_env.scenario.sections import MAX_DELAY
 
 
@@ -73,11 +73,3 @@ def force_from_current(p, i, current, feed_velocity):
     """
     no_load_current = p.no_load_current[i] + p.no_load_current_rate[i] * feed_velocity
     return (current - no_load_current) / p.current_per_newton[i]
-
-
-@compiled
-def servo_current(p, i, thrust_force, feed_velocity, path):
-    """Return the servo current [A] with the ripple at a position [mm] of the screw."""
-    sine, _ = sine_and_cosine(p.ripples_per_path[i] * path)
-    ripple = 1.0 + p.current_ripple[i] * sine
-    return steady_current(p, i, thrust_force, feed_velocity) * ripple

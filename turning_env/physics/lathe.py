@@ -217,9 +217,18 @@ def run_sub_step(state, work, report, count, p, varies):
             work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
     for i in range(count):
         add_to_sums(state, work, report, i, p, varies)
-        failed += watch_edge(state, work, i, p, stops)
-        in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
-        remains = 1.0 if in_metal else work.chip_remains[i]
+        in_metal = 1 if work.engaged[i] > 0.0 else 0
+        spent = 1 if state.used_life[i] >= 1.0 else 0
+        overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
+        arrived = 1 if state.path[i] >= p.path_end[i] else 0
+        work.worn[i] |= in_metal & spent
+        work.broken[i] |= in_metal & overcome
+        edge_failed = work.worn[i] | work.broken[i]
+        work.edge_failed[i] |= edge_failed
+        failed += edge_failed
+        left = work.sub_steps_left[i]  # ends with the edge or the job, but with parts goes on
+        work.sub_steps_left[i] = 0 if stops and (edge_failed | arrived) > 0 else left
+        remains = 1.0 if min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0 else work.chip_remains[i]
         state.thrust_force[i] *= remains
         state.power[i] *= remains
         follow_process(state, work, i, p)
@@ -280,22 +289,6 @@ def add_to_sums(state, work, report, i, p, varies):
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
     report.severe_overload_time[i] += seconds if over > p.overload_tolerance[i] else 0.0
-
-
-@compiled
-def watch_edge(state, work, i, p, stops):
-    """Stop the environment at the end of its edge or of the job, if it ``stops`` there; return 1 if the edge failed, else 0."""
-    in_metal = 1 if work.engaged[i] > 0.0 else 0
-    spent = 1 if state.used_life[i] >= 1.0 else 0
-    overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
-    arrived = 1 if state.path[i] >= p.path_end[i] else 0
-    work.worn[i] |= in_metal & spent
-    work.broken[i] |= in_metal & overcome
-    failed = work.worn[i] | work.broken[i]
-    work.edge_failed[i] |= failed
-    left = work.sub_steps_left[i]
-    work.sub_steps_left[i] = 0 if stops and (failed | arrived) > 0 else left
-    return failed
 
 
 @compiled

@@ -4,9 +4,9 @@ As the machine warms up, their readings drift, and thermal growth changes the de
 """
 
 from turning_env.numerics.compilation import compiled, env_range
-from turning_env.numerics.functions import exp
+from turning_env.numerics.functions import exp, sine_and_cosine
 from turning_env.numerics.keyed_random import SENSOR_CHANNEL, normals_of, words
-from turning_env.physics.drives import servo_current
+from turning_env.physics.drives import steady_current
 from turning_env.physics.spindle import idle_power
 
 
@@ -45,7 +45,9 @@ def read_sensors(state, work, first, last, p):
     if p.senses_current:
         for i in env_range(first, last):
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
-            current = (1.0 + p.force_bias[i]) * servo_current(p, i, state.lagged_thrust_force[i], feed_velocity, state.path[i])
+            sine, _ = sine_and_cosine(p.ripples_per_path[i] * state.path[i])
+            current = steady_current(p, i, state.lagged_thrust_force[i], feed_velocity) * (1.0 + p.current_ripple[i] * sine)
+            current = (1.0 + p.force_bias[i]) * current
             state.measured_servo_current[i] = max(current * work.force_noise[i], 0.0)
     else:
         for i in env_range(first, last):

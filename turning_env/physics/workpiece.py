@@ -125,9 +125,9 @@ def pass_nodes(state, work, first, last, p):
             listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], spread)
     for k in range(listed):
         i = work.node_env[k]
-        work.node_word_0[k], work.node_word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
+        work.word_0[k], work.word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
     for k in range(listed):
-        work.node_value[k] = normals_of(work.node_word_0[k], work.node_word_1[k])[0]
+        work.node_value[k] = normals_of(work.word_0[k], work.word_1[k])[0]
     for k in range(listed):
         if work.node_channel[k] == HARDNESS_CHANNEL:
             state.hardness_right[work.node_env[k]] = work.node_value[k]
