@@ -31,12 +31,12 @@ class OfFamily(Shared):
 
 
 def vector_env(
-    source: str | os.PathLike[str] | Scenario | Family, num_envs: int, autoreset_mode: AutoresetMode, threads: int = 1
+    source: str | os.PathLike[str] | Scenario | Family, num_envs: int, autoreset_mode: AutoresetMode
 ) -> RoughTurningVectorEnv:
     """Return a batch of a scenario's environments, or of training jobs of a ``Family`` or of one that ships, by its name."""
     if isinstance(source, Family) or source in families():
-        return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode, threads=threads)
-    return RoughTurningVectorEnv(num_envs, source, autoreset_mode, threads=threads)
+        return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
+    return RoughTurningVectorEnv(num_envs, source, autoreset_mode)
 
 
 class FamilyEnv(OfFamily, RoughTurningEnv):

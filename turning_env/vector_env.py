@@ -36,7 +36,6 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (reset ended environments
             with ``options={"reset_mask": mask}``).
         render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as ``RoughTurningEnv`` draws it.
-        threads: number of threads that share the work of 8192 environments or more; results do not depend on it.
         rendered_envs: number of environments to draw, from the first on; each takes a few milliseconds. None: all.
         max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on from a spec.
 
@@ -51,19 +50,17 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         scenario: Source | Jobs = "rough_turning",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
-        threads: int = 1,
         rendered_envs: int | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        for name, number in (("num_envs", num_envs), ("threads", threads)):
-            if number < 1:
-                raise ValueError(f"{name} is {number}, but must be at least 1")
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
-        self._set_up(Batch(scenario, num_envs, threads), render_mode, rendered_envs or num_envs)
+        self._set_up(Batch(scenario, num_envs), render_mode, rendered_envs or num_envs)
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
             raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
         self.single_observation_space = observation_space(self.scenario, self._batch.context_size)
@@ -115,10 +112,6 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
         return super().render() if self._viewer is None else tuple(self._viewer.frames())
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Release the threads."""
-        self._batch.close()
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
         """Return which environments get a new seed, and the new seeds; both of shape (num_envs,)."""

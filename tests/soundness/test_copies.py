@@ -46,7 +46,7 @@ def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(preset: str, 
 @pytest.mark.parametrize(("way", "render_mode", "autoreset"), [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")])
 @pytest.mark.parametrize("family", [False, True])
 def test_a_copy_of_a_batch_gives_the_same_outputs(family: bool, autoreset: str, render_mode: str | None, way: str) -> None:
-    options = {"autoreset_mode": autoreset, "render_mode": render_mode, "threads": 2}
+    options = {"autoreset_mode": autoreset, "render_mode": render_mode}
     envs = FamilyVectorEnv(3, **options) if family else RoughTurningVectorEnv(3, SHORT_LIVED, **options)
     envs.reset(seed=0)
     actions = fixed_actions(60, 3, "shift" if family else SHORT_LIVED)

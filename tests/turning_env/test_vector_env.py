@@ -1,5 +1,7 @@
 """Many environments: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,8 +10,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from tests.turning_env.playing import FAILING, HOT_SPINDLE, SHORT_LIVED, changed, fixed_actions
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, presets
-from turning_env.batch.driver import BLOCKS_CLAIMED, MIN_BLOCKS
-from turning_env.physics.quantities import WIDTH
 
 STEPS = 80
 
@@ -117,16 +117,16 @@ def test_bad_arguments_are_refused():
         RoughTurningVectorEnv(2, render_mode="rgb_array", rendered_envs=3)
     with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
         RoughTurningVectorEnv(1, render_mode="human")
-    with pytest.raises(ValueError, match="threads is 0, but must be at least 1"):
-        RoughTurningVectorEnv(1, threads=0)
     with pytest.raises(ValueError, match="Sometimes"):
         RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
 
 
-def test_threads_share_the_work_and_change_nothing():
-    num_envs = (MIN_BLOCKS + BLOCKS_CLAIMED) * WIDTH + 5
-    alone, shared = (RoughTurningVectorEnv(num_envs, SHORT_LIVED, "SameStep", threads=threads) for threads in (1, 3))
-    assert_same_answers(shared.reset(seed=3), alone.reset(seed=3))
-    for actions in fixed_actions(35, num_envs):
-        assert_same_answers(shared.step(actions), alone.step(actions))
-    shared.close()
+def test_batches_step_side_by_side_in_threads_of_ones_own():
+    alone, halves = RoughTurningVectorEnv(64, SHORT_LIVED), [RoughTurningVectorEnv(32, SHORT_LIVED) for _ in range(2)]
+    alone.reset(seed=3)
+    for k, half in enumerate(halves):
+        half.reset(seed=3 + 32 * k)
+    with ThreadPoolExecutor(2) as pool:
+        for actions in fixed_actions(35, 64):
+            stepped = pool.map(lambda env, given: env.step(given)[0], halves, np.split(actions, 2))
+            np.testing.assert_array_equal(np.concatenate(list(stepped)), alone.step(actions)[0])

@@ -1,4 +1,4 @@
-"""The driver of any number of environments, and the threads that share its work.
+"""The driver of any number of environments.
 
 Equations of a step belong in ``physics``; Gymnasium's interface belongs in ``env.py`` and ``vector_env.py``.
 """

@@ -1,7 +1,5 @@
-"""The driver of environments: their jobs and records, the compiled loops over them, and the threads that share the work."""
+"""The driver of environments: their jobs and records, and the compiled loops over them."""
 
-import itertools
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
@@ -21,10 +19,6 @@ from turning_env.scenario import Scenario, Source
 from turning_env.scenario.family import CHUNK, CONTEXT_LIMIT, Family, Job
 
 MAX_SEED = 2**64 - 1
-BLOCKS_CLAIMED = 16
-"""Number of blocks that a thread claims at a time: enough to make claiming cheap, few enough for threads to end together."""
-MIN_BLOCKS = 256
-"""Number of blocks below which threads do not share: on busy cores, waiting for a thread would cost more than it saves."""
 _NUMBERS = "efdbhilqBHILQ"  # types of actions: real numbers of at most 8 bytes
 _PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
@@ -77,22 +71,22 @@ def start_episodes(states, parameters, scratches, chosen, observations, table):
 
 
 @compiled_entry
-def step_blocks(states, parameters, scratches, actions, observations, table, first_block, last_block):
-    """Run one step in blocks ``first_block`` to ``last_block - 1``. Ended environments start their next episode instead.
+def step_blocks(states, parameters, scratches, actions, observations, table):
+    """Run one step in every environment; ended ones start their next episode instead.
 
     ``parameters`` holds a record for every block, or one for all.
 
-    Return whether their actions are finite; if not, none has moved.
+    Return whether the actions are finite; if not, none has moved.
     """
     finite = True
-    for i in env_range(first_block * WIDTH, min(last_block * WIDTH, actions.shape[0])):
+    for i in env_range(0, actions.shape[0]):
         for k in range(actions.shape[1]):
             finite &= abs(actions[i, k]) < np.inf
     if not finite:
         return False
     scratch = scratches[0]
     work, report = scratch.work, scratch.report
-    for b in range(first_block, last_block):
+    for b in range(states.shape[0]):
         state, start, p = states[b], b * WIDTH, parameters[b % parameters.shape[0]]
         count = min(WIDTH, actions.shape[0] - start)
         for i in range(count):
@@ -144,7 +138,6 @@ class Batch:
     Args:
         source: scenario to play, or jobs of which every episode plays one.
         num_envs: number of environments.
-        threads: number of threads that share the work; results do not depend on it.
         single: whether actions have shape (action size,), and every step fills the same arrays, which ``observation`` and
             ``report`` view.
 
@@ -155,8 +148,8 @@ class Batch:
         table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Likewise.
     """
 
-    def __init__(self, source: Source | Jobs, num_envs: int, threads: int = 1, single: bool = False) -> None:
-        self.num_envs, self._threads, self._single = num_envs, threads, single
+    def __init__(self, source: Source | Jobs, num_envs: int, single: bool = False) -> None:
+        self.num_envs, self._single = num_envs, single
         self.seeded = False
         self.jobs = jobs = source if isinstance(source, Jobs) else None
         self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
@@ -177,15 +170,14 @@ class Batch:
 
     def _prepare(self) -> None:
         """Make the attributes that a copy or a pickle does not hold."""
-        self._scratches = [new_records(SCRATCH, 1) for _ in range(self._threads)]
-        self._helpers = ThreadPoolExecutor(self._threads - 1) if self._threads > 1 else None
+        self._scratches = new_records(SCRATCH, 1)
         self._given = self.actions[0] if self._single else self.actions
         self._shape = self._given.shape
         self.observation: NDArray[np.float32] = self.observations[0]
         self.report: NDArray[np.float64] = self.table[:, 0]
 
     def __getstate__(self) -> dict[str, Any]:
-        made_again = ("_scratches", "_helpers", "_given", "observation", "report")
+        made_again = ("_scratches", "_given", "observation", "report")
         return {name: value for name, value in vars(self).items() if name not in made_again}
 
     def __setstate__(self, values: dict[str, Any]) -> None:
@@ -229,7 +221,7 @@ class Batch:
         block, i = np.divmod(env_indices, WIDTH)
         self._states["episode"][block, i] += np.uint64(1)
         self._take_jobs(env_indices)
-        start_episodes(self._states, self._parameters, self._scratches[0], chosen, self.observations, self.table)
+        start_episodes(self._states, self._parameters, self._scratches, chosen, self.observations, self.table)
         self.observations[:, self._entries :] = self._context
         self.seeded = True
 
@@ -262,39 +254,13 @@ class Batch:
         observations, table = self.observations, self.table
         if not self._single:
             observations, table = np.empty(observations.shape, np.float32), np.empty(self._table_shape)
-        states, actions = self._states, self.actions
-        if self._helpers is None or len(states) < MIN_BLOCKS:
-            finite = step_blocks(states, self._parameters, self._scratches[0], actions, observations, table, 0, len(states))
-        elif finite := bool(np.isfinite(actions).all()):
-            self._share_steps((actions, observations, table))
-        if not finite:
+        if not step_blocks(self._states, self._parameters, self._scratches, self.actions, observations, table):
             i = int(np.isfinite(self.actions).all(axis=1).argmin())
             raise ValueError(f"the action of environment {i} must be finite, got {self.actions[i].tolist()}")
         if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
             self.observations, self.table = observations, table[:, : self.num_envs]
-
-    def _share_steps(self, arrays: tuple[Any, ...]) -> None:
-        """Let every thread claim the next few blocks until none are left, so no thread waits for one that is not running."""
-        blocks = len(self._states)
-        claims = itertools.count(0, BLOCKS_CLAIMED)
-
-        def work(scratch: Any) -> None:
-            while (first := next(claims)) < blocks:
-                step_blocks(self._states, self._parameters, scratch, *arrays, first, min(first + BLOCKS_CLAIMED, blocks))
-
-        assert self._helpers is not None
-        futures = [self._helpers.submit(work, scratch) for scratch in self._scratches[1:]]
-        work(self._scratches[0])
-        for future in futures:
-            if not future.cancel():
-                future.result()
-
-    def close(self) -> None:
-        """Release the threads."""
-        if self._helpers is not None:
-            self._helpers.shutdown()
 
 
 REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))  # rows of ``Batch.table``
