@@ -56,11 +56,8 @@ def complaints(installed: Iterable[Distribution], pins: dict[str, str]) -> list[
 @exits(checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Audit and print; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m studies.audit", **described(__doc__))
-    parser.add_argument(
-        "--constraints", type=Path, default=Path("constraints.txt"), help="pinned versions (default: %(default)s)"
-    )
-    wrong = complaints(distributions(), pinned(parser.parse_args(arguments).constraints.read_text("utf-8")))
+    argparse.ArgumentParser(prog="python -m studies.audit", **described(__doc__)).parse_args(arguments)
+    wrong = complaints(distributions(), pinned(Path("constraints.txt").read_text("utf-8")))
     print(*wrong, sep="\n")
     return 1 if wrong else 0
 

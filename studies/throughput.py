@@ -98,11 +98,6 @@ def many(name: str, env: Any, num_envs: int, space: gymnasium.Space[Any]) -> Cas
     return Case(name, num_envs, num_envs, lambda: env.step(action()))
 
 
-def single(env_id: str) -> Case:
-    """Return the case of one environment without wrappers."""
-    return one(f"{env_id}, unwrapped", gymnasium.make(env_id).unwrapped)
-
-
 def vector(env_id: str, num_envs: int = NUM_ENVS) -> Case:
     """Return the case of a batch of one of the project's ids, on one thread."""
     env = gymnasium.make_vec(env_id, num_envs, vectorization_mode="vector_entry_point")
@@ -152,7 +147,7 @@ def timed(case: Case, count: int) -> Timing:
 
 def our_cases() -> Iterator[Case]:
     """Yield cases of this project."""
-    yield single(MAIN)
+    yield one(f"{MAIN}, unwrapped", gymnasium.make(MAIN).unwrapped)
     yield one(MAIN, gymnasium.make(MAIN))
     yield from (vector(MAIN, num_envs) for num_envs in SIZES)
     yield from (vector(env_id) for env_id in (*IDS, FAMILY_ID) if env_id != MAIN)
@@ -160,7 +155,7 @@ def our_cases() -> Iterator[Case]:
 
 def gymnasium_cases() -> Iterator[Case]:
     """Yield cases of Gymnasium's own environments; the first is the reference."""
-    yield single("Pendulum-v1")._replace(name=REFERENCE)
+    yield one(REFERENCE, gymnasium.make("Pendulum-v1").unwrapped)
     yield one("Gymnasium Pendulum", gymnasium.make("Pendulum-v1"))
     for num_envs in SIZES:
         yield vector("CartPole-v1", num_envs)._replace(name="Gymnasium CartPole, vector")

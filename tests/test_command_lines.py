@@ -68,7 +68,7 @@ studies.exploits: --env nothing | --seeds 0 | --search -1
 studies.one_job: --agent nothing.onnx --out made.png
 train.guided_ppo: --env nothing
 studies.headroom: --seeds 0 | --seeds 257
-studies.audit: --constraints nothing
+studies.audit: nothing
 studies.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
 studies.throughput: --repeats 0

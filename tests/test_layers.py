@@ -113,7 +113,7 @@ LINES = {
     "train": 3794,
     "leaderboard": 3237,
     "papers": 2485,
-    "studies": 2015,
+    "studies": 1998,
     "tests": 11944,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
