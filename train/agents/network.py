@@ -1,6 +1,6 @@
 """Check that an agent's network is plain arithmetic of moderate size, and try it.
 
-Strangers' files are checked by a process that imports this file without the rest of the package: ``sandbox.py``.
+Strangers' files are checked by a process that imports this file without the rest of the package: ``sandbox_child.py``.
 """
 
 import math
