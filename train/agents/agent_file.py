@@ -185,7 +185,7 @@ def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make:
 def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
     """Raise ValueError if actions or observations of a scenario mean something else than where an agent was trained."""
     if "context" in agent.parameters:
-        raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}")
+        raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}: add --env {FAMILY_ID}")
     trained_on = agent.trained_on or scenario
     for field in ("control.action", "control.aim", "control.edge_changes", "sensors.force", "sensors.probe"):
         section, name = field.split(".")
