@@ -18,7 +18,7 @@ from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, 
 from turning_env.physics.failure import break_failing_edges
 from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
 from turning_env.physics.parts import end_pass, start_part, start_pass
-from turning_env.physics.quantities import END, OVERRIDE, PART, SET_POINT
+from turning_env.physics.quantities import COMMANDED, END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
@@ -73,9 +73,9 @@ def run_step(state, work, report, actions, count, p):
         work.minutes[i] = 0.0
         work.edge_failed[i] = 0
         work.tangles[i] = 0
-    if p.change_action >= 0:
+    if p.edge_changes == COMMANDED:
         for i in range(count):
-            if actions[i, p.change_action] > 0.0:
+            if actions[i, -1] > 0.0:
                 charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
                 change_edge(state, report, i, p, 0.0)
     by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)

@@ -11,7 +11,7 @@ import numpy as np
 
 from turning_env.numerics.functions import log, real_power
 from turning_env.physics.drives import lag_share
-from turning_env.physics.quantities import ACTIONS, EDGE_CHANGES, OBS, OBSERVATION, action_size, layout
+from turning_env.physics.quantities import ACTIONS, EDGE_CHANGES, OBS, OBSERVATION, layout
 from turning_env.physics.slender_bar import RIGID, SUPPORTS
 from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import WEAR_RULES
@@ -34,9 +34,9 @@ class Parameter(NamedTuple):
 P = Parameter
 
 
-def _same(*names: str, dtype: Any = np.float64) -> tuple[Parameter, ...]:
+def _same(*names: str, dtype: Any = np.float64, shape: tuple[int, ...] = ()) -> tuple[Parameter, ...]:
     """Return parameters that are fields of the scenario."""
-    return tuple(P(name, dtype=dtype) for name in names)
+    return tuple(P(name, dtype=dtype, shape=shape) for name in names)
 
 
 def _log(field: str) -> Parameter:
@@ -57,11 +57,6 @@ def _lag(name: str, field: str) -> Parameter:
 def _sub_step(s: Scenario) -> float:
     """Return the length of a sub-step [s]."""
     return s.control.interval / s.control.sub_steps
-
-
-def _layout_numbers(s: Scenario) -> list[int]:
-    places = [OBS._fields.index(name) for name in layout(s)]
-    return places + [0] * (len(OBSERVATION) - len(places))
 
 
 def _current_per_newton(s: Scenario) -> float:
@@ -102,11 +97,6 @@ def _chatter_speed(s: Scenario) -> Any:
     return log(np.pi * s.workpiece.diameter * s.machine.chatter_speed / 1000.0)
 
 
-def _per_section(values: Any) -> Any:
-    """Return the sections' values, followed by zeros up to ``MAX_DEPTHS``."""
-    return np.pad(values, (0, MAX_DEPTHS - len(values)))
-
-
 def _timeless(s: Scenario) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
@@ -118,27 +108,15 @@ def _lost(s: Scenario, name: str) -> float:
     return time if _timeless(s) else 0.0
 
 
-def _section_starts(s: Scenario) -> Any:
-    return _per_section(np.cumsum((0.0, *s.workpiece.section_lengths))[:-1])
-
-
 def _capacity_per_speed(s: Scenario) -> Any:
     return 1.0 / s.base_cutting_speed if np.all(s.base_cutting_speed) else np.inf
 
 
-def _change_action(s: Scenario) -> int:
-    return action_size(s) - 1 if s.control.edge_changes == "commanded" else -1
-
-
-def _step_limit(s: Scenario) -> int:
-    return round(s.control.time_limit * 60.0 / s.control.interval) if _timeless(s) else 0
-
-
 def _further_laws(s: Scenario) -> Any:
-    """Return log response over limit at f = d = H = 1, and exponents of f, d and H, of each further limit, and then zeros."""
+    """Return log response over limit at f = d = H = 1, and exponents of f, d and H, of each further limit."""
     laws = [law for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness) if np.any(law.coefficient > NO_LIMIT)]
     rows = [(law.log_coefficient - log(law.most), law.feed, law.depth_of_cut, law.hardness) for law in laws]
-    return np.array((*rows, *[(0.0,) * 4] * 3)[:3])
+    return np.reshape(rows, (-1, 4))
 
 
 PARAMETERS = (
@@ -164,6 +142,7 @@ PARAMETERS = (
     *_same("skin_thickness", "skin_hardness", "skin_wear", "power_drift", "force_drift", "thermal_growth", "warm_up_time"),
     *_same("hardness_gradient", "reference_removal_rate", "edge_change_time", "unplanned_stop", "breakage_downtime"),
     *_same("overload_price", "roughness_price", "overload_tolerance"),
+    *_same("depth_profile", "section_speeds", shape=(MAX_DEPTHS,)),
     *_same("sub_steps", "passes_max", dtype=np.int64),
     *_same("probe", "inspects_edges", dtype=np.bool_),
     P("wear_rule", "-", "how wear accumulates", lambda s: WEAR_RULES[s.tool.wear_rule], np.int64),
@@ -192,22 +171,19 @@ PARAMETERS = (
     P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
     P("revolutions_per_metre", "rev/m", "of the bar's circumference", lambda s: 1000.0 / (np.pi * s.workpiece.diameter)),
     P("depth_sections", "-", "sections of different depth", lambda s: len(s.workpiece.depth_profile), np.int64),
-    P("depth_profile", "mm", "sections' depths", lambda s: _per_section(s.workpiece.depth_profile), shape=(MAX_DEPTHS,)),
     _any("has_section_lengths", "the sections' lengths are given", "workpiece.section_lengths"),
-    P("section_starts", "mm", "where sections of given lengths start", _section_starts, shape=(MAX_DEPTHS,)),
+    P("section_starts", "mm", "starts", lambda s: np.cumsum((0.0, *s.workpiece.section_lengths[:-1])), shape=(MAX_DEPTHS,)),
     _any("has_section_speeds", "the sections limit the cutting speed", "workpiece.section_speeds"),
-    P("section_speeds", "m/min", "their highest speeds", lambda s: _per_section(s.workpiece.section_speeds), shape=(MAX_DEPTHS,)),
     P("depth_ripples_per_turn", "1/rev", "waves of the depth's ripple", lambda s: 1.0 / s.workpiece.depth_ripple_period),
     P("depth_nodes_per_length", "1/mm", "nodes of depth", lambda s: 1.0 / s.workpiece.depth_correlation_length),
     P("hardness_nodes_per_length", "1/mm", "nodes of hardness", lambda s: 1.0 / s.workpiece.hardness_correlation_length),
     P("sub_step", "min", "length of a sub-step", lambda s: _sub_step(s) / 60.0),
     P("action", "-", "what an action names", lambda s: ACTIONS[s.control.action], np.int64),
     P("edge_changes", "-", "what follows on an edge's end", lambda s: EDGE_CHANGES[s.control.edge_changes], np.int64),
-    P("change_action", "-", "place of the action that changes the edge, -1 if there is none", _change_action, np.int64),
     P("entries", "-", "entries of the observation", lambda s: len(layout(s)), np.int64),
-    P("observation_layout", "-", "places of the observation's entries", _layout_numbers, np.int64, (len(OBSERVATION),)),
+    P("observation_layout", "-", "rows", lambda s: [getattr(OBS, name) for name in layout(s)], np.int64, (len(OBSERVATION),)),
     P("holds_roughness", "-", "a roughness is to be held", lambda s: s.control.aim == "roughness", np.bool_),
-    P("step_limit", "-", "most steps of an episode that ends with its edge", _step_limit, np.int64),
+    P("step_limit", "-", "most steps of an episode of one edge", lambda s: s.max_episode_steps if _timeless(s) else 0, np.int64),
     P("log_reference_span", "-", "log(highest / lowest reference)", lambda s: _log_span(s.surface, "reference")),
     P("reference_time", "min", "time after which the reference changes", lambda s: s.surface.reference_time / 60.0),
     P("senses_current", "-", "the servo current is measured", lambda s: s.sensors.force == "servo_current", np.bool_),
@@ -232,7 +208,7 @@ PARAMETERS = (
     P("per_thrust_force_limit", "1/N", "1 / thrust_force_limit", lambda s: 1.0 / s.limits.thrust_force),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
     P("per_power_limit", "1/kW", "1 / power_limit", lambda s: 1.0 / s.limits.power),
-    P("further_limits", "-", "how many further limits there are", lambda s: np.count_nonzero(_further_laws(s)[:, 1]), np.int64),
+    P("further_limits", "-", "how many further limits there are", lambda s: len(_further_laws(s)), np.int64),
     P("further_laws", "-", "log response over limit of each at f = d = H = 1; exponents of f, d, H", _further_laws, shape=(3, 4)),
 )
 """Parameters of the transition."""

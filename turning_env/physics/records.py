@@ -79,10 +79,13 @@ def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
 
 
 def _fill(column: Any, value: Any) -> None:
-    """Write a value, or a law with the names of its numbers, into a column of records."""
+    """Write a value, or a law with the names of its numbers, into a column of records; what it has no value for stays 0."""
     if column.dtype.names:
         for name in column.dtype.names:
             _fill(column[name], getattr(value, name))
+    elif column.shape[1:] == (WIDTH,):
+        column[...] = np.reshape(value, column.shape) if np.ndim(value) else value
+    elif np.ndim(value):
+        column[:, : len(value)] = value
     else:
-        own = column.shape[1:] == (WIDTH,) and np.ndim(value) == 1
-        column[...] = np.reshape(value, column.shape) if own else value
+        column[...] = value
