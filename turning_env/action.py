@@ -1,19 +1,16 @@
 """Actions that move the commands towards set points, and the commands of actions."""
 
-from functools import cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env import Reading, Scenario
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log
+from turning_env.observation import parameters_of
 from turning_env.physics.lathe import command
 from turning_env.physics.quantities import WIDTH
-from turning_env.physics.records import SCRATCH, STATE, new_records, parameter_records
+from turning_env.physics.records import SCRATCH, STATE, new_records
 from turning_env.scoring.policy import Actions
-
-_parameters = cache(parameter_records)  # they take longer than the decoding
 
 
 def sets_speed_and_feed(scenario: Scenario) -> bool:
@@ -69,7 +66,7 @@ def commanded(
     states = new_records(STATE, -(-count // WIDTH))
     for name, values in (("commanded_cutting_speed", cutting_speed), ("commanded_feed", feed)):
         states[name].flat[:count] = values  # writes through to the records
-    command_all(states, _parameters(scenario), new_records(SCRATCH, 1), np.asarray(actions, np.float64), count)
+    command_all(states, parameters_of(scenario), new_records(SCRATCH, 1), np.asarray(actions, np.float64), count)
     return states["commanded_cutting_speed"].ravel()[:count], states["commanded_feed"].ravel()[:count]
 
 

@@ -51,13 +51,9 @@ def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-class FolderTaken(ValueError):
-    """Another process holds the lock of a folder or a file."""
-
-
 @contextmanager
 def folder_lock(folder: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
-    """Lock a folder, made if missing, and remove hidden files that killed processes left; FolderTaken if another has a lock.
+    """Lock a folder, made if missing, and remove hidden files that killed processes left; ValueError if another has a lock.
 
     The operating system releases the lock when the process ends, also if it is killed. On file systems without locks, nothing is
     locked. ``wait``: wait for other processes instead of raising an error. ``shared``: lock against locks that are not shared,
@@ -72,7 +68,7 @@ def folder_lock(folder: Path, wait: bool = False, shared: bool = False) -> Itera
                 with suppress(OSError):  # a hidden file is not read, so it does no harm
                     path.unlink(missing_ok=True)
         elif not shared:
-            raise FolderTaken(f"another process works in {folder}: wait until it has finished, or choose another place")
+            raise ValueError(f"another process works in {folder}: wait until it has finished, or choose another place")
         if shared:
             _locked(handle, True, shared)
         yield

@@ -137,7 +137,8 @@ def _ratio(deviation: NDArray[np.float64]) -> NDArray[np.float64]:
     return deviation / DEVIATION_SCALE + 1.0
 
 
-_parameters = cache(parameter_records)
+parameters_of = cache(parameter_records)
+"""Parameters of one block of environments of a scenario, to be read only."""
 
 
 def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
@@ -153,7 +154,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     power = _ratio(columns["power"]) * limits.power
     thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown
     if scenario.sensors.force == "servo_current":
-        p = _parameters(scenario)[0]
+        p = parameters_of(scenario)[0]
         feed_velocity = cutting_speed * p.revolutions_per_metre[0] * feed
         servo_current = _ratio(columns["thrust_force"]) * steady_current(p, 0, limits.thrust_force, 0.0)
         thrust_force = np.maximum(force_from_current(p, 0, servo_current, feed_velocity), 0.0)

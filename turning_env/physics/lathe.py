@@ -22,7 +22,7 @@ from turning_env.physics.quantities import COMMANDED, END, OVERRIDE, PART, SET_P
 from turning_env.physics.report import clear_sums, finish_step
 from turning_env.physics.sensors import follow_process, read_sensors
 from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
-from turning_env.physics.spindle import allowed_share, heat_up, idle_power, limit_varies
+from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import tangle
 from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, with_phases
@@ -78,7 +78,7 @@ def run_step(state, work, report, actions, count, p):
             if actions[i, -1] > 0.0:
                 charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
                 change_edge(state, report, i, p, 0.0)
-    by_equivalent_time, varies = p.wear_rule == EQUIVALENT_TIME, limit_varies(p, count)
+    by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
     passes = 1
     if p.action == PART:
         for i in range(count):
@@ -104,7 +104,7 @@ def run_step(state, work, report, actions, count, p):
             work.chip_remains[i] = 0.0
             work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
         for _ in range(p.sub_steps):
-            if run_sub_step(state, work, report, count, p, varies) > 0:
+            if run_sub_step(state, work, report, count, p) > 0:
                 replace_failed_edges(state, work, report, count, p, by_equivalent_time)
         for i in range(count):
             charge_time_and_life(state, work, report, i, p, by_equivalent_time)
@@ -153,11 +153,8 @@ def command(state, work, actions, count, p):
 
 
 @compiled_separately
-def run_sub_step(state, work, report, count, p, varies):
-    """Run one sub-step, not beyond the end of the job; return the number of environments with a worn-out or broken edge.
-
-    ``varies``: whether limits of power do (``spindle.limit_varies``).
-    """
+def run_sub_step(state, work, report, count, p):
+    """Run one sub-step, not beyond the end of the job; return the number of environments with a worn-out or broken edge."""
     if p.delays_commands:
         for i in range(count):
             follow_late_command(state, work, i, p)
@@ -210,7 +207,7 @@ def run_sub_step(state, work, report, count, p, varies):
     break_failing_edges(state, work, count, p)
     if p.chips_tangle:
         tangle(state, work, count, p)
-    failed, stops = 0, p.action != PART
+    failed, stops, varies = 0, p.action != PART, p.heats or p.has_base_speed
     for k in range(p.further_limits):
         for i in range(count):
             excess = excess_over_further_limit(p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i])

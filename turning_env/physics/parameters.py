@@ -102,14 +102,9 @@ def _timeless(s: Scenario) -> bool:
     return s.control.edge_changes == "end"
 
 
-def _lost(s: Scenario, name: str) -> float:
+def _lost(s: Scenario, name: str) -> Any:
     """Return a time of the economics [min] that counts in a price, because it does not pass."""
-    time: float = getattr(s.economics, name)
-    return time if _timeless(s) else 0.0
-
-
-def _capacity_per_speed(s: Scenario) -> Any:
-    return 1.0 / s.base_cutting_speed if np.all(s.base_cutting_speed) else np.inf
+    return getattr(s.economics, name) if _timeless(s) else 0.0
 
 
 def _further_laws(s: Scenario) -> Any:
@@ -158,8 +153,9 @@ PARAMETERS = (
     P("steps_late", "-", "steps by which commands act late", lambda s: s.machine.command_delay / s.control.interval),
     P("reachable_cutting_speed", "m/min", "highest cutting speed at the diameter", lambda s: s.cutting_speed_max),
     P("idle_power_per_speed", "kW min/m", "idle power over cutting speed", lambda s: idle_power_at(s, 1.0)),
-    P("capacity_per_speed", "min/m", "available over rated power per cutting speed, below the base speed", _capacity_per_speed),
+    P("capacity_per_speed", "min/m", "capacity over low speeds", lambda s: 1.0 / np.maximum(s.base_cutting_speed, 1e-9)),
     P("heats", "-", "a cold motor may be overloaded", lambda s: s.spindle.short_time_load > 1, np.bool_),
+    _any("has_base_speed", "the available power depends on the speed", "spindle.base_speed"),
     P("reads_torque", "-", "the load is a share of torque", lambda s: s.spindle.reading == "torque", np.bool_),
     P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
     P("no_load_current", "A", "servo current without force, at rest", _no_load_current),

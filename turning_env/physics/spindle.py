@@ -37,15 +37,6 @@ def idle_power(p, i, cutting_speed):
 
 
 @compiled
-def limit_varies(p, count):
-    """Return whether an environment's limit of power depends on the speed or the motor's heat."""
-    varies = False
-    for i in range(count):
-        varies |= (p.capacity_per_speed[i] < np.inf) | (p.short_time_load[i] > 1.0)
-    return varies
-
-
-@compiled
 def allowed_share(state, i, p):
     """Return the power that is allowed now over the limit of power [-]."""
     short_time = p.short_time_load[i] if state.spindle_heat[i] < 1.0 else 1.0

@@ -20,7 +20,7 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError, model_validator
+from pydantic import NonNegativeFloat, PositiveFloat, ValidationError, model_validator
 
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
@@ -46,9 +46,9 @@ class Distribution(Section):
     """A distribution of one of four kinds, given by two numbers."""
 
     uniform: tuple[float, float] | None = None  # lowest and highest value
-    log_uniform: tuple[float, float] | None = None  # likewise, above 0
-    normal: tuple[float, float] | None = None  # mean and standard deviation
-    log_normal: tuple[float, float] | None = None  # median, above 0, and standard deviation of the logarithm
+    log_uniform: tuple[PositiveFloat, float] | None = None  # likewise
+    normal: tuple[float, NonNegativeFloat] | None = None  # mean and standard deviation
+    log_normal: tuple[PositiveFloat, NonNegativeFloat] | None = None  # median, and standard deviation of the logarithm
 
     @property
     def _given(self) -> list[tuple[str, tuple[float, float]]]:
@@ -60,12 +60,8 @@ class Distribution(Section):
             names = ", ".join(name for name, _ in given) or "none"
             raise ValueError(f"must have one of {', '.join(Distribution.model_fields)}, but has {names}")
         ((name, (first, second)),) = given
-        if name.startswith("log_") and first <= 0:
-            raise ValueError(f"{name} is [{first}, {second}], but its first number must be above 0")
         if "uniform" in name and first > second:
             raise ValueError(f"{name} is [{first}, {second}], but the lowest value must not exceed the highest")
-        if "normal" in name and second < 0:
-            raise ValueError(f"{name} is [{first}, {second}], but a standard deviation is 0 or more")
         return self
 
     def values(self, uniforms: tuple[Array, Array]) -> Any:
@@ -302,8 +298,7 @@ class Family(Section):
             names = ", ".join(self.shown) or "no values"
             raise ValueError(f"the context of family {self.name!r} needs {names}, got {dict(shown)}")
         nominal = scenario.nominal()
-        context: Array = self.context(features(nominal, plan_of(nominal, 1)) | dict(shown))[0]
-        return context
+        return self.context(features(nominal, plan_of(nominal, 1)) | dict(shown)).ravel()
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:

@@ -45,10 +45,9 @@ class Loads:
     """
 
     def __init__(self, s: Scenario, count: int) -> None:
-        shares = np.linspace(0.0, 1.0, _GRID)
         self._s = s
-        self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, shares, count)[:, :, None]
-        self._log_feed = _span(*s.feed_range, shares, count)[:, None, :]
+        self._log_speed = _span(s.machine.cutting_speed_min, s.cutting_speed_max, count)[:, :, None]
+        self._log_feed = _span(*s.feed_range, count)[:, None, :]
         self.speed, self.feed = exp(self._log_speed), exp(self._log_feed)
         self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
         wear = log_response_at(s, "wear", 0.0)
@@ -93,8 +92,7 @@ class Plan:
     feed: Array  # [mm/rev]
     life: Array  # life of an edge that cuts so [min]
     feasible: NDArray[np.bool_]  # whether any set point is within the limits
-    removal_rate: Array
-    """Highest sustained removal rate [cm3/min] of one set point, edge changes and their price included; shape (scenarios,)."""
+    removal_rate: Array  # highest that one set point sustains [cm3/min], edge changes and their price included; (scenarios,)
 
 
 def plan_of(s: Scenario, count: int) -> Plan:
@@ -120,10 +118,10 @@ def _wide(value: Any) -> Any:
     return np.reshape(value, (-1, 1, 1))
 
 
-def _span(low: Any, high: Any, shares: Array, count: int) -> Array:
-    """Return logarithms between those of two ends, shape (scenarios, shares)."""
+def _span(low: Any, high: Any, count: int) -> Array:
+    """Return the logarithms of the grid between two ends, shape (scenarios, ``_GRID``)."""
     low, high = np.reshape(log(low), (-1, 1)), np.reshape(log(high), (-1, 1))
-    return np.broadcast_to(low + shares * (high - low), (count, len(shares)))
+    return np.broadcast_to(low + np.linspace(0.0, 1.0, _GRID) * (high - low), (count, _GRID))
 
 
 def features(s: Scenario, plan: Plan) -> dict[str, Array]:

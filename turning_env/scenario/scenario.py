@@ -75,14 +75,11 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def merged(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+def merged(base: Any, values: Any) -> Any:
     """Return the base's values, overwritten entry by entry, also in nested tables."""
-    both = {
-        key: merged(base[key], value)
-        for key, value in values.items()
-        if isinstance(value, dict) and isinstance(base.get(key), dict)
-    }
-    return base | values | both
+    if not (isinstance(base, dict) and isinstance(values, dict)):
+        return values
+    return base | {key: merged(base.get(key), value) for key, value in values.items()}
 
 
 NominalModel = Annotated[

@@ -7,7 +7,7 @@ a neutral default, because the values that differ from the defaults identify a s
 
 from typing import Literal, Self
 
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.section import Section, quantity
@@ -35,17 +35,6 @@ class Material(Section):
         coefficient=0.30338170, cutting_speed=0.820, feed=0.627, depth_of_cut=0.95, wear=0.342, hardness=0.75
     )
     """Spindle power [kW]. Exponents of depth of cut and hardness: assumptions."""
-
-    @model_validator(mode="after")
-    def _factors_known(self) -> Self:
-        if self.wear.time <= 0:
-            raise ValueError(f"wear.time is {self.wear.time}, but wear must grow with time: above 0, to 10")
-        if self.wear.wear != 0:
-            raise ValueError(f"wear.wear is {self.wear.wear}, but the fresh-edge wear law cannot depend on wear: only 0")
-        for name, law in (("thrust_force", self.thrust_force), ("power", self.power)):
-            if law.time != 0:
-                raise ValueError(f"{name}.time is {law.time}, but {name} depends on time through wear alone: only 0")
-        return self
 
 
 class Tool(Section):
@@ -77,12 +66,6 @@ class EdgeFailure(Section):
     built_up_speed: float = quantity(60, 0.1, 5000, "m/min", "cutting speed at which edges build up most (assumption)")
     built_up_width: float = quantity(0.25, 0.01, 3, "-", "log width of the range of speed in which edges build up (assumption)")
     notch_growth: float = quantity(0, 0, 20, "-", "notch of a worn-out edge over that which breaks a usual one; 0: none")
-
-    @model_validator(mode="after")
-    def _temperature_without_time(self) -> Self:
-        if self.temperature.time != 0:
-            raise ValueError(f"temperature.time is {self.temperature.time}, but temperature depends on time through wear: only 0")
-        return self
 
 
 class Swarf(Section):
@@ -275,13 +258,6 @@ class Economics(Section):
     insert_price: float = quantity(0, 0, 1e9, "money", "price of an insert; 0: edge_cost of machine time per edge")
     edges_per_insert: float = quantity(4, 1, 100, "edges", "usable edges of an insert")
 
-    @field_validator("currency")
-    @classmethod
-    def _currency_short(cls, value: str) -> str:
-        if not 1 <= len(value) <= 8 or not value.isprintable():
-            raise ValueError(f"{value!r} is not allowed: only 1 to 8 printable characters")
-        return value
-
 
 NO_LIMIT = 1e-12
 """Coefficient of a further limit that is none."""
@@ -295,15 +271,6 @@ class FeedLimit(PowerLaw):
 
     coefficient: float = quantity(NO_LIMIT, NO_LIMIT, 1e12, "response", "response at f = d/d0 = H = 1; at the default, no limit")
     most: float = quantity(1.0, 1e-9, 1e9, "response", "largest allowed response")
-
-    @model_validator(mode="after")
-    def _bounds_the_feed(self) -> Self:
-        for name in ("cutting_speed", "time", "wear"):
-            if (exponent := getattr(self, name)) != 0:
-                raise ValueError(f"{name} is {exponent}, but a further limit depends on feed, depth of cut and hardness: only 0")
-        if self.bounds and self.feed <= 0:
-            raise ValueError(f"feed is {self.feed}, but a further limit must bound the feed: above 0, to 10")
-        return self
 
     @property
     def bounds(self) -> bool:

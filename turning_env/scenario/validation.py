@@ -21,6 +21,14 @@ _SPREADS = 10.0  # largest deviation from the mean in standard deviations
 _MIN_DEPTH = 1e-6  # [mm], as in the transition
 _MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
 
+_FURTHER = ("limits.radial_force", "limits.torque", "limits.roughness")
+_LEFT_OUT = {
+    "material.wear": ("wear", "is that of a fresh edge"),
+    **dict.fromkeys(("material.thrust_force", "material.power", "edge_failure.temperature"), ("time", "has time through wear")),
+    **dict.fromkeys(_FURTHER, ("cutting_speed time wear", "depends on feed, depth of cut and hardness")),
+}
+"""Exponents that laws leave out, and why."""
+
 Span = tuple[float, float]  # lowest and highest natural logarithm
 
 
@@ -62,7 +70,20 @@ def complaints(s: "Scenario") -> Iterator[str]:
         yield 'sensors.probe is true, but blanks are only probed where control.action is "part"'
     if s.sensors.inspects_edges and control.edge_changes == "end":
         yield 'sensors.inspects_edges is true, but no edge is taken out where control.edge_changes is "end"'
-    yield from _laws_out_of_range(s)
+    if not 1 <= len(s.economics.currency) <= 8 or not s.economics.currency.isprintable():
+        yield f"economics.currency is {s.economics.currency!r}, but must have 1 to 8 printable characters"
+    for name, (left_out, why) in _LEFT_OUT.items():
+        for factor in left_out.split():
+            if (exponent := attrgetter(f"{name}.{factor}")(s)) != 0:
+                yield f"{name}.{factor} is {exponent}, but this law {why} alone: only 0"
+    for name in _FURTHER:
+        limit = attrgetter(name)(s)
+        if limit.bounds and limit.feed <= 0:
+            yield f"{name}.feed is {limit.feed}, but a further limit must bound the feed: above 0, to 10"
+    if s.material.wear.time <= 0:
+        yield f"material.wear.time is {s.material.wear.time}, but wear must grow with time: above 0, to 10"
+    else:
+        yield from _laws_out_of_range(s)
 
 
 def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
@@ -97,8 +118,8 @@ def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
         _, most = _log_span(law, factors | {"wear": wear})
         least, _ = _log_span(law, factors | {"wear": (criterion + exponent * min(least_life, 0.0), wear[1])})
         yield from _judged(f"material.{name}", unit, least, most)
-    for name in ("radial_force", "torque", "roughness"):
-        yield from _judged(f"limits.{name}", "", *_log_span(getattr(scenario.limits, name), factors))
+    for name in _FURTHER:
+        yield from _judged(name, "", *_log_span(attrgetter(name)(scenario), factors))
 
 
 def _judged(name: str, unit: str, least: float, most: float) -> Iterator[str]:
