@@ -34,7 +34,7 @@ class OnnxPolicy:
         try:
             results = self._session.run(None, fed)
         except Exception as error:  # ONNX Runtime's errors have no common type
-            raise ValueError(f"the agent cannot act on these observations: {first_line(error)}") from error
+            raise ValueError(f"the agent cannot act on {observations.shape[1]} entries: {first_line(error)}") from error
         found = dict(zip((output.name for output in self._session.get_outputs()), results, strict=True))
         action: Floats = found["action"]
         remembered: Floats = found.get("next_memory", memory)

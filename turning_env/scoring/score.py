@@ -91,9 +91,9 @@ class Score:
         """Return rank, return, difference from the next-ranked policy, and feasibility, for people."""
         ranked = [each for each in self.comparisons if each.kind != "oracle"]
         parts = [f"rank {self.rank} of {self.ranked}", f"return {_interval(self.mean_return)}"]
-        for each in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
-            parts.append(f"{_interval(each.ahead, '+')} against {each.name}")
-        parts.append("feasible" if self.feasible else f"not feasible: {self.severe_share:.1%} of cutting time in overload")
+        parts += [f"{_interval(one.ahead, '+')} against {one.name}" for one in ranked[self.rank - 1 : self.rank] or ranked[-1:]]
+        infeasible = f"not feasible: {self.severe_share:.1%} of cutting time in overload, the interval's end above the allowance"
+        parts.append("feasible" if self.feasible else infeasible)
         return ", ".join(parts)
 
 
