@@ -116,6 +116,12 @@ def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | No
         score(policy, env_id, seeds)
 
 
+def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
+    (tmp_path / "me.zip").write_bytes(b"PK")
+    with pytest.raises(ValueError, match=r"python -m train\.export"):
+        score(tmp_path / "me.zip", OVERRIDE, 2)
+
+
 def test_the_command_prints_the_rank(expected: Score, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", f"{__name__}:full_feed", "--env", PAPER, "--seeds", "4", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["rank"] == expected.rank
