@@ -18,8 +18,8 @@ ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.
 WRITTEN = (DOCS / "papers" / "index.md", DOCS / "figures" / "README.md")  # by python -m papers.reproduce and papers.figures
 UNCOUNTED = re.compile(r"^(?:```.*?^```|<!-- [^\n]*-->)$(?:\n\n(?:\|[^\n]*\n)+)?", re.MULTILINE | re.DOTALL)
 """Code, comments, and tables that a command right above them prints."""
-# This suite itself, and the installation of what is under test.
-ELSEWHERE = ("make test", "pip install")
+# This suite itself, the installation of what is under test, and tables, which tests/test_tables.py prints.
+ELSEWHERE = ("make test", "pip install", "python -m leaderboard show --results leaderboard/results --")
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
