@@ -229,7 +229,7 @@ class _Board:
             training_seeds=tuple(sorted(each.policy.training_seed or 0 for each in self.groups[name] if policy.kind == "agent")),
             feasible=severe_limit <= scenario.limits.overload_allowance,
             mean_return=Estimate.of(float(np.mean(returns)), self.means[name]),
-            interquartile_return=Estimate.of(interquartile_mean(returns.ravel()), interquartile),
+            interquartile_return=Estimate.of(interquartile_mean(returns.ravel()).item(), interquartile),
             severe_share=_share(severe, engaged),
             severe_limit=severe_limit,
             best_rule=best_rule,
@@ -310,7 +310,7 @@ class _Board:
             low, high = returns[NOMINAL_OPTIMUM].mean(axis=0), returns[CAUSAL].mean(axis=0)
             scores = (returns[name] - low) / (high - low)
             middle = self.bootstrap.interquartile_means(scores, name)
-            found["job_score"] = Estimate.of(interquartile_mean(scores.ravel()), middle)
+            found["job_score"] = Estimate.of(interquartile_mean(scores.ravel()).item(), middle)
         true = {each: float(returns[each].mean()) for each, group in self.groups.items() if group[0].policy.knows == "true_laws"}
         return found | {"over_truth": self._difference(name, highest(true))}
 

@@ -54,8 +54,9 @@ class Bootstrap:
 
     def interquartile_means(self, values: Floats, policy: str) -> Floats:
         """Return the interquartile mean of a policy's values in each resample: see ``means``."""
-        resamples = zip(self._training_seeds(policy, len(values)), self._seeds, strict=True)
-        return np.array([interquartile_mean(values[np.ix_(*picks)].ravel()) for picks in resamples])
+        rows, columns = self._training_seeds(policy, len(values))[:, :, None], self._seeds[:, None, :]
+        chunks = (values[rows[k : k + 100], columns[k : k + 100]] for k in range(0, RESAMPLES, 100))  # to bound memory
+        return np.concatenate([interquartile_mean(chunk.reshape(len(chunk), -1)) for chunk in chunks])
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
         """Return the one-sided upper confidence limit of ``severe_share`` [-]; arguments of shape (training seeds, seeds)."""
@@ -77,10 +78,10 @@ def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float
     return kind == "oracle", not feasible, -merit
 
 
-def interquartile_mean(values: Floats) -> float:
-    """Return the mean of values, shape (values,), without the lowest and highest quarter, each rounded down."""
-    cut = len(values) // 4
-    return float(np.mean(np.sort(values)[cut : len(values) - cut]))
+def interquartile_mean(values: Floats) -> Floats:
+    """Return the mean over the last axis without its lowest and highest quarter, each rounded down."""
+    cut = values.shape[-1] // 4
+    return np.asarray(np.mean(np.sort(values)[..., cut : values.shape[-1] - cut], axis=-1))
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:
