@@ -30,7 +30,7 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
 
 
 class Shared:
-    """What the single environment and the vector environment share: a batch, its specification and its viewer."""
+    """Base of the single environment and the vector environment: a batch, its specification and its viewer."""
 
     _spec: EnvSpec | None = None
     _viewer: Any = None  # turning_render's

@@ -17,7 +17,7 @@ Context = Literal["told", "hidden"]
 
 
 class OfFamily(Shared):
-    """What environments that play the jobs of a family share."""
+    """Base of environments that play the jobs of a family."""
 
     def _jobs(self, family: FamilySource, split: str, context: Context) -> Jobs:
         if context not in get_args(Context):
