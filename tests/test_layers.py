@@ -110,7 +110,7 @@ LINES = {
     "turning_nc": 3814,
     "turning_control": 1500,
     "baselines": 4136,
-    "train": 3794,
+    "train": 3793,
     "leaderboard": 3237,
     "papers": 2485,
     "studies": 1998,

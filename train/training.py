@@ -250,9 +250,8 @@ def add_task(parser: argparse.ArgumentParser) -> None:
 def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> int:
     """Run an algorithm's command line: train one agent for one training seed; print its path and return the exit status."""
     program = f"python -m train.{algorithm.name}"
-    parser = argparse.ArgumentParser(
-        prog=program, **described(importlib.import_module(program.removeprefix("python -m ")).__doc__)
-    )
+    module = importlib.import_module(f"train.{algorithm.name}")
+    parser = argparse.ArgumentParser(prog=program, **described(module.__doc__))
     add_task(parser)
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
     parser.add_argument("--steps", type=int, help="environment steps of the training; short for --set steps=N")
