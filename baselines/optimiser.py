@@ -13,20 +13,18 @@ strength, and the lags and noise of drives and sensors.
 """
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from baselines.models import feed_search
-from baselines.models.edge_value import USED_LIVES, worth
+from baselines.models.edge_value import PRICED_SPREAD, numbers, price_life
 from baselines.models.kalman_steps import decay
 from baselines.models.load_filter import LoadFilter, Outlook, records
 from baselines.rule import Array, Mask, Range, Rule, Scenarios
-from turning_env import PowerLaw, Reading, Scenario, read
+from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
-from turning_env.physics.spindle import idle_power_at
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
@@ -42,6 +40,8 @@ class Optimiser(Policy):
     ``severity``: factor on the price of overload [-]; ``caution``: on the standard deviations of force and power;
     ``wear_caution``: on that of the wear at which an edge may soon be worn out; ``errors``: ``LawErrors`` to expect, or None.
     """
+
+    _priced_spread = PRICED_SPREAD
 
     def __init__(
         self, scenario: Scenarios, num_envs: int, severity: float, caution: float, wear_caution: float = 1.0, errors: Any = None
@@ -70,18 +70,16 @@ class Optimiser(Policy):
     def _observe(self, reading: Reading) -> None:
         self._filter.observe(reading)
 
-    @cached_property
-    def _prices(self) -> Array:
-        """Price of a whole life [s], shape (scenarios, used lives)."""
-        return np.array([worth(each, self._severity * each.economics.overload_price).life for each in self._scenarios])
-
     def _price(self, used_life: Array) -> Array:
-        """Return the price of a life [s] at used shares, shape (num_envs,)."""
-        table = np.arange(len(used_life)) % len(self._prices)
-        position = np.clip(used_life * len(USED_LIVES) - 1.0, 0.0, len(USED_LIVES) - 1.0)
-        place = np.minimum(position.astype(np.int64), len(USED_LIVES) - 2)
-        low, high = (self._prices[table, place + step] for step in (0, 1))
-        return np.asarray(low + (position - place) * (high - low))
+        """Return the price of a life [s] at used shares, shape (num_envs,), by the laws as the filter knows them."""
+        laws, exponents, errors = self._life_rate(), self._filter.exponents.T, self._filter.load_errors
+        spreads = self._priced_spread * self._parameters["spreads"].T
+        for law, name in enumerate(("force", "power")):
+            speed, feed, wear = exponents[:, law]
+            laws += [self._parameters[name] + spreads[law] + errors[law], speed, feed, self._parameters["wear_time"] * wear]
+        found = np.empty((len(used_life), 2))
+        price_life(self._parameters, np.stack(np.broadcast_arrays(*laws), axis=1), used_life, found)
+        return found[:, 1]
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
@@ -153,36 +151,6 @@ def column(value: Any) -> Any:
     return np.reshape(value, (-1, 1))
 
 
-def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
-    """Return what ``feed_search.py`` and ``edge_value.py`` must know of a scenario."""
-    material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
-
-    def at_one(law: PowerLaw, limit: float) -> float:
-        """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion."""
-        return float(log(law(1.0, 1.0, scenario.workpiece.depth_of_cut, wear=tool.wear_criterion) / limit))
-
-    wear = material.wear
-    life = at_one(wear, tool.wear_criterion) / wear.time - log(60.0)
-    return {
-        "life": (life, wear.cutting_speed / wear.time, wear.feed / wear.time),  # of the log used life [1/s]
-        "force": at_one(material.thrust_force, limits.thrust_force),
-        "power": at_one(material.power, limits.power),
-        "wear_time": wear.time,
-        "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
-        "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
-        "overload_price": severity * economics.overload_price,
-        "interval": scenario.control.interval,
-        "slowest": log(scenario.machine.cutting_speed_min),
-        "fastest": log(scenario.cutting_speed_max),
-        "lowest": log(scenario.feed_range[0]),
-        "highest": log(scenario.feed_range[1]),
-        "metal": scenario.workpiece.depth_of_cut / economics.reference_removal_rate,
-        "idle": idle_power_at(scenario, 1.0) / limits.power,
-        "edge_cost": 60.0 * economics.edge_cost,
-        "edge_change_time": 60.0 * economics.edge_change_time,
-    }
-
-
 def plays(scenario: Scenario) -> bool:
     """Return whether an action sets speed and feed, and force and power are measured."""
     return sets_speed_and_feed(scenario) and scenario.sensors.force == "dynamometer"
@@ -203,4 +171,4 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
 
 
 DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
-RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=5)}
+RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=6)}

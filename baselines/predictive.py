@@ -72,4 +72,4 @@ class Predictive(Optimiser):
 
 
 DESCRIPTION = "the optimiser with foresight: it slows before it enters an unmeasured bar"
-RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=5)}
+RULES = {"predictive": optimising(DESCRIPTION, Predictive, version=6)}

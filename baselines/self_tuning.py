@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from baselines import law_errors
-from baselines.models.edge_value import price_life
 from baselines.optimiser import optimising, plays
 from baselines.predictive import Predictive
 from baselines.rule import Array, Mask, Scenarios
@@ -28,6 +27,8 @@ class SelfTuning(Predictive):
     Attributes, shape (num_envs,), can be set before every action: ``top_speed``, the highest cutting speed over the machine's,
     and ``change_at``, the used life at which edges are changed, if not before. A schedule, where there are forms, replaces them.
     """
+
+    _priced_spread = 0.0  # its filter follows the bars that an edge has cut
 
     def __init__(
         self, scenario: Scenarios, num_envs: int, top_speed: float = 1.0, change_at: float = 1.0, **others: float
@@ -46,15 +47,6 @@ class SelfTuning(Predictive):
     def _life_rate(self) -> list[Array]:
         errors = self._filter.wear_errors / self._scenario.material.wear.time
         return [nominal + error for nominal, error in zip(super()._life_rate(), errors, strict=True)]
-
-    def _price(self, used_life: Array) -> Array:
-        laws, exponents, errors = self._life_rate(), self._filter.exponents.T, self._filter.load_errors
-        for law, name in enumerate(("force", "power")):
-            speed, feed, wear = exponents[:, law]
-            laws += [self._parameters[name] + errors[law], speed, feed, self._parameters["wear_time"] * wear]
-        prices = np.empty(len(used_life))
-        price_life(self._parameters, np.stack(laws, axis=1), used_life, prices)
-        return prices
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         spent = super()._spent(reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price))

@@ -74,7 +74,7 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
         known.append(
             PolicySpec(
                 name=CAUSAL,
-                version=perfect_state.version_on(nominal),
+                version=perfect_state.VERSION,
                 kind="oracle",
                 description="the optimiser with foresight, told the true depth, hardness and wear after every step",
                 make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),

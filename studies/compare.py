@@ -26,7 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tqdm import tqdm
 
 from baselines import catalogue
-from baselines.oracles.perfect_state import version_on
+from baselines.oracles.perfect_state import VERSION
 from leaderboard.__main__ import positive
 from leaderboard.family import CAUSAL, FamilyPlay, Truthful
 from leaderboard.table import markdown
@@ -221,7 +221,7 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
         kept.append(home.digest())
         if variant.policy:
             rule, first = catalogue.RULES.get(variant.policy), home.job(0).scenario
-            kept.append(rule.version if rule else version_on(first))
+            kept.append(rule.version if rule else VERSION)
             told = "" if variant.policy == CAUSAL else variant.true_fields
             plays = FamilyPlay(home if told is None else Truthful.of(home, told), split, variant.policy, False, variant.settings)
             found = partial(plays, first, jobs, lambda ended: None)

@@ -92,7 +92,7 @@ def edge_price(scenario: Scenario) -> float:
 
 def flat_prices(scenario: Scenario) -> Worth:
     """Return the prices of time and life, with life at the flat price of the reward."""
-    prices = worth(scenario, scenario.economics.overload_price)
+    prices = worth(scenario)
     return prices._replace(life=np.full(len(USED_LIVES), edge_price(scenario)))
 
 
@@ -122,7 +122,7 @@ class ModelGain:
         self._reference = _tensor(economics.reference_removal_rate)
         if prices is None:
             job_ends_first = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
-            prices = flat_prices(scenario) if job_ends_first else worth(scenario, economics.overload_price)
+            prices = flat_prices(scenario) if job_ends_first else worth(scenario)
         self._time_price = _tensor(prices.time)
         self._prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
         self._stop = _tensor(60.0 * economics.unplanned_stop * prices.time)

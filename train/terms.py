@@ -62,7 +62,7 @@ class ShapedVecEnv(RoughTurningVecEnv):
         self._potentials = self._price * self._used_lives
         self._at_end = 0.0
         if life_price == "marginal":
-            prices = worth(scenario, scenario.economics.overload_price).life
+            prices = worth(scenario).life
             self._potentials -= np.concatenate([[0.0], np.cumsum(prices) / len(prices)])
             self._at_end = float(self._potentials[-1])
 

@@ -6,41 +6,36 @@ life, the set point maximises
 
     value of metal - time - overload - p(D) dD/dt
 
-where p(D) is the price at which the best set points, averaged over bars, gain nothing. This is dynamic programming over D, with
-one equation per D, because the used life only grows (Bellman 1957). The charged price does not enter, because a whole edge costs
-the same under every policy. A slower or faster insert needs no other price if dD is counted at the nominal rate.
+where p(D) is the price at which the best set point gains nothing:
+
+    p(D) = max over cutting speeds of (value of metal less overload - price of time) / life used per time
+
+This is dynamic programming over D, with one equation per D, because the used life only grows (Bellman 1957). The charged price
+does not enter, because a whole edge costs the same under every policy. A slower or faster insert needs no other price if dD is
+counted at the nominal rate. Bars are as expected, and the feed is the highest that keeps the loads within their limits, or the
+nearest that the chip breaker allows.
 
 If edges are changed and time is limited, a second costs what it could earn elsewhere: at that price of time, a whole edge just
 pays for itself, its change and their time. If they are changed on command, worthless life need not be used: the price is at least
 0, and the best time to change the edge is when it reaches 0.
-
-``price_life`` prices life by laws that a filter estimates, in every step. Bars are then as expected, and the feed is the highest
-that keeps the loads within their limits, or the nearest that the chip breaker allows:
-
-    p(D) = max over cutting speeds of (value of metal less overload - price of time) / life used per time
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.models.normal import excess
+from baselines.models.load_filter import records
 from baselines.rule import Array
-from turning_env import Scenario
+from turning_env import PowerLaw, Scenario
 from turning_env.numerics.compilation import compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
-from turning_env.physics.spindle import capacity_at
-from turning_env.scenario.power_law import log_response
+from turning_env.physics.spindle import idle_power_at
 
-USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which the price is computed
-SPREAD = 0.03  # log standard deviation of force and power about their estimates (assumption: similar to a filter's)
-_SETTINGS = (40, 60)  # cutting speeds and feeds that are tried
-_ITERATIONS = 30  # of Dinkelbach's, which converges faster than linearly
-_MAX_TIME_PRICE = 100.0
-
-LIVES = 6  # number of used shares of the life at which price_life prices it, beside the present one
-SPEEDS = 24  # number of cutting speeds that it compares, evenly spaced on a logarithmic scale
+USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which the price is tabulated
+PRICED_SPREAD = 0.6  # standard deviations over bars that loads lie above the expected, at known laws [-] (found on tuning seeds)
+LIVES = 6  # number of used shares of the life over which the price of time is found
+SPEEDS = 24  # number of cutting speeds that are compared, evenly spaced on a logarithmic scale
 NEWTON_STEPS = 8
 MIN_EXPONENT = 0.1  # least exponent of the feed in a load [-]
 MIN_CAPACITY = 1e-3  # least power of the spindle, less idle power, over the limit [-]
@@ -56,103 +51,64 @@ class Worth(NamedTuple):
 
 
 @lru_cache(maxsize=1024)
-def worth(scenario: Scenario, overload_price: float) -> Worth:
-    """Return the prices of time and life, whose array is cached, for a price of overload [s per s and relative excess of 1]."""
-    value, rate, weight = _outcomes(scenario, overload_price)
-    least = 0.0 if scenario.control.edge_changes == "commanded" else -np.inf
-
-    def prices(time_price: float) -> Array:
-        found = np.empty(len(value))
-        break_even(value - time_price, rate, weight, found)
-        return np.maximum(found, least)
-
-    if scenario.control.edge_changes == "end":
-        return Worth(1.0, prices(1.0))
-    edge, change = scenario.economics.edge_cost, scenario.economics.edge_change_time
-
-    def gain_of_an_edge(time_price: float) -> float:
-        return float(prices(time_price).mean()) - 60.0 * (edge + time_price * change)
-
-    time_price = 0.0  # the edge does not even pay for itself
-    if gain_of_an_edge(0.0) > 0.0:
-        from scipy.optimize import brentq  # takes as long as most other imports of the catalogue
-
-        most = min(_MAX_TIME_PRICE, float(value.max()) + 1.0)
-        time_price = float(brentq(gain_of_an_edge, 0.0, most, xtol=1e-3))
-    return Worth(time_price, prices(time_price))
+def worth(scenario: Scenario) -> Worth:
+    """Return the prices of time and life by the scenario's own laws; the array is cached."""
+    parameters = records([numbers(scenario, 1.0)])
+    own, found = parameters[0], np.empty((len(USED_LIVES), 2))
+    material, time = scenario.material, scenario.material.wear.time
+    laws = list(own["life"])
+    for law, at_one, spread in zip((material.thrust_force, material.power), (own["force"], own["power"]), own["spreads"], strict=True):
+        laws += [at_one + PRICED_SPREAD * spread, law.cutting_speed, law.feed, law.wear * time]
+    price_life(parameters, np.tile(laws, (len(found), 1)), USED_LIVES, found)
+    return Worth(float(found[0, 0]), found[:, 1])
 
 
-def _outcomes(scenario: Scenario, overload_price: float) -> tuple[Array, Array, Array]:
-    """Return the value of metal less overload [-] and the life used [1/s], for used lives, bars and set points, and bar weights.
+def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
+    """Return what ``feed_search.py`` and this file must know of a scenario; ``severity``: factor on the price of overload [-]."""
+    material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
+    work, changes = scenario.workpiece, scenario.control.edge_changes
+    depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
+    hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
 
-    Bars are the nodes of a Gauss-Hermite rule of three points for the deviations of depth and of hardness.
-    """
-    machine, material, work, limits = scenario.machine, scenario.material, scenario.workpiece, scenario.limits
-    normals, weights = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
-    deviation = hypotenuse(work.depth_bar_spread, work.depth_along_spread) * normals
-    depth = np.maximum(work.depth_of_cut + deviation, 0.05 * work.depth_of_cut).repeat(3)  # of each bar
-    log_hardness = np.tile(hypotenuse(work.hardness_bar_spread, work.hardness_along_spread) * normals, 3)
-    log_depth, log_wear = log(depth), log(scenario.tool.wear_criterion) + material.wear.time * log(USED_LIVES)
-    log_speed = np.linspace(log(machine.cutting_speed_min), log(machine.cutting_speed_max), _SETTINGS[0])
-    least, most = scenario.feed_range
-    log_feed = np.linspace(log(least), log(most), _SETTINGS[1])
-    log_capacity = log(capacity_at(scenario, exp(log_speed)))
+    def at_one(law: PowerLaw, limit: float) -> float:
+        """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion."""
+        return float(log(law(1.0, 1.0, work.depth_of_cut, wear=tool.wear_criterion) / limit))
 
-    unworn = log_response(material.wear, 0.0, 0.0, log_depth, 0.0, 0.0, log_hardness) - log(scenario.tool.wear_criterion)
-    per_time = 1.0 / material.wear.time
-    along_speed = exp(unworn[:, np.newaxis] * per_time + material.wear.cutting_speed * per_time * log_speed)
-    rate = along_speed[:, :, np.newaxis] * exp(material.wear.feed * per_time * log_feed) / 60.0  # (bars, speeds, feeds)
-    metal = exp(log_speed)[:, np.newaxis] * exp(log_feed) / scenario.economics.reference_removal_rate
-    value = np.broadcast_to(metal * depth[:, np.newaxis, np.newaxis], (len(USED_LIVES), *rate.shape)).copy()
-    for law, limit, room in ((material.thrust_force, limits.thrust_force, 0.0), (material.power, limits.power, log_capacity)):
-        at_one = log_response(law, 0.0, 0.0, log_depth, 0.0, log_wear[:, np.newaxis], log_hardness) - log(limit)
-        charge_overload(overload_price, at_one, law.cutting_speed * log_speed - room, law.feed * log_feed, value)
-    settings = len(depth), -1
-    return value.reshape(len(USED_LIVES), *settings), rate.reshape(settings), np.outer(weights, weights).ravel()
+    wear, loads = material.wear, (material.thrust_force, material.power)
+    life = at_one(wear, tool.wear_criterion) / wear.time - log(60.0)
+    return {
+        "life": (life, wear.cutting_speed / wear.time, wear.feed / wear.time),  # of the log used life [1/s]
+        "force": at_one(material.thrust_force, limits.thrust_force),
+        "power": at_one(material.power, limits.power),
+        # Standard deviations over bars of log force and log power:
+        "spreads": [hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread) for law in loads],
+        "wear_time": wear.time,
+        "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
+        "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
+        "overload_price": severity * economics.overload_price,
+        "interval": scenario.control.interval,
+        "slowest": log(scenario.machine.cutting_speed_min),
+        "fastest": log(scenario.cutting_speed_max),
+        "lowest": log(scenario.feed_range[0]),
+        "highest": log(scenario.feed_range[1]),
+        "metal": work.depth_of_cut / economics.reference_removal_rate,
+        "idle": idle_power_at(scenario, 1.0) / limits.power,
+        "edge_cost": 60.0 * economics.edge_cost,
+        "edge_change_time": 60.0 * economics.edge_change_time,
+        "limits_time": float(changes != "end"),
+        "least_price": 0.0 if changes == "commanded" else -np.inf,  # of life [s]
+    }
 
 
 @compiled_entry
-def charge_overload(price, at_one, along_speed, along_feed, value):
-    """Subtract the price of a load's expected excess over its limit from the ``value`` [-], shape (lives, bars, speeds, feeds).
-
-    The log load over the limit is ``at_one``, shape (lives, bars), at 1 m/min and 1 mm/rev; speeds and feeds add to it.
-    """
-    for life in range(value.shape[0]):
-        for bar in range(value.shape[1]):
-            for i in range(value.shape[2]):
-                log_load = at_one[life, bar] + along_speed[i]
-                for k in range(value.shape[3]):
-                    value[life, bar, i, k] -= price * excess(log_load + along_feed[k], SPREAD)[0]
-
-
-@compiled_entry
-def break_even(gain, rate, weight, price):
-    """Fill in the price of life [s] at which the best gains, averaged over bars, are 0, for each used life (Dinkelbach 1967).
-
-    Shapes: ``gain`` of set points [-], (lives, bars, set points); ``rate`` of life [1/s], (bars, set points); ``weight`` of bars.
-    """
-    for life in range(gain.shape[0]):
-        price[life], last = price[life - 1] if life > 0 else 0.0, np.inf
-        for _ in range(_ITERATIONS):
-            if price[life] == last:
-                break
-            gained, used = 0.0, 0.0
-            for bar in range(gain.shape[1]):
-                best = best_of(gain[life, bar], rate[bar], price[life])
-                gained += weight[bar] * gain[life, bar, best]
-                used += weight[bar] * rate[bar, best]
-            last, price[life] = price[life], gained / used
-
-
-@compiled_entry
-def price_life(parameters, laws, used_lives, prices):
-    """Fill in the price of life [s] at used shares [-], shape (num_envs,), by estimated laws of the expected bar.
+def price_life(parameters, laws, used_lives, found):
+    """Fill in the prices of time [s] and life [s], shape (num_envs, 2), at used shares [-], by laws of the expected bar.
 
     Their numbers, shape (num_envs, 11), are the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and exponents of speed
     and feed; likewise of force and of power, over their limits at the end of life, and of used life.
     """
     gained, lasts = np.empty((LIVES + 1, SPEEDS)), np.empty((LIVES + 1, SPEEDS))
-    for i in range(len(prices)):
+    for i in range(len(found)):
         p, own = parameters[i % len(parameters)], laws[i]
         life_rate, life_speed, life_feed = own[0], own[1], own[2]
         force, force_speed, force_feed, force_life = own[3], own[4], own[5], own[6]
@@ -169,7 +125,7 @@ def price_life(parameters, laws, used_lives, prices):
                 lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
                 gained[j, k] = (p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)) * lasts[j, k]
         time = 1.0
-        for _ in range(NEWTON_STEPS):
+        for _ in range(NEWTON_STEPS if p.limits_time > 0.0 else 0):
             earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
             for j in range(LIVES):
                 best = best_of(gained[j], lasts[j], time)
@@ -179,7 +135,7 @@ def price_life(parameters, laws, used_lives, prices):
                     slope += lasts[j, best] / LIVES
             time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
         best = best_of(gained[LIVES], lasts[LIVES], time)
-        prices[i] = max(gained[LIVES, best] - time * lasts[LIVES, best], 0.0)
+        found[i, 0], found[i, 1] = time, max(gained[LIVES, best] - time * lasts[LIVES, best], p.least_price)
 
 
 @compiled_separately

@@ -61,7 +61,7 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     truth = Truth(BASE, before, after, np.stack(changed), np.stack(failed))
     log_speed, log_feed = commands.commanded(target, seen)
     given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
-    prices = worth(BASE, BASE.economics.overload_price)
+    prices = worth(BASE)
     unpriced = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
     gain, free = ModelGain(BASE, prices), ModelGain(unpriced, prices)
     dear = ModelGain(BASE, prices._replace(life=prices.life + 1000.0))
