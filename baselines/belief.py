@@ -145,6 +145,21 @@ def with_belief(space: Any) -> Any:
     return Box(np.concatenate([space.low, -limit]), np.concatenate([space.high, limit]), dtype=np.float32)
 
 
+def at_end(observations: Observations, infos: dict[str, Any], ended: Mask) -> Observations:
+    """Return observations, where an episode has ended its last one."""
+    last = observations.copy()
+    last[ended] = np.stack(infos["final_obs"][ended])
+    return last
+
+
+def with_final(infos: dict[str, Any], ended: Mask, seen: Observations) -> dict[str, Any]:
+    """Return infos in which the last observations of ended episodes are those of ``seen``, shape (num_envs, entries)."""
+    final = infos["final_obs"].copy()
+    for index in np.flatnonzero(ended):
+        final[index] = seen[index]
+    return infos | {"final_obs": final}
+
+
 class BeliefPolicy(Policy):
     """A policy that is shown a belief behind the observations."""
 
@@ -205,13 +220,9 @@ class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic 
             _begin(self._belief, env, self._ended, infos)
             self._ended = ended
         elif "final_obs" in infos:
-            last, final = observations.copy(), infos["final_obs"].copy()
-            last[ended] = np.stack(final[ended])
-            seen = self._seen(last, self._all)
-            for index in np.flatnonzero(ended):
-                final[index] = seen[index]
+            infos = with_final(infos, ended, self._seen(at_end(observations, infos, ended), self._all))
             _begin(self._belief, env, ended, infos)
-            return self._seen(observations, ended), rewards, terminated, truncated, infos | {"final_obs": final}
+            return self._seen(observations, ended), rewards, terminated, truncated, infos
         return self._seen(observations, self._all), rewards, terminated, truncated, infos
 
     def _seen(self, observations: Observations, mask: Mask) -> Observations:

@@ -25,7 +25,7 @@ from gymnasium.vector import VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from baselines.belief import VectorBeliefObservation
+from baselines.belief import VectorBeliefObservation, at_end, with_final
 from baselines.models.edge_value import USED_LIVES, worth
 from train.actor import Actor
 from train.agents.agent_file import seen_space
@@ -179,12 +179,8 @@ class ViewObservation(VectorWrapper):  # not subscripted: it is generic only fro
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         ended = terminated | truncated
         if ended.any():
-            last, final, memory = observations.copy(), infos["final_obs"].copy(), self._memory
-            last[ended] = np.stack(final[ended])
-            seen = self._seen(last)
-            for index in np.flatnonzero(ended):
-                final[index] = seen[index]
-            infos = infos | {"final_obs": final}
+            memory = self._memory
+            infos = with_final(infos, ended, self._seen(at_end(observations, infos, ended)))
             self._memory = torch.where(torch.from_numpy(ended).unsqueeze(1), 0.0, memory)
         return self._seen(observations), rewards, terminated, truncated, infos
 
@@ -238,10 +234,8 @@ class HiddenObservation(VectorWrapper):
         """Run one step in every environment."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         if "final_obs" in infos:
-            final, state = infos["final_obs"].copy(), self._state(partial(info_at_end_of_step, infos))
-            for index in np.flatnonzero(terminated | truncated):
-                final[index] = np.append(final[index], state[index])
-            infos = infos | {"final_obs": final}
+            ended, state = terminated | truncated, self._state(partial(info_at_end_of_step, infos))
+            infos = with_final(infos, ended, np.hstack([at_end(observations, infos, ended), state]))
         return np.hstack([observations, self._state(infos.__getitem__)]), rewards, terminated, truncated, infos
 
     def _state(self, info: Callable[[str], Any]) -> NDArray[np.float32]:

@@ -53,12 +53,11 @@ class Worth(NamedTuple):
 @lru_cache(maxsize=1024)
 def worth(scenario: Scenario) -> Worth:
     """Return the prices of time and life by the scenario's own laws; the array is cached."""
-    parameters = records([numbers(scenario, 1.0)])
-    own, found = parameters[0], np.empty((len(USED_LIVES), 2))
-    material, time = scenario.material, scenario.material.wear.time
-    laws = list(own["life"])
-    for law, at_one, spread in zip((material.thrust_force, material.power), (own["force"], own["power"]), own["spreads"], strict=True):
-        laws += [at_one + PRICED_SPREAD * spread, law.cutting_speed, law.feed, law.wear * time]
+    parameters, found = records([numbers(scenario, 1.0)]), np.empty((len(USED_LIVES), 2))
+    own, material = parameters[0], scenario.material
+    laws, at_one = list(own["life"]), np.array([own["force"], own["power"]]) + PRICED_SPREAD * own["spreads"]
+    for law, value in zip((material.thrust_force, material.power), at_one, strict=True):
+        laws += [value, law.cutting_speed, law.feed, law.wear * material.wear.time]
     price_life(parameters, np.tile(laws, (len(found), 1)), USED_LIVES, found)
     return Worth(float(found[0, 0]), found[:, 1])
 

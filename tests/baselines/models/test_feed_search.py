@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from baselines.models import feed_search
+from baselines.models.edge_value import numbers
 from baselines.models.feed_search import outlook, search
 from baselines.models.load_filter import records
-from baselines.models.edge_value import numbers
 from tests.turning_env.playing import changed
 from turning_env import Scenario
 
