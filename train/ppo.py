@@ -163,16 +163,11 @@ def settings(run: Run) -> dict[str, Any]:
 
 
 def new_model(run: Run, vec_env: VecEnv) -> LeanPPO:
-    """Return an untrained model; its first actions vary about 0, or about ``initial_actions`` of the hyperparameters."""
+    """Return an untrained model."""
     values, asymmetric = settings(run), run.parameters.get("asymmetric") is True
     if asymmetric:
         values["policy_kwargs"]["hidden"] = vec_env.get_attr("hidden")[0]
-    model = LeanPPO(AsymmetricPolicy if asymmetric else ActorCriticPolicy, vec_env, **values)
-    means = run.parameters.get("initial_actions", [])
-    last_layer: Any = model.policy.action_net
-    with torch.no_grad():
-        last_layer.bias[: len(means)] = torch.tensor(means)
-    return model
+    return LeanPPO(AsymmetricPolicy if asymmetric else ActorCriticPolicy, vec_env, **values)
 
 
 def network(policy: Any) -> Feedforward:

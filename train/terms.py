@@ -6,6 +6,7 @@ The same hyperparameters mean the same for every algorithm that has them:
     position = true          # readings of the tool's position along the bar (DistanceTracker)
     frames = 4               # number of successive observations, with their positions
     life_price = "marginal"  # "flat": the environment's; "marginal": p(D); "end": the whole edge at its end
+    hides_context = true     # the numbers of a family's nominal models are hidden
     asymmetric = true        # PPO's critic sees the hidden state (HiddenObservation), its actor does not
 
 Position and earlier observations are part of the trained agent and of its file. Who plays an agent with a belief computes that
@@ -34,7 +35,7 @@ from train.model_gain import edge_price
 from train.run import Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.physics.quantities import OBS
+from turning_env.physics.quantities import OBS, layout
 from turning_env.scenario.family import CHUNK
 from turning_env.vector_env import info_at_end_of_step
 
@@ -140,11 +141,12 @@ class View:
     first observation.
     """
 
-    def __init__(self, scenario: Scenario, entries: int, position: bool, frames: int) -> None:
-        """``entries``: number of entries of one observation."""
+    def __init__(self, scenario: Scenario, entries: int, position: bool, frames: int, hidden: int = 0) -> None:
+        """``entries``: number of entries of one observation; ``hidden``: how many after the scenario's own are hidden."""
         self._tracker = DistanceTracker(scenario) if position else None
         self._states = position * DistanceTracker.STATES
-        self._entries = entries + position * DistanceTracker.READINGS
+        self._own, self._hidden = len(layout(scenario)), hidden
+        self._entries = entries - hidden + position * DistanceTracker.READINGS
         self.entries = frames * self._entries
         """Number of entries that the agent sees."""
         self.memory_size = self._states + (frames - 1) * self._entries
@@ -152,6 +154,8 @@ class View:
     def __call__(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """Return the agent's inputs, shape (num_envs, entries), and the next memory."""
         state, frames = memory[:, : self._states], memory[:, self._states :]
+        if self._hidden:
+            observation = torch.cat([observation[:, : self._own], observation[:, self._own + self._hidden :]], dim=1)
         if self._tracker:
             readings, state = self._tracker(observation, state)
             observation = torch.cat([observation, readings], dim=1)
@@ -240,8 +244,8 @@ class HiddenObservation(VectorWrapper):
 
     def _state(self, info: Callable[[str], Any]) -> NDArray[np.float32]:
         states = np.stack([info(name) for name in self.STATES], axis=1) / self._scale
-        errors = [self._errors[info("job").astype(int)]] if self._errors.size else []
-        return np.hstack([states, *errors]).astype(np.float32)
+        errors = self._errors[info("job").astype(int)] if self._errors.size else states[:, :0]
+        return np.hstack([states, errors]).astype(np.float32)
 
 
 LIFE_PRICES = ("flat", "marginal", "end")  # charges for the edge's life
@@ -259,6 +263,7 @@ class Terms:
     frames: int = 1
     life_price: str = "flat"
     asymmetric: bool = False
+    hidden: int = 0  # entries of a family's context that the agent does not see
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
@@ -274,7 +279,8 @@ class Terms:
         names = ("belief", "position", "frames", "life_price", "asymmetric")
         known = {name: run.parameters[name] for name in names if name in run.parameters}
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
-        return cls(run.scenario, entries, run.family is not None, **known)
+        hidden = len(run.parameters["context"]["names"]) if run.family and run.parameters.get("hides_context") is True else 0
+        return cls(run.scenario, entries, run.family is not None, **known, hidden=hidden)
 
     def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
         """Return the function that makes training environments; an algorithm with environments of its own charges life itself."""
@@ -284,9 +290,8 @@ class Terms:
     @property
     def _view(self) -> View | None:
         """The view of the agent; None: plain observations."""
-        if not self.position and self.frames == 1:
-            return None
-        return View(self.scenario, self.entries, self.position, self.frames)
+        plain = not self.position and self.frames == 1 and not self.hidden
+        return None if plain else View(self.scenario, self.entries, self.position, self.frames, self.hidden)
 
     def shown(self, env: Any) -> Any:
         """Return vector environments that return the agent's inputs, followed by those of an asymmetric critic."""

@@ -152,13 +152,18 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
 
 
 def new_model(run: Run, algorithm: Algorithm) -> Any:
-    """Return an untrained model on freshly seeded environments. Raise ValueError if the hyperparameters cannot be used."""
+    """Return an untrained model on freshly seeded environments. Raise ValueError if the hyperparameters cannot be used.
+
+    Its first actions vary about ``initial_actions`` of the hyperparameters, if there are any.
+    """
     try:
         terms, p = Terms.of(run), run.parameters
         make = terms.charged(algorithm.vec_env)
         vec_env = make(run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown)
         model: Any = algorithm.new_model(run, vec_env)
         model.terms = terms
+        if means := p.get("initial_actions"):
+            model.policy.action_net.bias.data[: len(means)] = torch.tensor(means)
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
         raise ValueError(f"{algorithm.name} cannot be made with these hyperparameters: {error!r}") from error
     vec_env.seed(run.seed * SEED_STRIDE)

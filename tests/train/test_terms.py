@@ -71,6 +71,18 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
     assert (first != second).all()
 
 
+def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
+    run = small_run(ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, frames=2, hides_context=True)
+    train(run, ppo.ALGORITHM)
+    agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
+    seen = np.random.default_rng(0).uniform(0.0, 1.0, (5, 12 + len(FAMILY.context_names))).astype(np.float32)
+    other, context = seen.copy(), seen.copy()
+    other[:, 0], context[:, 12:] = 0.0, 0.0
+    expected = agent.make(5).act(seen)
+    np.testing.assert_array_equal(agent.make(5).act(context), expected)
+    assert (agent.make(5).act(other) != expected).any()
+
+
 def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
     run = small_run(ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, belief=True, asymmetric=True)
     model = ppo.LeanPPO.load(train(run, ppo.ALGORITHM), device="cpu")
