@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,8 +15,8 @@ from turning_env import Scenario
 from turning_render import plot_style as style
 
 PLAIN_NAMES = {
-    "causal": "oracle: told depth, hardness and wear",
-    "analytic_gradient": "agent: recurrent, trained with model gradients",
+    "causal": "oracle: depth, hardness and wear known",
+    "analytic_gradient": "agent: trained with model gradients",
     "predictive": "Kalman filter and optimiser",
     "recurrent_ppo": "agent: recurrent PPO",
     "ppo": "agent: PPO",
@@ -25,6 +26,7 @@ PLAIN_NAMES = {
 }
 """The policies of RoughTurning-v0 in the picture, with names that a stranger understands."""
 MAX_POLICIES = 8
+MAX_LETTERS = 28  # in a line of a name
 
 
 def write(leaderboard: Leaderboard, path: Path) -> None:
@@ -38,10 +40,10 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
     pair = (first.get("rule"), first.get("model-free agent"))  # the best of each, or the first two
     episodes.sort(key=lambda episode: leaderboard.names[episode.policy.label] not in pair)
     with style.for_print():
-        figure = Figure(figsize=(9.6, 3.8), layout="constrained")
-        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.6, 1))[0]
-        _draw_ranking(left.subplots(), leaderboard)
-        _draw_same_bar(right.subplots(3, 1, sharex=True), (episodes[0], episodes[1]), leaderboard.task.scenario)
+        figure = Figure(figsize=(5.4, 6.2), layout="constrained")  # narrow: phones show it, too
+        upper, lower = figure.subfigures(2, 1, height_ratios=(1.5, 1))
+        _draw_ranking(upper.subplots(), leaderboard)
+        _draw_same_bar(lower.subplots(2, 1, sharex=True), (episodes[0], episodes[1]), leaderboard.task.scenario)
         try:
             style.save(style.readable(figure), path)
         except ValueError as error:
@@ -61,7 +63,8 @@ def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
         over = f"{100.0 * (standing.overload_share or 0.0):.1f} ({100.0 * standing.severe_share:.1f})"
         axes.annotate(over, (1.16, place), xycoords=("axes fraction", "data"), ha="center", va="center")
     axes.annotate("time over a limit\n(by > 5 %) [%]", (1.16, 1.01), xycoords="axes fraction", ha="center", va="bottom")
-    axes.set_yticks(range(len(standings)), [PLAIN_NAMES.get(standing.name, standing.name) for standing in standings])
+    names = [fill(PLAIN_NAMES.get(standing.name, standing.name), MAX_LETTERS) for standing in standings]
+    axes.set_yticks(range(len(standings)), names)
     axes.set_ylim(len(standings) - 0.5, -0.7)
     axes.set_xlabel("mean return [s of machine time], 95 % interval; higher is better")
     axes.set_title(f"{len(leaderboard.task.seeds)} held-out seeds\nhollow: not feasible", loc="left")
@@ -71,13 +74,12 @@ def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:
 
 
 def _draw_same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajectory], scenario: Scenario) -> None:
-    """Draw feed, thrust force and power of two policies along one bar, half-way through the shorter trajectory."""
+    """Draw feed and thrust force of two policies along one bar, half-way through the shorter trajectory."""
     pitch = scenario.workpiece.bar_length + scenario.workpiece.approach
     bar = int(min(episode.series["path"][-1] for episode in episodes) / 2.0 // pitch)
     subjects = (
-        ("feed", "feed [mm/rev]", 1.0, None),
-        ("thrust_force", "thrust force [kN]", 1000.0, scenario.limits.thrust_force),
-        ("power", "power [kW]", 1.0, scenario.limits.power),
+        ("feed", "feed\n[mm/rev]", 1.0, None),
+        ("thrust_force", "thrust force\n[kN]", 1000.0, scenario.limits.thrust_force),
     )
     for axes, (series, what, divisor, limit) in zip(panels, subjects, strict=True):
         for episode, dashes in zip(episodes, ("-", "--"), strict=True):

@@ -41,7 +41,7 @@ def record(env: FamilyEnv, policy: Policy, job: int) -> tuple[dict[str, Any], fl
 def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path: Path) -> None:
     """Draw the runs, by the policies' names; speeds over the material's start speed [m/min]."""
     with style.for_print():
-        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+        figure = Figure(figsize=(4.8, 3.6), layout="constrained")
         speed, life = figure.subplots(2, 1, sharex=True)
         for k, (name, (values, total)) in enumerate(runs.items()):
             colour, _ = style.LINES[k]
