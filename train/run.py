@@ -53,7 +53,7 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
 def _typed(name: str, value: Any, example: Any) -> Any:
     """Return a value with the type of an example; a negative value is allowed only if the example is negative."""
     if isinstance(example, list) and isinstance(value, list):
-        return [_typed(name, each, example[0]) for each in value]
+        return [_typed(name, each, min(example)) for each in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
     is_number = isinstance(example, int | float)

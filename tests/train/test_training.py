@@ -160,7 +160,7 @@ def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_al
 
 
 def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = ["learning_rate=3e-4", "activation=tanh", "hidden_layers=[8]", "initial_log_deviation=-1", "discount=0"]
+    settings = ["learning_rate=3e-4", "activation=tanh", "hidden_layers=[8]", "initial_actions=[-0.5]", "discount=0"]
     given = [word for setting in settings for word in ("--set", setting)]
     arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path), *given]
     assert ppo.main(arguments) == 0
@@ -168,5 +168,6 @@ def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsy
     assert path == tmp_path / "RoughTurning-Paper-v0" / "paper" / "ppo-seed0" / "policy.zip"
     policy = training.load_agent(path.parent)
     assert policy.command == f"python -m train.ppo {shlex.join(arguments)}"
-    changed = {"learning_rate": 3e-4, "activation": "tanh", "hidden_layers": [8], "discount": 0.0, "steps": 100}
+    changed = {"learning_rate": 3e-4, "activation": "tanh", "hidden_layers": [8], "initial_actions": [-0.5]}
+    changed |= {"discount": 0.0, "steps": 100}
     assert policy.parameters == hyperparameters("ppo", "RoughTurning-Paper-v0") | changed
