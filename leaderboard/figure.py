@@ -41,7 +41,7 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
     episodes.sort(key=lambda episode: leaderboard.names[episode.policy.label] not in pair)
     with style.for_print():
         figure = Figure(figsize=(5.4, 6.2), layout="constrained")  # narrow: phones show it, too
-        upper, lower = figure.subfigures(2, 1, height_ratios=(1.5, 1))
+        upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.5, 1))[:, 0]
         _draw_ranking(upper.subplots(), leaderboard)
         _draw_same_bar(lower.subplots(2, 1, sharex=True), (episodes[0], episodes[1]), leaderboard.task.scenario)
         try:
@@ -87,8 +87,7 @@ def _draw_same_bar(panels: Sequence[Axes], episodes: tuple[Trajectory, Trajector
             on_bar = (place > 0.0) & (place < scenario.workpiece.bar_length) & (np.array(episode.series["depth_of_cut"]) > 0.0)
             values = np.array(episode.series[series])[on_bar] / divisor
             name, (colour, _) = episode.policy.name, style.policy_look(episode.policy.name)
-            label = PLAIN_NAMES.get(name, episode.policy.label)
-            axes.plot(place[on_bar], values, dashes, color=colour, label=label)
+            axes.plot(place[on_bar], values, dashes, color=colour, label=PLAIN_NAMES.get(name, episode.policy.label))
         if limit is not None:
             axes.axhline(limit / divisor, **style.LIMIT)
             axes.annotate("limit", (1.0, limit / divisor), xycoords=("axes fraction", "data"), color=style.VERMILLION)

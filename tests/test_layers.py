@@ -111,7 +111,7 @@ LINES = {
     "turning_control": 1500,
     "baselines": 4057,
     "train": 3792,
-    "leaderboard": 3239,
+    "leaderboard": 3238,
     "papers": 2485,
     "studies": 1998,
     "tests": 11980,
