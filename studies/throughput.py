@@ -22,7 +22,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
+from importlib.util import find_spec
 from itertools import cycle, product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -204,14 +205,15 @@ def motor_cases() -> Iterator[Case]:
 
 
 def training_cases() -> Iterator[Case]:
-    """Yield trainings, a rollout and its updates at a time: Stable-Baselines3's PPO, the reference first, and ``train.ppo``."""
+    """Yield trainings by PPO, a rollout and its updates at a time: Stable-Baselines3, the reference first, SBX, ``train.ppo``."""
     sb3, util = importlib.import_module("stable_baselines3"), importlib.import_module("stable_baselines3.common.env_util")
     ppo, run, training = (importlib.import_module(f"train.{name}") for name in ("ppo", "run", "training"))
     same = {"n_steps": 32, "batch_size": 2048, "n_epochs": 3, "policy_kwargs": {"net_arch": [64, 64]}, "device": "cpu"}
-    models = {
-        "Stable-Baselines3, Gymnasium Pendulum": sb3.PPO("MlpPolicy", util.make_vec_env("Pendulum-v1", 512), **same),
-        f"Stable-Baselines3, {MAIN}": sb3.PPO("MlpPolicy", RoughTurningVecEnv(IDS[MAIN], 512), **same),
-    }
+    libraries = {"Stable-Baselines3": sb3} | ({"SBX": importlib.import_module("sbx")} if find_spec("sbx") else {})
+    tasks = {"Gymnasium Pendulum": util.make_vec_env("Pendulum-v1", 512), MAIN: RoughTurningVecEnv(IDS[MAIN], 512)}
+    models: dict[str, Any] = {}
+    for (library, module), (task, envs) in product(libraries.items(), tasks.items()):
+        models[f"{library}, {task}"] = module.PPO("MlpPolicy", envs, **same)
     added: tuple[dict[str, Any], ...] = ({}, {"frames": 4}, {"belief": True})
     for env_id, terms in product((MAIN, FAMILY_ID), added):
         plan = run.Run.plan("ppo", env_id, run.trained_on(env_id, None), 0, Path(), "", terms)
@@ -237,17 +239,14 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
     remarks = []
     for module, peer in peers.items():
         try:
-            found = list(peer())
+            found, remark = list(peer()), f"{module} {version(module)}"
             for case in found:
                 case.step()  # some fail only here
         except Exception as error:  # a failing peer must not stop the others
             remarks.append(f"left out: {module}: {type(error).__name__}: {error}")
             continue
         cases += found
-        try:
-            remarks.append(f"{module} {version(module)}")
-        except PackageNotFoundError:
-            remarks.append(module)
+        remarks.append(remark)
     return cases, remarks
 
 
