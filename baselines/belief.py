@@ -78,7 +78,7 @@ class Belief:
         self._errors = law_errors.read() if learns_laws else None
         self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
         self._models: dict[int, tuple[dict[str, Any], Any]] = {}
-        self._entries = len(layout(scenarios[0]))
+        self.entries = len(layout(scenarios[0]))  # of an observation without a belief
         values = [*map(_values, scenarios)]
         numbers = [name for name, value in values[0].items() if isinstance(value, float) and name != _CHOICE]
         self._numbers = {name: np.array([each[name] for each in values]) for name in numbers}  # of each environment
@@ -97,7 +97,7 @@ class Belief:
     def observe(self, observations: Observations, mask: Mask | None = None) -> Observations:
         """Learn from observations that begin with the environment's, of a mask or of all; return ``ENTRIES`` of each."""
         believed, scenario = self.filter, self._scenario
-        reading = read(observations[:, : self._entries], scenario)
+        reading = read(observations[:, : self.entries], scenario)
         believed.observe(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)

@@ -15,7 +15,6 @@ from baselines.rule import Mask
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log
-from turning_env.physics.quantities import layout
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 HOLD = 30  # steps for which a decision holds
@@ -59,7 +58,7 @@ class GuidedRule(SelfTuning):
         super().__init__(scenarios, len(scenarios), **parameters)
         self._belief = Belief(scenarios, learns_laws=True)
         self._filter = self._belief.filter
-        self._entries, self._context = len(layout(scenarios[0])), context
+        self._context = context
         self._history = np.zeros((len(scenarios), len(HISTORY)))
         self._last = np.zeros((4, len(scenarios)))  # cutting time [min], log wear, heat, and whether the edge was to be changed
         self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
@@ -81,13 +80,13 @@ class GuidedRule(SelfTuning):
     def features(self, observations: Observations) -> Observations:
         """Return context, belief and history, shape (num_envs, entries)."""
         believed = self._belief.observe(observations)
-        self._remember(read(observations[:, : self._entries], self._scenario))
+        self._remember(read(observations[:, : self._belief.entries], self._scenario))
         history = np.clip(self._history, -LIMIT, LIMIT).astype(np.float32)
-        context = observations[:, self._entries :] if self._context is None else self._context
+        context = observations[:, self._belief.entries :] if self._context is None else self._context
         return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
-        actions = super().act(observations[:, : self._entries])
+        actions = super().act(observations[:, : self._belief.entries])
         self._last[3] = actions[:, 2:].max(axis=1, initial=-1.0) > 0.0  # there is no third one if edges are changed unasked
         return actions
 

@@ -13,7 +13,8 @@ strength, and the lags and noise of drives and sensors.
 """
 
 from collections.abc import Callable
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
+USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which ``worth`` tabulates its price
 POINTS = 3  # points of a step at which loads are predicted
 LEAD = 2.0  # steps before its end at which an edge is changed, as it may wear faster than expected [-]
 MIN_SPREAD = 1e-3  # least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies
@@ -64,14 +66,14 @@ class Optimiser(Policy):
         exponent = scenario.material.wear.time
         nominal = np.maximum(real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / exponent), MIN_USED_LIFE)
         expected = nominal * exp(self._filter.log_wear_factor / exponent)
-        price = self._price(expected)
+        price = self.prices(expected)[:, 1]
         return towards(reading, scenario, *self._best(reading, nominal, price), self._spent(reading, expected, price))
 
     def _observe(self, reading: Reading) -> None:
         self._filter.observe(reading)
 
-    def _price(self, used_life: Array) -> Array:
-        """Return the price of a life [s] at used shares, shape (num_envs,), by the laws as the filter knows them."""
+    def prices(self, used_life: Array) -> Array:
+        """Return the prices of time and life [s] at used shares, shape (num_envs, 2), by the laws as the filter knows them."""
         laws, exponents, errors = self._life_rate(), self._filter.exponents.T, self._filter.load_errors
         spreads = self._priced_spread * self._parameters["spreads"].T
         for law, name in enumerate(("force", "power")):
@@ -79,7 +81,7 @@ class Optimiser(Policy):
             laws += [self._parameters[name] + spreads[law] + errors[law], speed, feed, self._parameters["wear_time"] * wear]
         found = np.empty((len(used_life), 2))
         price_life(self._parameters, np.stack(np.broadcast_arrays(*laws), axis=1), used_life, found)
-        return found[:, 1]
+        return found
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
@@ -144,6 +146,20 @@ class Optimiser(Policy):
             return least, most
         step = getattr(self._scenario.control, f"{name}_step")
         return np.clip(log(commanded) - step, least, most), np.clip(log(commanded) + step, least, most)
+
+
+class Worth(NamedTuple):
+    """Prices of time and life."""
+
+    time: float  # of a second [s]: 1, or what a second can earn if time is limited
+    life: Array  # p(D), of a whole life [s], at each of ``USED_LIVES``
+
+
+@lru_cache(maxsize=1024)
+def worth(scenario: Scenario) -> Worth:
+    """Return the prices of time and life by the scenario's own laws; the array is cached."""
+    times, lives = Optimiser(scenario, len(USED_LIVES), severity=1.0, caution=1.0).prices(USED_LIVES).T
+    return Worth(float(times[0]), lives)
 
 
 def column(value: Any) -> Any:

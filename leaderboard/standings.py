@@ -12,6 +12,7 @@ from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_own
 from leaderboard.result import Result
+from train.run import TERMS
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.policy import PolicySpec
@@ -169,11 +170,12 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
     """Return the name under which each policy is ranked, by its label: agents that differ only in training seed share one.
 
     If agents of one name differ in more, or only some come with the project, the first keeps the name, those of the project
-    before others; the name of the others ends in their training seeds.
+    before others; the name of the others ends in their training seeds. What a training does not name has its value in ``TERMS``.
     """
     trainings: dict[str, dict[str, list[PolicySpec]]] = {}
     for policy in sorted(policies, key=is_own):
-        training = digest_of([is_own(policy), policy.model_dump(include={"kind", "parameters", "tuned_for"})])
+        alike = policy.model_dump(include={"kind", "tuned_for"}), TERMS | policy.parameters
+        training = digest_of([is_own(policy), *alike])
         trainings.setdefault(policy.title, {}).setdefault(training, []).append(policy)
     names: dict[str, str] = {}
     for name, groups in trainings.items():

@@ -22,7 +22,7 @@ import torch
 from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
-from baselines.models.edge_value import USED_LIVES, Worth, worth
+from baselines.optimiser import USED_LIVES, Worth, worth
 from turning_env import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD, PowerLaw, log_response
 

@@ -19,6 +19,8 @@ HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 """Columns of a learning curve: environment steps; seconds of training without interruptions; mean return [s] of the last 100
 episodes, in which the agent explores. An algorithm may add columns of its own."""
+TERMS = {"belief": False, "position": False, "frames": 1, "life_price": "flat", "hides_context": False, "asymmetric": False}
+"""Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
 
 
 def _tables(algorithm: str) -> dict[str, dict[str, Any]]:

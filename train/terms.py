@@ -27,12 +27,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from baselines.belief import VectorBeliefObservation, at_end, with_final
-from baselines.models.edge_value import USED_LIVES, worth
+from baselines.optimiser import USED_LIVES, worth
 from train.actor import Actor
 from train.agents.agent_file import seen_space
 from train.analytic_actor import ACTUAL, COMMANDED, TargetCommands, Tensor
 from train.model_gain import edge_price
-from train.run import Run
+from train.run import TERMS, Run
 from turning_env import Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.physics.quantities import OBS, layout
@@ -253,22 +253,22 @@ LIFE_PRICES = ("flat", "marginal", "end")  # charges for the edge's life
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of one training. Hyperparameters that an algorithm lacks have the values below."""
+    """The terms of one training."""
 
     scenario: Scenario
     entries: int  # number of entries of an observation, with those of a family's nominal model and of a belief
-    of_family: bool = False
-    belief: bool = False
-    position: bool = False
-    frames: int = 1
-    life_price: str = "flat"
-    asymmetric: bool = False
-    hidden: int = 0  # entries of a family's context that the agent does not see
+    context: int  # number of those of a family's nominal model, 0 if there is no family
+    belief: bool
+    position: bool
+    frames: int
+    life_price: str
+    hides_context: bool
+    asymmetric: bool
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
             raise ValueError(f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}")
-        if self.of_family and (self.position or self.life_price != "flat"):
+        if self.context and (self.position or self.life_price != "flat"):
             raise ValueError("position and life_price other than flat are computed for one scenario, not for a family's jobs")
         if not 1 <= self.frames <= 100:
             raise ValueError(f"frames is {self.frames}, but must be 1 to 100")
@@ -276,11 +276,9 @@ class Terms:
     @classmethod
     def of(cls, run: Run) -> Self:
         """Return the terms of a run."""
-        names = ("belief", "position", "frames", "life_price", "asymmetric")
-        known = {name: run.parameters[name] for name in names if name in run.parameters}
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
-        hidden = len(run.parameters["context"]["names"]) if run.family and run.parameters.get("hides_context") is True else 0
-        return cls(run.scenario, entries, run.family is not None, **known, hidden=hidden)
+        context = len(run.parameters["context"]["names"]) if run.family else 0
+        return cls(run.scenario, entries, context, **{name: run.parameters.get(name, value) for name, value in TERMS.items()})
 
     def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
         """Return the function that makes training environments; an algorithm with environments of its own charges life itself."""
@@ -290,8 +288,9 @@ class Terms:
     @property
     def _view(self) -> View | None:
         """The view of the agent; None: plain observations."""
-        plain = not self.position and self.frames == 1 and not self.hidden
-        return None if plain else View(self.scenario, self.entries, self.position, self.frames, self.hidden)
+        hidden = self.context if self.hides_context else 0
+        plain = not self.position and self.frames == 1 and not hidden
+        return None if plain else View(self.scenario, self.entries, self.position, self.frames, hidden)
 
     def shown(self, env: Any) -> Any:
         """Return vector environments that return the agent's inputs, followed by those of an asymmetric critic."""

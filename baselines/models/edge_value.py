@@ -20,19 +20,15 @@ pays for itself, its change and their time. If they are changed on command, wort
 0, and the best time to change the edge is when it reaches 0.
 """
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from baselines.models.load_filter import records
-from baselines.rule import Array
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.compilation import compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
 
-USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which the price is tabulated
 PRICED_SPREAD = 0.6  # standard deviations over bars that loads lie above the expected, at known laws [-] (found on tuning seeds)
 LIVES = 6  # number of used shares of the life over which the price of time is found
 SPEEDS = 24  # number of cutting speeds that are compared, evenly spaced on a logarithmic scale
@@ -41,25 +37,6 @@ MIN_EXPONENT = 0.1  # least exponent of the feed in a load [-]
 MIN_CAPACITY = 1e-3  # least power of the spindle, less idle power, over the limit [-]
 MIN_USED_LIFE = 0.01
 MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
-
-
-class Worth(NamedTuple):
-    """Prices of time and life."""
-
-    time: float  # of a second [s]: 1, or what a second can earn if time is limited
-    life: Array  # p(D), of a whole life [s], at each of ``USED_LIVES``
-
-
-@lru_cache(maxsize=1024)
-def worth(scenario: Scenario) -> Worth:
-    """Return the prices of time and life by the scenario's own laws; the array is cached."""
-    parameters, found = records([numbers(scenario, 1.0)]), np.empty((len(USED_LIVES), 2))
-    own, material = parameters[0], scenario.material
-    laws, at_one = list(own["life"]), np.array([own["force"], own["power"]]) + PRICED_SPREAD * own["spreads"]
-    for law, value in zip((material.thrust_force, material.power), at_one, strict=True):
-        laws += [value, law.cutting_speed, law.feed, law.wear * material.wear.time]
-    price_life(parameters, np.tile(laws, (len(found), 1)), USED_LIVES, found)
-    return Worth(float(found[0, 0]), found[:, 1])
 
 
 def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:

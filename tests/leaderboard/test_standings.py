@@ -125,8 +125,15 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
 
 def test_agents_are_one_if_their_training_is_and_none_joins_one_that_ships(make_result: MakeResult, monkeypatch) -> None:
     monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo", "b": "ppo"})
-    trained = {0: ("mine", 0.9), 1: ("a", 0.9), 2: ("b", 0.9), 3: ("mine too", 0.9), 4: ("another", 0.99)}
-    policies = [spec("ppo", seed=seed, parameters={"gamma": gamma}, sha256=file) for seed, (file, gamma) in trained.items()]
+    plain, framed = {"gamma": 0.9, "frames": 1}, {"gamma": 0.9, "frames": 4}
+    trained = {
+        0: ("mine", {"gamma": 0.9}),
+        1: ("a", {"gamma": 0.9}),
+        2: ("b", plain),
+        3: ("mine too", plain),
+        4: ("another", framed),
+    }
+    policies = [spec("ppo", seed=seed, parameters=settings, sha256=file) for seed, (file, settings) in trained.items()]
     standings = {each.name: each for each in rank([make_result("ppo", policy=policy) for policy in policies])}
     assert {name: (each.training_seeds, each.own) for name, each in standings.items()} == {
         "ppo": ((1, 2), False),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.models.edge_value import worth
+from baselines.optimiser import worth
 from train.analytic_actor import ACTUAL, TargetCommands
 from train.analytic_gradient import ALGORITHM, HindsightVecEnv
 from train.model_gain import FIELDS, ModelGain, Truth

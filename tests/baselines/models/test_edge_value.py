@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.models.edge_value import worth
+from baselines.optimiser import worth
 from turning_env import Scenario
 
 
