@@ -8,44 +8,57 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from leaderboard import columns, table
 from leaderboard.information import CLASSES, GIVEN, SEEN
+from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from train.run import family_of
 from turning_env import FAMILY_ID, SPLITS
+from turning_env.scoring.policy import PolicySpec
 
 
 def write_all(results: Path, agents: Path) -> list[Path]:
-    """Write the card of every agent, and return the paths; ResultError if a file is in the wrong place or has no results."""
+    """Write the card of every agent, and ``SUMS``; return the cards' paths.
+
+    ResultError if a file is in the wrong place or has no results.
+    """
     folders = sorted({path.parent for path in agents.glob(f"*/*/*{ONNX_SUFFIX}")})
     if not folders:
         raise ResultError(f"{agents} holds no agents")
-    written = []
+    written, sums = list[Path](), list[str]()
     for folder in folders:
         env_id, home = folder.parts[-2:]
         played_on = f"{home}-unseen_jobs" if env_id == FAMILY_ID else home
         board = read_leaderboard(result_folder(results, env_id, played_on))
         splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
         across = table.across([board, *map(read_leaderboard, splits)])
-        played = {(each.policy.label, each.policy.sha256) for each in board.results}
+        agents_played = (each.policy for each in board.results if each.policy.kind == "agent")
+        played = {each.label: each for each in sorted(agents_played, key=lambda each: each.training_seed or 0)}
         for name, files in _agents(folder).items():
             for file in files:
-                if (file.metadata.label, file.digest) not in played:
+                if file.metadata.label not in played or played[file.metadata.label].sha256 != file.digest:
                     raise ResultError(f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first")
+            shown = board.names[files[0].metadata.label]
+            trainings = [each for each in played.values() if board.names[each.label] == shown]
             path = folder / f"{name}.md"
-            write_whole(path, render(files, board, across, folder / f"{files[0].metadata.label}{ONNX_SUFFIX}"))
+            write_whole(path, render(files[0], trainings, board, across, folder))
             written.append(path)
+            sums += [f"{each.sha256}  {env_id}/{home}/{each.label}{ONNX_SUFFIX}\n" for each in trainings]
+    write_whole(agents / SUMS, "".join(sums))
     return written
 
 
-def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across | None, example: Path) -> str:
-    """Return the card of an agent, with a file per training seed, as Markdown.
+def render(
+    file: AgentFile, trainings: Sequence[PolicySpec], board: Leaderboard, across: table.Across | None, folder: Path
+) -> str:
+    """Return the card of an agent as Markdown.
 
-    ``across``: full costs on scenarios on which it was not trained, if any; ``example``: the file that the example loads.
+    ``file``: of one training seed, in the agent's ``folder``; ``trainings``: policies of all seeds; ``across``: full costs on
+    scenarios on which it was not trained, if any.
     """
-    metadata = files[0].metadata
-    name = board.names[files[0].metadata.label]
+    metadata = file.metadata
+    name = board.names[metadata.label]
     standing = next(each for each in board.standings if each.name == name)
     shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
     elsewhere = across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
@@ -58,14 +71,14 @@ def render(files: Sequence[AgentFile], board: Leaderboard, across: table.Across 
         seeds=len(board.task.seeds),
         columns=columns.applying(shown, [standing]),
         elsewhere={split: played for split, played in elsewhere.items() if split != metadata.scenario.name},
-        files=files,
+        trainings=trainings,
         metadata=metadata,
-        memory_size=files[0].memory_size,
+        memory_size=file.memory_size,
         ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
         classes=CLASSES,
         given=GIVEN,
         seen=SEEN,
-        example=example,
+        example=folder / f"{metadata.label}{ONNX_SUFFIX}",
     )
     return card + "\n"
 

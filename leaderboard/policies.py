@@ -26,11 +26,16 @@ from turning_env.scoring.policy import PolicySpec, ScenarioId
 CLAIRVOYANT = "clairvoyant"  # name of the bound
 AGENTS = Path(__file__).parents[1] / "agents"
 """Agents that come with the project: one's own stand beside them under names of their own."""
+SUMS = "SHA256SUMS"
+"""File in the folder of agents that lists those of all training seeds; only one seed of each need be there."""
 
 
 def agent_files(folder: Path) -> dict[str, Path]:
-    """Return the agents' files in a folder and those below it, by their SHA-256."""
-    return {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))}
+    """Return the agents' files in a folder and those below it, by their SHA-256; also those of ``SUMS`` that are not there."""
+    sums = folder / SUMS
+    listed = (line.split(maxsplit=1) for line in (sums.read_text("utf-8").splitlines() if sums.exists() else ()))
+    found = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))}
+    return {digest: folder / place for digest, place in listed} | found
 
 
 @cache

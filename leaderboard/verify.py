@@ -97,7 +97,7 @@ def check(results: Path, agents_folder: Path, selection: Selection) -> list[str]
 
 
 class _Found(NamedTuple):
-    """A result, and who played it: a rule or an oracle, an agent's file, None if neither is still there and the same."""
+    """A result, and who played it: a rule or an oracle, an agent's file, None if neither is there and the same."""
 
     result: Result
     player: PolicySpec | Path | None
@@ -160,8 +160,11 @@ def _complaint(path: Path, what: object) -> str:
     return f"{path}: {str(what).removeprefix(f'{path}: ')}"
 
 
-def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
-    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again; ResultError if it has changed."""
+def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path | None:
+    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again; ResultError if it has changed.
+
+    None: an agent whose file is not there, only its SHA-256.
+    """
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
         raise ResultError("was played on private seeds: only the owner of their key can play it again, by run --private-key KEY")
@@ -174,7 +177,7 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path:
     if policy.kind == "agent":
         if (path := files.get(policy.sha256 or "")) is None:
             raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
-        return path
+        return path if path.exists() else None
     now = one_named(policy.name, task, _tuned_on(policy.tuned_for), policy.knows, policy.forgets)
     if fields := [name for name, value in now.identity.items() if value != policy.identity.get(name)]:
         raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")

@@ -8,6 +8,7 @@ import yaml
 
 from leaderboard import policies
 from leaderboard.__main__ import main
+from leaderboard.policies import SUMS
 from leaderboard.result import Result, Task, result_folder, write_result
 from leaderboard.run import attempt
 from tests.leaderboard.conftest import ENV_ID, on
@@ -44,9 +45,8 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
     card = (folder / "ppo.md").read_text("utf-8")
     assert yaml.safe_load(card.split("---\n")[1])["model-index"][0]["name"] == "ppo"
     for seed in (0, 1):
-        content = (folder / f"ppo-seed{seed}.onnx").read_bytes()
-        digest = hashlib.sha256(content).hexdigest()
-        assert f"| {seed} | `ppo-seed{seed}.onnx` | {len(content)} | `{digest}` |\n" in card
+        digest = hashlib.sha256((folder / f"ppo-seed{seed}.onnx").read_bytes()).hexdigest()
+        assert f"| {seed} | `ppo-seed{seed}.onnx` | `{digest}` |\n" in card
     for said in (
         onnx_agents.SCENARIO.digest(),
         "\ntrain it\ntrain it\n```",
@@ -60,6 +60,16 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
     names: dict[str, object] = {}
     exec(program, names)
     assert {"agent", "policy"} < names.keys()
+
+
+def test_only_one_training_seed_must_be_there(shipped: Path) -> None:
+    folder = shipped / "agents" / ENV_ID / "short"
+    written = folder / "ppo.md", shipped / "agents" / SUMS
+    assert main(command(shipped)) == 0
+    before = [path.read_text("utf-8") for path in written]
+    (folder / "ppo-seed1.onnx").unlink()
+    assert main(command(shipped)) == 0
+    assert [path.read_text("utf-8") for path in written] == before
 
 
 def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:

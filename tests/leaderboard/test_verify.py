@@ -136,6 +136,10 @@ def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
     assert complaints(with_agent, Selection(policies=["ppo-seed0"])) == [gone]
     assert checked(with_agent, Selection(policies=["ppo-seed1", CAUSAL])) == [unplayed]
     assert checked(with_agent, Selection(policies=[CAUSAL])) == []
+    other.unlink()
+    line = f"{only(result).policy.sha256}  {ENV_ID}/short/ppo-seed0.onnx\n"
+    (with_agent / "agents" / policies.SUMS).write_text(line)  # published elsewhere
+    assert complaints(with_agent) == checked(with_agent) == []
 
 
 def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
