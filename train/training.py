@@ -62,13 +62,10 @@ class Algorithm:
     plays: Callable[[Scenario], bool] = lambda scenario: True  # whether it can learn on a scenario
     log_interval: int = 5  # rollouts (off-policy: episodes) between entries in the TensorBoard logs
 
-    def actor(self, path: Path) -> Actor:
-        """Load the finished agent from a ``policy.zip`` of your own."""
-        model: Any = self.model.load(path, device="cpu")
-        actor = self.network(model.policy)
-        if terms := getattr(model, "terms", None):
-            actor = terms.actor(actor)
-        return actor.eval()
+    def actor(self, run: Run) -> Actor:
+        """Load the finished agent of a run of your own."""
+        model: Any = self.model.load(run.policy, device="cpu")
+        return Terms.of(run).actor(self.network(model.policy)).eval()
 
 
 class Recorder(BaseCallback):
@@ -161,7 +158,6 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         make = terms.charged(algorithm.vec_env)
         vec_env = make(run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown)
         model: Any = algorithm.new_model(run, vec_env)
-        model.terms = terms
         if means := p.get("initial_actions"):
             model.policy.action_net.bias.data[: len(means)] = torch.tensor(means)
     except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
@@ -222,7 +218,7 @@ def load_actor(run: Run) -> Actor:
     if not run.policy.exists():
         raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
     warn_of_pickle(run.policy)
-    return algorithm_of(run.algorithm).actor(run.policy)
+    return algorithm_of(run.algorithm).actor(run)
 
 
 def load_agent(folder: Path) -> PolicySpec:

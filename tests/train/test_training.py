@@ -105,9 +105,9 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
             with pytest.raises(ValueError, match=f"{algorithm.name} cannot learn on scenario"):
                 train(run, algorithm)
             continue
-        model = algorithm.new_model(run, algorithm.vec_env(scenario, run.parameters["num_envs"]))
-        model.save(tmp_path / "policy.zip")
-        actor = algorithm.actor(tmp_path / "policy.zip")
+        run.begin()
+        new_model(run, algorithm).save(run.policy)
+        actor = algorithm.actor(run)
         observation = torch.from_numpy(observation_space(scenario).sample()[None])
         action, memory = actor(observation, torch.zeros(1, actor.memory_size))
         assert action.shape == (1, *(action_space(scenario).shape or ()))
