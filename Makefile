@@ -35,11 +35,11 @@ NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb")
 	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
 install = .venv/bin/python -c '$(NEEDS)' $(1) | $(INSTALL) -r -
 
-# Agents that ship: environment id and algorithm.
-AGENTS ?= $(addprefix RoughTurning-v0/,analytic_gradient ppo recurrent_ppo lagrangian_ppo sac tqc) \
-	$(addprefix RoughTurning-Override-v1/,analytic_gradient ppo) RoughTurning-Surface-v1/ppo \
-	RoughTurning-Shift-v0/analytic_gradient RoughTurning-Batch-v0/ppo
-SEEDS ?= 0 1 2 3 4
+# Cards of the agents that ship, which say how each was trained.
+CARDS ?= $(wildcard agents/*/*/*.md)
+SEEDS ?= 0-9
+# The commit that holds the agents of all training seeds.
+ALL_SEEDS ?= HEAD
 
 # Processors that `make processors` imitates: kernels of OpenBLAS; the C library and compiled code without newer instructions; NumPy without AVX-512,
 # then without any optional instructions.
@@ -51,7 +51,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents results verify check lint types fast test processors soak wheel clients audit constraints format clean
+.PHONY: setup leaderboard agents seeds results verify check lint types fast test processors soak wheel clients audit constraints format clean
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -60,17 +60,23 @@ setup: .venv/run
 leaderboard: .venv/run
 	run=$$($(TRAIN) --seed 0) && $(RUN) --agents $$(dirname $$run)
 
-# Train all agents that ship anew, two at a time, and export them and their learning curves (a very short training has none).
+# Train the agents that ship anew by the commands on their cards, two at a time, and export them and their learning curves (a very short training
+# has none).
 agents: .venv/run
-	printf '%s\n' $(foreach agent,$(AGENTS),$(foreach seed,$(SEEDS),$(agent)/$(seed))) | xargs -P 2 -I{} sh -c '\
-		set -e -- $$(echo {} | tr / " "); \
-		run=$$(.venv/bin/python -m train.$$2 --env $$1 --seed $$3 --runs $(RUNS) $(if $(STEPS),--steps $(STEPS))); \
-		.venv/bin/python -m train.export $$run --out $(SHIPPED)/$$1/$$(basename $$(dirname $$(dirname $$run)))'
-	set -e; for folder in $$(cd $(SHIPPED) && ls -d */*/); do \
-		runs=$$(ls -d $(RUNS)/$$folder*-seed[0-9] 2> /dev/null) || continue; \
-		.venv/bin/python -m train.curves $$(ls $(SHIPPED)/$${folder}learning_curves.json 2> /dev/null) $$runs \
-			--out $(SHIPPED)/$${folder}learning_curves.json || true; \
+	for card in $(CARDS); do sed -n "s|^python \(-m train.*--seed [$(SEEDS)].*\)|$${card%.md} \1|p" $$card; done | tr '\n' '\0' | xargs -0 -P 2 -n 1 sh -c '\
+		set -e; agent=$${0%% *}; name=$${agent##*/}; \
+		run=$$(eval ".venv/bin/python $${0#* } --runs $(RUNS)/$$name $(if $(STEPS),--steps $(STEPS))"); \
+		out=$(SHIPPED)/$${agent#agents/}; .venv/bin/python -m train.export $$run --name $$name --out $${out%/*}'
+	set -e; for card in $(CARDS); do \
+		name=$$(basename $$card .md); out=$(SHIPPED)/$${card#agents/}; curves=$${out%/*}/learning_curves.json; \
+		runs=$$(ls -d $(RUNS)/$$name/*/*/*-seed[0-9] 2> /dev/null) || continue; \
+		.venv/bin/python -m train.curves $$(ls $$curves 2> /dev/null) $$runs --name $$name --out $$curves || true; \
 	done
+
+# Restore the agents of the other training seeds, which agents/SHA256SUMS lists, from the commit that holds all.
+seeds:
+	git cat-file -e $(ALL_SEEDS) || git fetch --depth 1 origin $(ALL_SEEDS)
+	git restore --source=$(ALL_SEEDS) -- ':(glob)agents/**/*-seed[1-9].onnx'
 
 # Play every policy that ships, and write the agents' cards.
 results: .venv/run

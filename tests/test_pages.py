@@ -23,7 +23,10 @@ ELSEWHERE = ("make test", "pip install", "python -m leaderboard show --results l
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
     "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
-    "make agents": ("STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 AGENTS=RoughTurning-Surface-v1/ppo", {}),
+    "make agents": (
+        "STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/RoughTurning-Surface-v1/surface/ppo.md",
+        {},
+    ),
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'", {}),
     "python -m train.ppo": ("--steps 20000 --set num_envs=32", {}),

@@ -98,8 +98,11 @@ class Curve(NamedTuple):
     high: Floats
 
 
-def read(sources: Sequence[Path]) -> Trainings:
-    """Return the curves of files and of run folders, which replace those of the same name; ValueError if not comparable."""
+def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
+    """Return the curves of files and of run folders, which replace those of the same name; ValueError if not comparable.
+
+    ``name``: that of the agent of the run folders; None: its algorithm's.
+    """
     in_files, in_runs = dict[str, Training](), dict[str, Training]()
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
@@ -112,7 +115,7 @@ def read(sources: Sequence[Path]) -> Trainings:
             first = runs.setdefault(run.algorithm, run)
             if run.parameters != first.parameters:
                 raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
-            task, new = (run.env_id, run.task), {f"{run.algorithm}-seed{run.seed}": Training.of(run)}
+            task, new = (run.env_id, run.task), {f"{name or run.algorithm}-seed{run.seed}": Training.of(run)}
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))
@@ -187,10 +190,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("sources", nargs="+", type=Path, metavar="RUN_FOLDER", help=sources_help)
     out_help = "picture to write: PNG, SVG or PDF, by its suffix; or JSON, the curves themselves (default: %(default)s)"
     parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help)
+    parser.add_argument("--name", help="name of the agent of the folders (default: its algorithm's)")
     level_help = "draw a horizontal line at this return [s]"
     parser.add_argument("--level", action="append", default=[], type=named_level, metavar="NAME=VALUE", help=level_help)
     parsed = parser.parse_args(arguments)
-    found = read(parsed.sources)
+    found = read(parsed.sources, parsed.name)
     if parsed.out.suffix == ".json":
         found.write(parsed.out)
     else:

@@ -174,7 +174,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         action_space=Space.of(agent_file.acting_space(run.scenario, run.parameters)),
         parameters=run.parameters,
         trained_steps=run.parameters["steps"],
-        command=run.command,
+        command=re.sub(r" --runs[ =]('[^']*'|\S+)", "", run.command),  # without a folder of this machine
         versions={name: version(name) for name in _VERSIONS},
     )
 

@@ -46,4 +46,4 @@ def small_run(
     algorithm: Algorithm, runs: Path, scenario: Scenario | Family = SCENARIO, env_id: str = "RoughTurning-v0", **changes: Any
 ) -> Run:
     parameters = PARAMETERS[algorithm.name] | changes
-    return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command", parameters)
+    return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command --runs here", parameters)
