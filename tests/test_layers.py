@@ -114,7 +114,7 @@ LINES = {
     "leaderboard": 3263,
     "papers": 2485,
     "studies": 1997,
-    "tests": 12003,
+    "tests": 11997,
 }
 """Most lines of Python of each package. These numbers only fall: a feature that needs more lines pays by deleting others.
 

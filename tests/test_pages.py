@@ -24,7 +24,7 @@ ELSEWHERE = ("make test", "pip install", "python -m leaderboard show --results l
 SMALLER: Smaller = {
     "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
     "make agents": (
-        "STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/RoughTurning-Surface-v1/surface/ppo.md",
+        "STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/surface/ppo.md",
         {},
     ),
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1", {}),

@@ -125,15 +125,9 @@ def test_tracks_and_classes_rank_for_themselves(make_result: MakeResult) -> None
 
 def test_agents_are_one_if_their_training_is_and_none_joins_one_that_ships(make_result: MakeResult, monkeypatch) -> None:
     monkeypatch.setattr(leaderboard_policies, "shipped_agents", lambda: {"a": "ppo", "b": "ppo"})
-    plain, framed = {"gamma": 0.9, "frames": 1}, {"gamma": 0.9, "frames": 4}
-    trained = {
-        0: ("mine", {"gamma": 0.9}),
-        1: ("a", {"gamma": 0.9}),
-        2: ("b", plain),
-        3: ("mine too", plain),
-        4: ("another", framed),
-    }
-    policies = [spec("ppo", seed=seed, parameters=settings, sha256=file) for seed, (file, settings) in trained.items()]
+    short, plain, framed = {"gamma": 0.9}, {"gamma": 0.9, "frames": 1}, {"gamma": 0.9, "frames": 4}
+    trained = ("mine", short), ("a", short), ("b", plain), ("mine too", plain), ("another", framed)
+    policies = [spec("ppo", seed=seed, parameters=settings, sha256=file) for seed, (file, settings) in enumerate(trained)]
     standings = {each.name: each for each in rank([make_result("ppo", policy=policy) for policy in policies])}
     assert {name: (each.training_seeds, each.own) for name, each in standings.items()} == {
         "ppo": ((1, 2), False),
