@@ -34,7 +34,7 @@ def repository(path: Path) -> Repository:
     """
     if path.suffix == ".md" and (agents := sorted(path.parent.glob(f"{path.stem}-seed*.onnx"))):
         files = {"README.md": path} | {each.name: each for each in agents}
-        return Repository(f"{path.resolve().parts[-3]}-{path.stem}", "model", files)
+        return Repository("-".join((*path.resolve().parts[-3:-1], path.stem)), "model", files)  # id, scenario, name
     if (path / "croissant.json").is_file():
         files = {each.relative_to(path).as_posix(): each for each in sorted(path.rglob("*")) if each.is_file()}
         return Repository(path.resolve().name, "dataset", files)
