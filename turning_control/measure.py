@@ -49,14 +49,10 @@ class UniformRandom(Policy):
 
 
 def best_agent(env_id: str, agents: Path) -> Path | None:
-    """Return the file of the shipped agent with the highest mean return on a task; None if there is none in the folder."""
-    found = []
-    for each in shipped(env_id):
-        seed = int(each.returns.mean(axis=1).argmax())
-        path = agents / env_id / IDS[env_id] / f"{each.name}-seed{seed}.onnx"
-        if each.kind == "agent" and path.is_file():
-            found.append((each.returns[seed].mean(), path))
-    return max(found)[1] if found else None
+    """Return the file of training seed 0 of the shipped agent with the highest mean return on a task; None if there is none."""
+    folder = agents / env_id / IDS[env_id]
+    found = [(each.returns.mean(), folder / f"{each.name}-seed0.onnx") for each in shipped(env_id) if each.kind == "agent"]
+    return max(((mean, path) for mean, path in found if path.is_file()), default=(0.0, None))[1]
 
 
 def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Result]:
