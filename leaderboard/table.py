@@ -86,7 +86,7 @@ def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
 
 def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list[str]]:
     rows = [
-        ["rank", "policy", "seeds", "feasible", *(column.heading for column in columns)],
+        ["rank", "policy", "trainings", "feasible", *(column.heading for column in columns)],
         ["", "", "", "", *(f"[{column.unit}]" if column.unit else "" for column in columns)],
     ]
     for place, standing in enumerate(standings, 1):

@@ -113,8 +113,8 @@ def score(
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
               ``next_memory``. This needs onnxruntime.
-        env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs, and observations
-            hold the nominal model's numbers.
+        env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs of `shop`, and
+            observations hold the nominal model's numbers.
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         on_step: called after each step with the number of episodes that have ended.
 
