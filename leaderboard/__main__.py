@@ -43,8 +43,7 @@ def _run(options: argparse.Namespace) -> None:
     An empty folder starts with the results that come with the project, if they are of the same scenario and seeds. Of
     RoughTurning-Family-v0, each seed is a job; controllers are built from each job's nominal model.
 
-    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive
-    python -m leaderboard run --agents my-agents/ppo-seed1.onnx --jobs 2
+    python -m leaderboard run --seeds 16 --policies fixed_tuned predictive --jobs 2
     python -m leaderboard run --policy my_module:MyPolicy
     python -m leaderboard run --agents my-agents/ppo-seed1.onnx --private-key KEY --results private_results
     python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws --seeds 16
@@ -117,9 +116,7 @@ def _show(options: argparse.Namespace) -> None:
     """Print the ranking of one environment on one scenario: the first that there is, or the first of an id; or all rankings.
 
     python -m leaderboard show --results leaderboard/results
-    python -m leaderboard show --results leaderboard/results --env RoughTurning-Surface-v1 --json
-    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0 --all
-    python -m leaderboard show --results leaderboard/results --all
+    python -m leaderboard show --results leaderboard/results --env RoughTurning-Family-v0 --all --json
     python -m leaderboard show --results leaderboard/results --markdown mean_return overload_share --policies predictive ppo
     """
     leaderboards = read_leaderboards(

@@ -105,7 +105,8 @@ def read_leaderboards(
             tell_once(f"skipped: {error}")
     if not leaderboards:
         asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
-        raise ResultError(f"{results} holds no results{asked} yet; python -m leaderboard run makes some")
+        held = ", ".join(sorted(folder.name for folder in results.glob(f"{env_id or '*'}/*")))
+        raise ResultError(f"{results} holds no results{asked} yet{held and f', only {held}'}: python -m leaderboard run")
     return leaderboards
 
 

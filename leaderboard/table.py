@@ -6,6 +6,7 @@ from typing import Any
 
 from leaderboard.columns import FULL_COST, GROUPS, Cell, Column, Training, groups, ranking
 from leaderboard.ranking import Leaderboard
+from leaderboard.result import ResultError
 from leaderboard.standings import Standing, ranked_by
 from turning_env import SPLITS
 from turning_env.scoring.policy import ScenarioId
@@ -58,6 +59,8 @@ def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], polici
         first = {"scenario": each.task.scenario.name} if len(leaderboards) > 1 else {}
         named = (row for row in rows if not policies or row[1] in policies)
         found += [first | {"policy": f"`{row[1]}`"} | dict(zip(titles[3:], row[3:], strict=True)) for row in named]
+    if not found:
+        raise ResultError(f"no policy is called {' or '.join(policies)}")
     return markdown(found)
 
 
@@ -92,12 +95,11 @@ def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list
     for place, standing in enumerate(standings, 1):
         ranked = standing.kind != "oracle"
         feasible = "yes" if standing.feasible else "NO"
-        seeds = str(len(standing.training_seeds) or "")
         cells = [column.cell(standing) for column in columns]
         if not any(cell.text for cell in cells):
             continue
         name = f"{standing.name} (yours)" if standing.own else standing.name
-        row = [str(place) if ranked else "", name, seeds, feasible if ranked else ""]
+        row = [str(place) if ranked else "", name, str(len(standing.training_seeds) or ""), feasible if ranked else ""]
         rows.append(row + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells])
     return rows
 
