@@ -25,10 +25,12 @@ def actions(count, seed=0):
 def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mode):
     count = 35
     batch = FamilyVectorEnv(count, BRIEF, autoreset_mode=mode)
-    played = [batch.reset(seed=7)[0]]
-    ends = []
+    played, ends = [batch.reset(seed=7)[0]], []
     given = actions(count)
     for action in given:
+        with pytest.raises(ValueError, match="finite"):
+            batch.step(action * np.nan)
+        assert not ends or np.array_equal(batch._batch.job_numbers, ends[-1][2])
         observations, rewards, _, truncated, infos = batch.step(action)
         played.append(observations)
         ends.append((rewards, truncated, infos["job"]))
@@ -37,13 +39,9 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
         observation, info = env.reset(seed=7 + i)
         plain = RoughTurningEnv(env.job().scenario)
         entries = len(layout(plain.scenario))
-        first, _ = plain.reset(seed=7 + i)
         assert np.array_equal(observation, played[0][i])
-        assert np.array_equal(observation[:entries], first)
-        over = False
+        assert np.array_equal(observation[:entries], plain.reset(seed=7 + i)[0])
         for action, observations, (rewards, truncated, numbers) in zip(given[:, i], played[1:], ends, strict=True):
-            if over:
-                break
             observation, reward, _, over, info = env.step(action)
             seen, same, *_ = plain.step(action)
             assert (reward, over, reward) == (rewards[i], truncated[i], same)
@@ -51,6 +49,8 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
                 assert info["job"] == numbers[i]
                 assert np.array_equal(observation, observations[i])
                 assert np.array_equal(observation[:entries], seen)
+            if over:
+                break
         assert over
         assert env.reset()[1]["job"] == batch.family.number(7 + i, 1, "train") != info["job"]
 
