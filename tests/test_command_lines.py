@@ -75,7 +75,7 @@ studies.throughput: --repeats 0
 studies.wheel: --constraints nothing | --constraints file
 """
 SAID = """
-train.ppo: --seed -1 => the training seed is -1, but must be 0 to 999
+train.ppo: --seed -1 => the training seed is -1, but must be 0 to 998
 train.ppo: --steps 0 => steps is 0, but must be at least 1
 train.ppo: --scenario nowhere => python -m turning_env presets
 train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did you mean learning_rate

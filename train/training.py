@@ -37,7 +37,7 @@ from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
 SEED_STRIDE = 1_000_000  # environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars
-SEEDS = TUNING_START // SEED_STRIDE  # training seeds are below this number
+SEEDS = TUNING_START // SEED_STRIDE - 1  # training seeds are below this number; data sets have the episodes of this one
 VALIDATION = "validation"  # split of a family on which agents are compared during development
 CURVE_ROWS = 200  # approximate number of rows of a learning curve
 
@@ -177,7 +177,7 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
     if run.family and not algorithm.families:
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
-        apart = f"the episodes of seeds from {TUNING_START} are for tuning, those from {HELD_OUT_START} are held out for scoring"
+        apart = f"episode seeds from {SEEDS * SEED_STRIDE} are for data sets and tuning, from {HELD_OUT_START} for scoring"
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
     if run.parameters["steps"] < 1:
         raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
