@@ -47,7 +47,7 @@ def __getattr__(name: str) -> Any:
     return value
 
 
-__all__ = ["IDS", "MODEL_VERSION", "OBS", "SPLITS", "__version__", "presets", "read", "score"]
+__all__ = ["FAMILY_ID", "IDS", "MODEL_VERSION", "OBS", "SPLITS", "__version__", "presets", "read", "score"]
 __all__ += ["Family", "FamilyEnv", "FamilyVectorEnv", "PowerLaw", "Reading", "RoughTurningEnv", "RoughTurningVectorEnv"]
 __all__ += ["Scenario", "ScenarioError", "Score"]
 
@@ -63,7 +63,7 @@ _ENTRY_POINTS = {
 IDS = {env_id: preset for env_id, (_, preset) in _ENTRY_POINTS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
 FAMILY_ID = "RoughTurning-Family-v0"
-
+"""The registered id of families."""
 
 _BATCH = "turning_env.vector_env:RoughTurningVectorEnv"
 _FAMILY = "turning_env.family_env:Family"

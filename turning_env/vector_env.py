@@ -82,7 +82,7 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         batch = self._batch
         chosen = self._reset_mask(options)
         given, seeds = self._seeds(seed)
-        super().reset(seed=seed if isinstance(seed, int) else None)
+        super().reset(seed=int(seed) if isinstance(seed, int | np.integer) else None)
         seeded = np.flatnonzero(chosen & given)
         batch.seed(seeded, seeds[seeded])
         batch.start(chosen)
