@@ -100,8 +100,8 @@ class Optimiser(Policy):
         """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
         velocity = reading.commanded_cutting_speed * reading.commanded_feed * self._filter.parameters["velocity"]
         distance = velocity[:, np.newaxis] * self._times
-        cutting = np.ones(distance.shape)
-        return self._filter.outlook(distance, distance < 0.0), cutting, cutting - column(self._filter.memory["measured"])
+        cutting, enters = np.ones(distance.shape), np.zeros(distance.shape, np.bool_)  # as if the tool stayed in this bar
+        return self._filter.outlook(distance, enters), cutting, cutting - column(self._filter.memory["measured"])
 
     def _best(self, reading: Reading, used_life: Array, price: Array) -> tuple[Array, Array]:
         """Return the best speed [m/min] and feed [mm/rev] within reach, for nominal used lives and prices of life [s]."""
