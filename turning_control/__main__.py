@@ -83,7 +83,7 @@ def _demo(options: argparse.Namespace) -> int:
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
     agent = measure.best_agent("RoughTurning-Override-v1", Path("agents"))
-    policies = options.policies or ["programmed", "modified_fuzzy_override", *([str(agent)] if agent else [])]
+    policies = options.policies or ["programmed", *(["modified_fuzzy_override", str(agent)] if agent else [])]
     scenario, compared = Scenario.load(options.scenario), {}
     for policy in policies:
         print(f"{policy} ...", file=sys.stderr)
