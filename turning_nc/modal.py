@@ -7,8 +7,7 @@ from turning_nc.dialects import FANUC, INCH, foreign_sign
 from turning_nc.paths import Point
 from turning_nc.words import Line, PartProgram, Problem, Span, Word
 
-HOME: Point = (200.0, 200.0)
-"""Tool position before the first move and at reference points [mm] (assumption)."""
+HOME: Point = (200.0, 200.0)  # tool position before the first move and at reference points [mm] (assumption)
 FOOT = 0.3048
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 _COORDINATES = "X", "Z", "U", "W"
@@ -62,6 +61,8 @@ class Modal:
             if self.unit is None:
                 words = " nor ".join(f"G{code}" for code in self.dialect.units)
                 self.note(f"neither {words} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
+        if not self.fanuc and not any(word.address in ("DIAMON", "DIAMOF", "DIAM90") for line in lines for word in line.words):
+            self.note("neither DIAMON nor DIAMOF nor DIAM90 is programmed: X is taken as a diameter (assumption)")
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
         self.system_a = self.fanuc and not (feeds or codes & {7, 8} or any({91} == line.codes & {91, 28, 30} for line in lines))
         lengths = [word for line in lines for word in line.words if word.address in ("X", "Z") and word.value]

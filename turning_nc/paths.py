@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from turning_nc.dialects import CornerKind
 from turning_nc.words import Problem
 
-Point = tuple[float, float]
-"""Z and X [mm]; X is a radius."""
+Point = tuple[float, float]  # Z and X [mm]; X is a radius
 
 CHORD = 0.01  # largest distance of an arc from its chords [mm]
 

@@ -49,7 +49,7 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
     rapid_mark = Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid")
     above.legend(handles=[Patch(color=LIGHT, label="stock"), Patch(color=_PART, label="part"), rapid_mark], **_ABOVE)
-    figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max")
+    figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max", panchor=(0.5, 0.5))
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
     for name, share, colour in (("thrust force", played.force_share, ORANGE), ("power", played.power_share, BLUE)):

@@ -15,14 +15,13 @@ from turning_nc.words import at_lines
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
-MAX_LOAD = 3.0  # highest plausible load over its limit [-]
+MAX_LOAD, MIN_FEED = 3.0, 0.002  # highest plausible load over its limit [-], lowest plausible feed [mm/rev]
 MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
 MIN_DEEP, MIN_BACK = 3.0, 1.0  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
 BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
 MIN_BACKWARDS = 2.0  # length of a tool's cuts with its back below which they do not count [mm]
 MAX_INCH_FEED, MAX_INCH_DIAMETER = 0.06, 15.0
 """Highest feed per revolution and diameter that speak for inches in a program without a unit."""
-
 
 Row = dict[str, Any]
 """A block, or a pass of a cycle, each time that it is run: names and values of the table's columns and of JSON."""
@@ -216,12 +215,14 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
         if lines:
             found[name] = f"{at_lines(lines)}: {text}"
 
-    rapids = s.removal.rapids
-    add("rapid in metal", rapids, f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal")
+    swept = max((rapids := s.removal.rapids).values(), default=0.0)
+    add("rapid in metal", rapids, f"rapid moves sweep up to {swept:.1f} mm2 of metal")
     add("load", on & (played.load > MAX_LOAD), f"the load is above {100 * MAX_LOAD:g} % of its limit")
     radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
     above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)
-    add("depth of cut", on & above & (slices.depth > MIN_DEEP), "the depth of cut is above half the diameter")
+    text = "the depth of cut is above half the diameter: is X a radius, DIAMOF or G8?"
+    add("depth of cut", on & above & (slices.depth > MIN_DEEP), text)
+    add("feed", s.fed & on & (played.feed < MIN_FEED), f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?")
     add("spindle stands", on & ~s.spindle_on, "the tool cuts while the spindle stands: M3 or M4 is missing")
     add("back of the tool", _backwards(s, deep), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
     gouged = s.removal.gouged

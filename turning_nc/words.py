@@ -24,8 +24,7 @@ _SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")  # / or /1 to /9 before a
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 """Translation of ASCII letters to capitals. Other letters may become two, which would shift places."""
 
-Span = tuple[int, int]
-"""A place in the program's text: its begin and its end."""
+Span = tuple[int, int]  # a place in the program's text: its begin and its end
 
 
 class NcError(Mistake):
