@@ -232,9 +232,9 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
     for bound in bounds:
         there = bound.without
         moved = f", and {bound.law}; without it" if bound.law else f"; with a range {100 * WIDER:g} % wider"
-        yield f"{bound.limit}, binds{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
+        yield f"{bound.limit}, rules out a cheaper cut{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
     if not bounds:
-        yield "No limit binds: time and edges are in balance"
+        yield "No limit rules out a cheaper cut: time and edges are in balance"
 
 
 def money(value: float) -> str:
@@ -245,7 +245,7 @@ def money(value: float) -> str:
 def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
     """Yield lines of text: the jobs and prices, the recommendation, and a table of all advice."""
     prices, work = Prices.of(scenario), scenario.workpiece
-    bars = f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep"
+    bars = f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep"
     yield f"{scenario.name}: {bars}; edges worn out at {scenario.tool.wear_criterion:g} mm"
     change = f"a change takes {prices.change_time:g} min"
     yield f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} {prices.unit}; {change}"

@@ -30,11 +30,9 @@ FACTORS = {
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
 }
 """Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
-SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
-"""Factors that are equal in all readings of one edge in one bar."""
+SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")  # equal in all readings of one edge in one bar
 MIN_VARIATION = 1e-3  # relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent
-MIN_SHARE = 0.1
-"""Share of a factor's variance that must lie within edges for its exponent to be estimated from readings of the same edge [-]."""
+MIN_SHARE = 0.1  # share of a factor's variance within edges that is needed to estimate its exponent from readings of one edge [-]
 MIN_KEPT = 1e-3  # lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished
 SIGNIFICANCE = 0.01  # probability of the F test below which rows at the same settings count as correlated [-]
 LEVEL = 0.95  # confidence level of all intervals [-]

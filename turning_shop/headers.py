@@ -43,8 +43,7 @@ UNITS = {
 }
 """Units of each dimension, in small letters, and their sizes; a feed in mm is one per revolution (DIN 6580)."""
 
-SPOKEN = ("cutting_speed", "feed", "power")
-"""Columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"."""
+SPOKEN = ("cutting_speed", "feed", "power")  # columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"
 
 NAMES = {
     "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
@@ -115,7 +114,8 @@ def read_heading(text: str) -> Heading:
     own = COLUMNS[column].unit
     sizes = _sizes(own)
     if _unit(unit) not in sizes:
-        allowed = f"allowed are {', '.join(sizes)}, or no unit, {own}"
+        others = " or ".join(name for name, each in COLUMNS.items() if _unit(unit) in _sizes(each.unit))
+        allowed = f"allowed are {', '.join(sizes)}, or no unit, which means {own}" + f"; is it {others}?" * bool(others)
         raise WorkshopError(f"column {text!r}: {column} in {unit!r} is not understood: {allowed}")
     return Heading(text, column, sizes[_unit(unit)] / sizes[_unit(own)])
 

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
 
-REQUIRED = ("cutting_speed", "feed", "depth_of_cut")
-"""Columns that every sheet of cuts must have."""
+REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
 MAX_BYTES = 50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
 MAX_ROWS, MAX_CELLS, MAX_TAGS = 100_000, 200, 3_000_000
 """Largest number of rows of a sheet, of cells of a row, and of XML tags of a workbook, of which a cell has four."""
@@ -37,8 +36,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d*([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 _SEPARATORS = ",;\t|"
 
-Row = tuple[int, list[str]]
-"""A row's line in the file, counted from 1, and its cells."""
+Row = tuple[int, list[str]]  # a row's line in the file, counted from 1, and its cells
 
 
 @dataclass(frozen=True)
@@ -169,6 +167,9 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
     if complaints:
         more = len(complaints) - MAX_COMPLAINTS
         shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (f"; and {more} more like these" if more > 0 else "")
+        shown += "; a header may state another unit, as in 'wear [um]'" * ("is outside the allowed" in shown)
+        crowded = not may_have_commas and any(len(row) > width for _, row in table)
+        shown += "; are decimals written with commas? Then separate cells by semicolons" * crowded
         raise WorkshopError(f"{source}: {shown}")
     if not table:
         raise WorkshopError(f"{source} has a header but no rows of measurements")

@@ -28,7 +28,7 @@ def render(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> str:
     work = scenario.workpiece
     return Template((_HERE / "page.html").read_text("utf-8")).substitute(
         name=html.escape(scenario.name),
-        work=html.escape(f"bars of {work.diameter:g} mm, {work.bar_length:g} mm long"),
+        work=html.escape(f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long"),
         criterion=f"{scenario.tool.wear_criterion:g}",
         warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
         headline="".join(f"<p>{html.escape(line)}</p>" for line in headline(scenario, evidence, advice)),

@@ -18,12 +18,11 @@ from turning_shop.measurements import Measurements
 Columns = Mapping[str, Values]
 
 TAYLOR_EXPONENT = 0.1, 0.6  # plausible Taylor exponent n in V T^n = C [-]
-POSITIVE = {
+POSITIVE = {  # factors with which each law must not fall
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time"),
     "thrust_force": ("feed", "depth_of_cut", "wear"),
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear"),
 }
-"""Factors with which each law must not fall."""
 FEW = 0.5  # share of rows below which implausible ones count as typing errors, not as a wrong unit [-]
 MAX_NAMED = 8  # number of lines that a message names
 TYPICAL = {
@@ -37,7 +36,7 @@ TYPICAL = {
     "life": (15.0, 0.5),
 }
 """Typical value of each quantity in rough turning and its spread in decades, to find values in a wrong unit."""
-WRONG_UNITS = (
+WRONG_UNITS = (  # columns that may be in a wrong unit, their factor to the right one, and the message
     (("power",), 1e-3, "power looks like W: divide by 1000"),
     (("power",), 1e3, "power looks like MW: multiply by 1000"),
     (("cutting_speed",), 60.0, "cutting_speed looks like m/s: multiply by 60"),
@@ -51,7 +50,6 @@ WRONG_UNITS = (
     (("time",), 60.0, "time looks like hours: multiply by 60"),
     (("wear",), 25.4, "wear looks like inches: multiply by 25.4"),
 )
-"""Columns that may be in a wrong unit, their factor to the right one, and the message."""
 SUSPECT = 3.5  # distance from the robust law, in robust standard deviations, from which a row may be an outlier [-]
 OUTLIER_SIGNIFICANCE = 1e-3  # probability that a sheet without errors has an outlier in one law [-]
 MIN_FAR = 0.4  # distance of logarithms below which no row is an outlier [-]: readings of real wear scatter by 0.24, edges by 0.34
@@ -122,7 +120,9 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
                 return np.asarray(columns["time"] * share ** (1.0 / wear.law.time))
 
         quantity = Derived("life", f"tool life to {wear_criterion:g} mm at measured settings", "min", 0.5, 600.0, life)
-        yield from _problem(quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit})
+        doubt = f", or the assumed exponent of time, {wear.law.time:.3g}, is wrong: read the wear of an edge at several times"
+        for problem in _problem(quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit}):
+            yield problem + doubt * ("time" not in wear.estimates)
 
 
 def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> Iterator[str]:

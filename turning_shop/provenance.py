@@ -1,7 +1,7 @@
 """Load a scenario for advice: limits that are not the user's are off, and what was not measured or stated is said."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,17 @@ from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
 from turning_shop.whatif import NO_LIMIT
 
-OF_PROGRAMS = "machine.cutting_speed_max", "machine.feed_max", "tool.wear_criterion"
-"""Values on which the play of programs depends."""
-ASKED = (*OF_PROGRAMS, "workpiece.diameter", "workpiece.bar_length", "workpiece.depth_of_cut", "economics.edge_change_time")
-"""Values on which advice depends."""
+OF_PROGRAMS = {"machine.cutting_speed_max": "m/min", "machine.feed_max": "mm/rev", "tool.wear_criterion": "mm"}
+_OF_BARS = {"workpiece.diameter": "mm", "workpiece.bar_length": "mm", "workpiece.depth_of_cut": "mm"}
+ASKED = OF_PROGRAMS | _OF_BARS | {"economics.edge_change_time": "min"}
+"""Values on which the play of programs and advice depend, and their units."""
 TAYLOR = 0.25
 """Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron (ISO groups P, M and K): speed factors
 for lives of 20 to 60 min in the catalogue Dormer Pramet 2024, p. 76; Mitsubishi's rule, 20 % more speed halves the life: 0.26."""
 CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogues for the ISO groups P, M and K"
 
 
-def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Evidence]:
+def load(source: Source, asked: Mapping[str, str] = ASKED) -> tuple[Scenario, Evidence]:
     """Return a scenario and the evidence for its laws; warnings say what of ``asked`` no file states, and what was not measured.
 
     A preset's values count as stated. In a file based on a preset, a limit of force or power that the file does not state is
@@ -38,7 +38,7 @@ def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Eviden
     stated, preset = stated_by(scenario.file)
     own = flat(stated).keys()
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
-    if assumed := [f"{name} {attrgetter(name)(scenario):g}" for name in asked if name not in own]:
+    if assumed := [f"{name} {attrgetter(name)(scenario):g} {unit}" for name, unit in asked.items() if name not in own]:
         warnings.append(f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}")
     for name in FACTORS:
         if name not in evidence.laws:
@@ -48,6 +48,7 @@ def load(source: Source, asked: Sequence[str] = ASKED) -> tuple[Scenario, Eviden
     update: dict[str, Any] = {"limits": scenario.limits.model_copy(update=limits)}
     off = [name for name, none in NO_LIMIT.items() if getattr(update["limits"], name) == none]
     warnings += [f"limits.{name} is off: your files do not state it" for name in off]
+    warnings += ["limits.power is 1000 kW or more: is it in W?"] * (1000 <= update["limits"].power < NO_LIMIT["power"])
     wear = scenario.material.wear
     if "wear" not in evidence.laws and is_papers(wear):
         speed, exponent = scenario.control.initial_cutting_speed, wear.time / TAYLOR
