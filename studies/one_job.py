@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
     rule = spec(parsed.rule, scenario, Scenario.load(env.family.base), tuned.on_family(env.family, parsed.rule)).make(1)
     agent = informed(load(parsed.agent), [scenario])(1)
     hidden = FamilyEnv(parsed.family, parsed.split, "hidden")
-    runs = {parsed.rule: record(hidden, rule, parsed.job), "guided": record(env, agent, parsed.job)}
+    runs = {parsed.rule: record(hidden, rule, parsed.job), parsed.agent.stem: record(env, agent, parsed.job)}
     draw(runs, START_SHARE * scenario.machine.cutting_speed_max, parsed.out)
     for name, (values, total) in runs.items():
         print(f"{name}: {total:.0f} s, {values['edges_broken'].sum():.0f} edges broken")
