@@ -6,6 +6,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from baselines.guided import HOLD
 from leaderboard import columns, table
 from leaderboard.information import CLASSES, GIVEN, SEEN
 from leaderboard.policies import SUMS
@@ -74,6 +75,7 @@ def render(
         trainings=trainings,
         metadata=metadata,
         memory_size=file.memory_size,
+        steps=f"decisions, each of {HOLD} environment steps," if metadata.parameters.get("guide") else "environment steps",
         ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
         classes=CLASSES,
         given=GIVEN,

@@ -185,7 +185,7 @@ GROUPS = {
     "Given in training": tuple(Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
     "Run time and budget": (
         *(Training(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
-        Training("steps", "", "Decisions in training: one per step, of a guided agent one in 30 steps.", "steps"),
+        Training("steps", "", "Environment steps of the training; of a guided agent decisions, each of 30 steps.", "steps"),
     ),
 }
 

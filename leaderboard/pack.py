@@ -24,7 +24,8 @@ from leaderboard.result import (
     write_whole,
 )
 from turning_env import FAMILY_ID, IDS
-from turning_env.scoring.score import FAMILY, FOLDER
+from turning_env.scenario.family import families
+from turning_env.scoring.score import FOLDER, SPLIT
 
 DIGITS = 2  # decimals of the times [s] in the wheel
 
@@ -46,10 +47,12 @@ def pack(folder: Path, without: Collection[str] = ()) -> bool:
 
 
 def contents(results: Path) -> dict[Path, str]:
-    """Return the text of each id's file in the wheel, made from a folder of results: the episodes' times by policy."""
+    """Return the text of each board's file in the wheel, made from a folder of results: the episodes' times by policy."""
     found = {}
-    for env_id, scenario in (IDS | {FAMILY_ID: "-".join(FAMILY)}).items():
-        ranked = list(read_results(result_folder(results, env_id, scenario)).values())
+    boards = {env_id: (env_id, scenario) for env_id, scenario in IDS.items()}
+    boards |= {f"{FAMILY_ID}-{family}": (FAMILY_ID, f"{family}-{SPLIT}") for family in families()}
+    for board, place in boards.items():
+        ranked = list(read_results(result_folder(results, *place)).values())
         ranked.sort(key=lambda each: (each.policy.title, each.policy.training_seed or 0))
         policies = []
         for name, group in groupby(ranked, key=lambda each: each.policy.title):
@@ -57,7 +60,7 @@ def contents(results: Path) -> dict[Path, str]:
             fields = {"returns": "return", "severe": "severe_overload_time", "engaged": "engaged_time"}
             times = {key: np.round([each.episodes[field] for each in same], DIGITS).tolist() for key, field in fields.items()}
             policies.append({"name": name, "kind": same[0].policy.kind} | times)
-        found[FOLDER / f"{env_id}{SUFFIX}"] = json.dumps({"env_id": env_id, "policies": policies}, allow_nan=False)
+        found[FOLDER / f"{board}{SUFFIX}"] = json.dumps({"env_id": place[0], "policies": policies}, allow_nan=False)
     return found
 
 

@@ -38,6 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     scored.add_argument(
         "--env", choices=(*IDS, FAMILY_ID), default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)"
     )
+    scored.add_argument("--family", default="shop", metavar="NAME", help="preset of a family (default: %(default)s)")
     scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
     command(_warm_up, "compile everything now, for example for a container image", scenario=False)
@@ -89,7 +90,7 @@ def _score(options: argparse.Namespace) -> int:
     python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v1 --seeds 32
     """
     try:
-        found = score(options.policy, options.env, options.seeds)
+        found = score(options.policy, options.env, options.seeds, family=options.family)
     except (TypeError, ValueError) as error:
         raise Mistake(f"{options.policy}: {error}") from error
     if options.json:

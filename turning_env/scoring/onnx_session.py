@@ -30,11 +30,11 @@ class OnnxPolicy:
 
     def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the actions and the next memory, and leave the policy's own memory as it is; raises as ``act``."""
-        fed = {"observation": observations} | ({"memory": memory} if memory.shape[1] else {})
         try:
-            results = self._session.run(None, fed)
+            results = self._session.run(None, {"observation": observations} | ({"memory": memory} if memory.shape[1] else {}))
         except Exception as error:  # ONNX Runtime's errors have no common type
-            raise ValueError(f"the agent cannot act on {observations.shape[1]} entries: {first_line(error)}") from error
+            entries = f"{observations.shape[1]} entries (`leaderboard run` adds a belief)"
+            raise ValueError(f"cannot act on {entries}: {first_line(error)}") from error
         found = dict(zip((output.name for output in self._session.get_outputs()), results, strict=True))
         action: Floats = found["action"]
         remembered: Floats = found.get("next_memory", memory)

@@ -2,7 +2,7 @@
 
 import json
 import lzma
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -20,9 +20,9 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
 
 FOLDER = Path(__file__).parent / "shipped_results"
-"""Times of every shipped policy's episodes: a file per id, JSON compressed with xz, made by ``python -m leaderboard pack``."""
+"""Times of every shipped policy's episodes: a file per id or family, JSON compressed with xz, made by ``leaderboard pack``."""
 
-FAMILY = ("shop", "unseen_jobs")  # family and split whose first jobs score a policy on ``RoughTurning-Family-v0``
+SPLIT = "unseen_jobs"  # split whose first jobs score a policy on a family
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ class Played:
 
 
 @cache
-def shipped(env_id: str, seeds: int | None = None) -> tuple[Played, ...]:
-    """Return the results of every policy on an id's leaderboard, on all or the first held-out seeds, or ValueError."""
-    path = FOLDER / f"{env_id}.json.xz"
+def shipped(board: str, seeds: int | None = None) -> tuple[Played, ...]:
+    """Return the results of every policy on the board of an id, or ``FAMILY_ID-NAME``, on the first held-out seeds or all."""
+    path = FOLDER / f"{board}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
-        raise ValueError(f"{env_id!r} has no results to compare with; ids with results: {', '.join(known)}")
+        raise ValueError(f"{board!r} has no results to compare with; there are those of {', '.join(known)}")
     return tuple(
         Played(each["name"], each["kind"], *(np.array(each[name])[:, :seeds] for name in ("returns", "severe", "engaged")))
         for each in json.loads(lzma.decompress(path.read_bytes()))["policies"]
@@ -97,9 +97,7 @@ class Score:
         return ", ".join(parts)
 
 
-def score(
-    policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None, on_step: Callable[[int], None] = lambda ended: None
-) -> Score:
+def score(policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None, family: str = "shop") -> Score:
     """Play a policy on the held-out seeds of an id and compare it, paired by seed, with every policy that ships.
 
         print(turning_env.score(lambda observations: my_network(observations)))
@@ -113,25 +111,26 @@ def score(
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
               ``next_memory``. This needs onnxruntime.
-        env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs of `shop`, and
-            observations hold the nominal model's numbers.
+        env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs, and observations
+            hold the nominal model's numbers.
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
-        on_step: called after each step with the number of episodes that have ended.
+        family: preset of a family, if ``env_id`` is a family's.
 
     TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds.
     """
-    available = shipped(env_id)[0].returns.shape[1]
+    board = f"{FAMILY_ID}-{family}" if env_id == FAMILY_ID else env_id
+    available = shipped(board)[0].returns.shape[1]
     count = available if seeds is None else seeds
     if not 2 <= count <= available:
         raise ValueError(f"seeds is {count}, but must be 2 to {available}")
     if env_id == FAMILY_ID:
-        family = Family.load(FAMILY[0])
-        scenario = family.job(0).scenario
-        episodes = play_family(family, FAMILY[1], range(count), as_factory(policy), on_step=on_step)
+        jobs = Family.load(family)
+        scenario = jobs.job(0).scenario
+        episodes = play_family(jobs, SPLIT, range(count), as_factory(policy))
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-        episodes = play(as_factory(policy), scenario, held_out_seeds(count), on_step)
-    return compare(env_id, episodes, scenario, shipped(env_id, count))
+        episodes = play(as_factory(policy), scenario, held_out_seeds(count))
+    return compare(env_id, episodes, scenario, shipped(board, count))
 
 
 def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[Played]) -> Score:

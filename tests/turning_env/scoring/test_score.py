@@ -14,6 +14,7 @@ from baselines.catalogue import spec
 from leaderboard.pack import contents
 from turning_env import FAMILY_ID, Scenario
 from turning_env.__main__ import main
+from turning_env.scenario.family import families
 from turning_env.scoring.score import FOLDER, Score, compare, score, shipped
 
 ROOT = Path(__file__).parents[3]
@@ -69,7 +70,8 @@ def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
 
 
 @pytest.mark.slow
-def test_a_family_is_scored_on_unseen_jobs() -> None:
+@pytest.mark.parametrize("family", families())
+def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
     """Observations hold the nominal model's numbers, and the policy `idle` gets the return that ships."""
     shapes = set()
 
@@ -77,10 +79,10 @@ def test_a_family_is_scored_on_unseen_jobs() -> None:
         shapes.add(observations.shape)
         return idling.act(observations)
 
-    (ships,) = (each for each in shipped(FAMILY_ID) if each.name == "idle")
+    (ships,) = (each for each in shipped(f"{FAMILY_ID}-{family}") if each.name == "idle")
     idling = spec("idle", Scenario.load("shift")).make(3)
-    found = score(idle, FAMILY_ID, seeds=3)
-    assert shapes == {(3, gymnasium.make(FAMILY_ID).observation_space.shape[0])}  # type: ignore[index]
+    found = score(idle, FAMILY_ID, seeds=3, family=family)
+    assert shapes == {(3, gymnasium.make(FAMILY_ID, family=family).observation_space.shape[0])}  # type: ignore[index]
     np.testing.assert_allclose(found.episodes["return"], ships.returns[0, :3], atol=0.01)
 
 
