@@ -302,7 +302,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(_show, "print the ranking", results, printed)
     add("--env", choices=ids, help=f"the environment's id (default: {SPLITS_ENV_ID}, if it has results)")
-    which = "names of scenarios (default: the id's own), or of family and split, such as shop-unseen_jobs"
+    which = "names of scenarios (default: the id's own) or families, perhaps with a split, such as shop-unseen_jobs"
     add("--scenario", nargs="+", default=[], metavar="NAME", help=which)
     add("--all", action="store_true", help="print all rankings, of all ids and scenarios unless one is named")
     which = "print one Markdown table of these numbers, as --json calls them; without any, of full costs over splits"

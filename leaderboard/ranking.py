@@ -88,15 +88,18 @@ def read_leaderboards(
         results: the folder of all results.
         tasks: of some of the folders in it, the task whose results are ranked there; see ``read_leaderboard``.
         env_id: only this environment's; None: all.
-        scenarios: only on the scenarios of these names; empty: all.
+        scenarios: only on the scenarios of these names, or all splits of these families; empty: all.
         most: only the first so many; None: all.
 
     Raises:
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    folders = (folder for folder in results.glob(f"{env_id or '*'}/*") if not scenarios or folder.name in scenarios)
-    for folder in sorted(filter(result_files, folders), key=_place):
+    wanted = set(scenarios)
+    folders = [folder for folder in results.glob(f"{env_id or '*'}/*") if result_files(folder)]
+    if wanted:
+        folders = [folder for folder in folders if wanted & {folder.name, folder.name.rpartition("-")[0]}]
+    for folder in sorted(folders, key=_place):
         if len(leaderboards) == most:
             break
         try:
