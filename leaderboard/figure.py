@@ -18,7 +18,7 @@ PLAIN_NAMES = {
     "causal": "oracle: depth, hardness and wear known",
     "analytic_gradient": "agent: trained with model gradients",
     "predictive": "Kalman filter and optimiser",
-    "recurrent_ppo": "agent: recurrent PPO",
+    "ppo_belief": "agent: PPO, shown the filter",
     "ppo": "agent: PPO",
     "adaptive_pn": "published adaptive control, rule [PN]",
     "grid_search": "published grid search",

@@ -35,7 +35,7 @@ LINES: tuple[tuple[str, Any], ...] = (
 POLICIES: dict[str, tuple[str, Any]] = {
     "analytic_gradient": LINES[0],
     "grid_search": (ORANGE, LINES[1][1]),
-    "recurrent_ppo": LINES[2],
+    "ppo_belief": LINES[2],
     "ppo": LINES[3],
     "predictive": LINES[6],
     "sac": LINES[5],
