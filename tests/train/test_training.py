@@ -70,7 +70,7 @@ def _bytes(parameters: Any) -> bytes:
 def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
     """The agent in a run's folder acts on plain observations as its model on what it was shown, with memory and resets."""
     loaded = training.load_agent(run.folder)
-    assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command")
+    assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command --runs here")
     policy, plain = informed(loaded, SCENARIO)(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
     shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).shown)
     network = ActorPolicy(algorithm.network(model.policy), NUM_ENVS)
