@@ -30,7 +30,7 @@ SMALLER: Smaller = {
     "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1", {}),
     "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'", {}),
     "python -m train.ppo": ("--steps 20000 --set num_envs=32", {}),
-    "python -m train.tune": ("--steps 4096", {}),
+    "python -m train.tune": ("--steps 4096 --trials 1", {}),
     "python -m baselines.tune": (
         "--seeds 1 --trials 2",
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
