@@ -95,10 +95,9 @@ def read_leaderboards(
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    wanted = set(scenarios)
     folders = [folder for folder in results.glob(f"{env_id or '*'}/*") if result_files(folder)]
-    if wanted:
-        folders = [folder for folder in folders if wanted & {folder.name, folder.name.rpartition("-")[0]}]
+    if scenarios:
+        folders = [each for each in folders if {each.name, each.name.rpartition("-")[0]} & {*scenarios}]
     for folder in sorted(folders, key=_place):
         if len(leaderboards) == most:
             break
