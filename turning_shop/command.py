@@ -120,7 +120,7 @@ def _whatif(options: argparse.Namespace) -> int:
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2 0.3 0.4 --wear 0.2
     """
-    from turning_shop.prediction import predict
+    from turning_shop.prediction import outside, predict
 
     scenario, evidence = _warned(options.scenario)
     machine, ages = scenario.machine, options.time or options.wear
@@ -145,6 +145,9 @@ def _whatif(options: argparse.Namespace) -> int:
         writer.writerows(records)
     else:
         print(*whatif.table(cuts, prediction), sep="\n")
+        if prediction and prediction.extrapolated.any():
+            out = (f"{name} measured at {at}" for name, at, beyond in outside(evidence, cuts._asdict()) if beyond.any())
+            print(f"* extrapolated, beyond what was measured: {', '.join(out)}")
     return 0
 
 

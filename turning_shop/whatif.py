@@ -157,5 +157,3 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     over = np.stack([share.ravel() for share in shares.values()], axis=1) > 1
     columns.append(["exceeded", "", *(", ".join(np.array(list(shares))[row]) for row in over)])
     yield from aligned(list(zip(*columns, strict=True)))
-    if prediction and prediction.extrapolated.any():
-        yield "* extrapolated: a setting, the time or the wear lies outside what was measured"
