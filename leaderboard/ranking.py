@@ -95,10 +95,9 @@ def read_leaderboards(
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
-    folders = [folder for folder in results.glob(f"{env_id or '*'}/*") if result_files(folder)]
-    if scenarios:
-        folders = [each for each in folders if {each.name, each.name.rpartition("-")[0]} & {*scenarios}]
-    for folder in sorted(folders, key=_place):
+    folders = sorted(results.glob(f"{env_id or '*'}/*"), key=_place)
+    wanted = (each for each in folders if not scenarios or {each.name, each.name.rpartition("-")[0]} & {*scenarios})
+    for folder in filter(result_files, wanted):
         if len(leaderboards) == most:
             break
         try:
@@ -107,7 +106,7 @@ def read_leaderboards(
             tell_once(f"skipped: {error}")
     if not leaderboards:
         asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
-        held = ", ".join(sorted(folder.name for folder in results.glob(f"{env_id or '*'}/*")))
+        held = ", ".join(sorted(folder.name for folder in folders))
         raise ResultError(f"{results} holds no results{asked} yet{held and f', only {held}'}: python -m leaderboard run")
     return leaderboards
 

@@ -6,6 +6,7 @@ Numbers are compared bit for bit.
 import json
 import math
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,7 +107,7 @@ class _Found(NamedTuple):
 def _examine(results: Path, agents_folder: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
     """Return all results that can be read, by folder and label, and the complaints about them and about agents without one."""
     found: dict[Path, _Found] = {}
-    complaints, files = list[str](), agent_files(agents_folder)
+    complaints, files, absent = list[str](), agent_files(agents_folder), 0
     for folder in sorted(results.glob("*/*")):
         if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (None, folder.name):
             continue
@@ -122,10 +123,13 @@ def _examine(results: Path, agents_folder: Path, selection: Selection) -> tuple[
             found[place] = _Found(result, None)
             try:
                 found[place] = _Found(result, player_of(result, files))
+                absent += found[place].player is None
                 if entries.get(label) != Entry.of(result):
                     raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
             except ResultError as error:
                 complaints.append(_complaint(place, error))
+    if absent:
+        tqdm.write(f"not played: {absent} results of training seeds that are not in {agents_folder}: make seeds", file=sys.stderr)
     played = {(place.parent.with_name(each.result.task.home), each.result.policy.sha256) for place, each in found.items()}
     for digest, path in files.items():
         folder = results / path.parent.relative_to(agents_folder)

@@ -15,7 +15,8 @@ from turning_nc.words import at_lines
 
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
-MAX_LOAD, MIN_FEED = 3.0, 0.002  # highest plausible load over its limit [-], lowest plausible feed [mm/rev]
+MAX_LOAD = 3.0  # highest plausible load over its limit [-]
+MIN_FEED = 0.002  # lowest plausible feed [mm/rev]
 MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
 MIN_DEEP, MIN_BACK = 3.0, 1.0  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
 BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
@@ -215,8 +216,8 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
         if lines:
             found[name] = f"{at_lines(lines)}: {text}"
 
-    swept = max((rapids := s.removal.rapids).values(), default=0.0)
-    add("rapid in metal", rapids, f"rapid moves sweep up to {swept:.1f} mm2 of metal")
+    rapids = s.removal.rapids
+    add("rapid in metal", rapids, f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal")
     add("load", on & (played.load > MAX_LOAD), f"the load is above {100 * MAX_LOAD:g} % of its limit")
     radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
     above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)

@@ -249,7 +249,7 @@ class Batch:
             got = f"shape {given.shape}" if given.dtype.char in _NUMBERS else repr(actions)
             raise ValueError(f"actions must be numbers of shape {self._shape}, got {got}")
         self._given[...] = given
-        if self.jobs is not None and np.isfinite(self._given).all():
+        if self.jobs is not None and self.ended.any() and np.isfinite(self._given).all():
             self._take_jobs(np.flatnonzero(self.ended), 1)
         observations, table = self.observations, self.table
         if not self._single:

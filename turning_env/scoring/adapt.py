@@ -70,7 +70,7 @@ class _Predicts:
         if (trained := self.model.observation_space.shape) != observations.shape[1:]:
             raise ValueError(
                 f"the model was trained on observations of {trained[0]} entries, but these have {observations.shape[1]}: give a "
-                "function that makes its entries of them (score plays the family shop; train.export takes a model with a belief)"
+                "function that makes its entries of them (of another family, name it to score; train.export takes a belief)"
             )
         actions, self._memory = self.model.predict(observations, self._memory, self._starts, deterministic=True)
         self._starts = np.zeros(len(observations), np.bool_)
