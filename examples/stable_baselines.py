@@ -2,6 +2,7 @@
 
     python -m examples.stable_baselines --algorithm ppo --steps 500000
     python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8 --steps 20000
+    python -m examples.stable_baselines --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
 
 With ``--vec-env gymnasium``, Stable-Baselines3 makes single environments (``make_vec_env``) and steps them one after the other.
 With ``batch``, the adapter in ``turning_env.adapters`` steps all environments in one call, about thirty times as fast. ``python
@@ -13,29 +14,34 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
+from gymnasium.wrappers import TransformReward
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
-import turning_env  # noqa: F401 - registers the ids
-from examples.shared import ENV_ID, at_least, parser, run, score
+from examples.shared import at_least, parser, run, score
+from turning_env import IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
 
-def make_envs(kind: str, num_envs: int, seed: int) -> VecEnv:
+def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: float) -> VecEnv:
     """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays seed + i."""
     if kind == "gymnasium":
-        return make_vec_env(ENV_ID, n_envs=num_envs, seed=seed, env_kwargs={"render_mode": None})  # its default draws frames
-    env = RoughTurningVecEnv("rough_turning", num_envs, reward_scale=1 / 3)
+        scaled: dict[str, Any] = {
+            "wrapper_class": TransformReward,
+            "wrapper_kwargs": {"func": lambda reward: reward_scale * reward},
+        }
+        return make_vec_env(env_id, num_envs, seed, env_kwargs={"render_mode": None}, **scaled)  # its default draws frames
+    env = RoughTurningVecEnv(IDS.get(env_id, "shop"), num_envs, reward_scale=reward_scale)
     env.seed(seed)
     return env
 
 
-def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int) -> Any:
-    """Return an untrained model. The short horizon matters most, because life is charged as it is used (docs/choices.md)."""
+def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int, discount: float) -> Any:
+    """Return an untrained model. Without a change of edges a short horizon matters most: life is charged as it is used."""
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
-    common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": 0.8, "seed": seed, "device": "cpu"}
+    common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": discount, "seed": seed, "device": "cpu"}
     on_policy = common | {"n_steps": rollout // env.num_envs, "batch_size": 512, "n_epochs": 5}
     off_policy = common | {"learning_starts": 2000, "batch_size": 256, "train_freq": 1, "tau": 0.01, "policy_kwargs": layers}
     match algorithm:
@@ -52,7 +58,7 @@ def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int) -> Any:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    command_line = parser("stable_baselines", __doc__, 500_000, 64)
+    command_line = parser("stable_baselines", __doc__, 500_000, 64, ids=True)
     algorithms = ("ppo", "recurrent_ppo", "sac", "tqc")
     command_line.add_argument("--algorithm", choices=algorithms, default="ppo", help="default: %(default)s")
     command_line.add_argument("--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s")
@@ -61,11 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = command_line.parse_args(arguments)
     if options.num_envs > options.rollout // 2:
         command_line.error(f"--num-envs is {options.num_envs}, but must be at most {options.rollout // 2}, half of --rollout")
-    env = make_envs(options.vec_env, options.num_envs, options.seed)
-    model = new_model(options.algorithm, env, options.seed, options.rollout)
+    env = make_envs(options.vec_env, options.env, options.num_envs, options.seed, options.reward_scale)
+    model = new_model(options.algorithm, env, options.seed, options.rollout, options.discount)
     model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()
-    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds)}")
+    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}")
     return 0
 
 

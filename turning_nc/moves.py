@@ -81,7 +81,7 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
     Raises:
         NcError: blocks are not understood, and are not left out; names each with its line.
     """
-    control = Control(program, reading.unit, given_sides=reading.sides)
+    control = Control(program, reading.unit, given_sides=reading.sides, go_on=reading.go_on)
     with contextlib.suppress(_End):
         control.run_lines(program.parts[program.main])
     control.end_corner()
@@ -109,6 +109,7 @@ class Control(Modal):
     problems: dict[int, str] = field(default_factory=dict)
     variables: dict[str, float] = field(default_factory=dict)
     given_sides: Mapping[int, str] = field(default_factory=dict)
+    go_on: bool = False
     sides: dict[int, Side] = field(default_factory=dict)
     corner: Corner | None = None  # between the last move and the next
     rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
@@ -364,10 +365,9 @@ class Control(Modal):
         if kind in ("feed", "thread"):
             if path.length < 1e-9:
                 return
-            if self.feed.value <= 0.0:
-                raise Problem("no feed is set: F")
-            if self.speed.value <= 0.0:
-                raise Problem("no speed is set: S")
+            unset = "feed is set: F" if self.feed.value <= 0.0 else "speed is set: S" if self.speed.value <= 0.0 else None
+            if unset and (self.go_on or not self.problems):  # else a line that is not understood may set it
+                raise Problem(f"no {unset}")
         self.z, self.x = path.end
         if kind == "rapid" and path.length < 1e-9:
             return

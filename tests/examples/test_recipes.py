@@ -5,15 +5,15 @@ from importlib import import_module
 import pytest
 
 from examples.stable_baselines import main
-from turning_env import IDS
+from turning_env import FAMILY_ID, IDS
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("algorithm", "vec_env", "steps"), [("recurrent_ppo", "batch", 512), ("sac", "gymnasium", 2016)])
-def test_every_algorithm_learns(algorithm: str, vec_env: str, steps: int, capsys: pytest.CaptureFixture[str]) -> None:
-    small = ["--num-envs", "8", "--steps", str(steps), "--rollout", "512", "--tuning-seeds", "1"]
-    assert main(["--algorithm", algorithm, "--vec-env", vec_env, *small]) == 0
-    assert capsys.readouterr().out.startswith(f"{algorithm} after {steps} steps: -")
+@pytest.mark.parametrize("options", ["--algorithm recurrent_ppo", "--algorithm sac --vec-env gymnasium", f"--env {FAMILY_ID}"])
+def test_algorithms_learn_on_every_id(options: str, capsys: pytest.CaptureFixture[str]) -> None:
+    small = "--num-envs 8 --steps 2048 --rollout 512 --tuning-seeds 1"
+    assert main(f"{options} {small}".split()) == 0
+    assert " after 2048 steps: -" in capsys.readouterr().out
 
 
 @pytest.mark.slow
