@@ -117,8 +117,8 @@ def _side(control: "Control", contour: Sequence[Path], allowance: Point, facing:
         upwards = ((given or machining) == "outside") == (start[1] >= 0.0)
         why = "as given" if given else "by its kind of machining"
     elif steps[0] * allowance[axis] < -1e-9:
-        sign = f"the sign of {'UW'[facing]} says the other side: set --side {line}=outside or {line}=inside"
-        raise Problem(f"it cuts {why}, but {sign}")
+        choice = "correct the program" if facing else f"correct it, or set --side {line}=outside or {line}=inside"
+        raise Problem(f"it cuts {why}, but the sign of {'UW'[facing]} says the other side: {choice}")
     reach = [first[0], *(path.end[0] for path in contour)]
     control.sides[line] = side = Side(upwards, why, facing, start, (min(reach), max(reach)))
     return side

@@ -63,6 +63,13 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
 
 
 def extrapolated(situation: Situation, played: Play) -> list[str]:
-    """Return notes on cuts outside of the range in which the scenario's laws were measured."""
+    """Return notes on cuts outside of the range in which the laws were measured, or above the machine's speed."""
     found = {text: set(situation.line[there].tolist()) for text, there in outside(situation, played).items()}
-    return [f"* {at_lines(lines)}: {text}" for text, lines in found.items() if lines]
+    notes = [f"* {at_lines(lines)}: {text}" for text, lines in found.items() if lines]
+    highest = situation.scenario.machine.cutting_speed_max
+    fast = situation.engaged & (played.cutting_speed > 1.001 * highest)
+    if fast.any():
+        speeds = f"cutting speeds up to {played.cutting_speed[fast].max():.0f} m/min"
+        text = f"{speeds} are above machine.cutting_speed_max, {highest:g} m/min"
+        notes.append(f"{at_lines(situation.line[fast].tolist())}: {text}")
+    return notes

@@ -16,7 +16,7 @@ from turning_nc.words import at_lines
 MIN_WASTE = 1.0  # time that a block must be able to save to be named [s]
 MAX_TEXT = 36
 MAX_LOAD = 3.0  # highest plausible load over its limit [-]
-MIN_FEED = 0.002  # lowest plausible feed [mm/rev]
+MIN_FEED, MAX_FEED = 0.002, 5.0  # range of plausible feeds in metal [mm/rev]
 MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
 MIN_DEEP, MIN_BACK = 3.0, 1.0  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
 BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
@@ -224,6 +224,8 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
     text = "the depth of cut is above half the diameter: is X a radius, DIAMOF or G8?"
     add("depth of cut", on & above & (slices.depth > MIN_DEEP), text)
     add("feed", s.fed & on & (played.feed < MIN_FEED), f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?")
+    high = f"the feed is above {MAX_FEED:g} mm/rev: is it in mm/min, G94 or G98?"
+    add("high feed", s.fed & on & (played.feed > MAX_FEED), high)
     add("spindle stands", on & ~s.spindle_on, "the tool cuts while the spindle stands: M3 or M4 is missing")
     add("back of the tool", _backwards(s, deep), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
     gouged = s.removal.gouged

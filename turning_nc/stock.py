@@ -91,12 +91,12 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
     kinds = {}
     for tool in known:
-        mine = [move for move in moves.moves if move.tool == tool]
+        mine = [move for move in moves.moves if move.tool == tool and move.kind != "dwell"]
         along = pecks = 0
         plunges = {"": 0, "-inside": 0}
         vote = 0.0  # for outside
         cut: ToolPath | None = None  # the last one along Z, while the tool has not returned
-        for move, after in itertools.pairwise([*mine, mine[-1]]):
+        for move, after in itertools.pairwise([*mine, *mine[-1:]]):
             (z, x), (end, end_x), (next_z, next_x) = move.path.start, move.path.end, after.path.end
             if _cuts(move):
                 if abs(end - z) > max(5.0 * abs(end_x - x), 1.0):
