@@ -214,8 +214,7 @@ def whole_parts(lasting: Any) -> Any:
 
 def part_volume(scenario: Scenario) -> float:
     """Return the metal cut from a part [cm3]."""
-    work = scenario.workpiece
-    return float(np.pi * work.diameter * work.depth_of_cut * work.bar_length / 1000.0)
+    return float(np.pi * (work := scenario.workpiece).diameter * work.depth_of_cut * work.bar_length / 1000.0)
 
 
 def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
@@ -229,6 +228,9 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
         values = best.cuts._asdict()
         beyond = (f"{name} {values[name]:.3g}, but measured at {at}" for name, at, out in outside(evidence, values) if out)
         yield f"* outside what was measured: {'; '.join(beyond)}"
+    force, tool = float(best.cuts.thrust_force), scenario.tool
+    if force > tool.edge_strength * np.exp(-2 * tool.edge_strength_spread):
+        yield f"edges may break: thrust is {force:.0f} N, and half of them break at {tool.edge_strength:g} N, tool.edge_strength"
     for bound in bounds:
         there = bound.without
         moved = f", and {bound.law}; without it" if bound.law else f"; with a range {100 * WIDER:g} % wider"

@@ -107,6 +107,8 @@ def play_all(
     depth = np.hypot(work.depth_bar_spread, work.depth_along_spread)
     hardness = 100 * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
     notes = [f"bars vary in depth by {depth:.2g} mm and in hardness by {hardness:.2g} %, the scenario's standard deviations"]
+    if broken := int(episodes["edges_broken"].sum()):
+        notes.append(f"{broken} of {edges} edges broke with fixed parameters: see tool.edge_strength")
     if slower is not best:
         notes.append(
             f"on such bars, the advised {best.cuts.feed:g} mm/rev is longer in overload than limits.overload_allowance, so fixed "
@@ -119,8 +121,7 @@ def play_all(
         on_play(f"rule {name}")
         played.append((f"rule {name}", play(spec.make, own, seeds)))
     for agent in agents:
-        name = f"agent {Path(agent).stem}"
-        on_play(name)
+        on_play(name := f"agent {Path(agent).stem}")
         try:
             played.append((name, play(as_factory(agent), own, seeds)))
         except (TypeError, ValueError) as error:

@@ -65,7 +65,7 @@ NAMES = {
 """Headers of each column without units and in small letters, "_" and "." as spaces, umlauts as two letters."""
 
 _COLUMN = {name: column for column, names in NAMES.items() for name in names}
-_BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*(.*?)\s*[\])}>]\s*", re.DOTALL)
+_BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*([^\[({<]*?)\s*[\])}>]\s*", re.DOTALL)
 _NUMBERED = re.compile(r" ?(#|id|no|nr|number|nummer)$")  # end of an edge's header
 _GAP = re.compile(r"[\s_,/]+(?:in\s+)?")
 _MICRO = str.maketrans("µμ·*", "uu  ")
@@ -109,10 +109,9 @@ def read_heading(text: str) -> Heading:
                 break
     if column is None and not bracketed and _unit(text) not in LENGTH:
         column, unit = next((each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)), None), text
-    if column is None or column == EDGE or not unit:
+    if column is None or column == EDGE or not unit or _column(unit) == column:  # as in "Vorschub (f)"
         return Heading(text, column)
-    own = COLUMNS[column].unit
-    sizes = _sizes(own)
+    sizes = _sizes(own := COLUMNS[column].unit)
     if _unit(unit) not in sizes:
         others = " or ".join(name for name, each in COLUMNS.items() if _unit(unit) in _sizes(each.unit))
         allowed = f"allowed are {', '.join(sizes)}, or no unit, which means {own}" + f"; is it {others}?" * bool(others)
@@ -128,7 +127,8 @@ def is_unit(text: str) -> bool:
 
 def _column(name: str) -> str | None:
     plain = re.sub(r"\s+", " ", name.casefold().translate(_LETTERS)).strip()
-    return EDGE if _COLUMN.get(_NUMBERED.sub("", plain)) == EDGE else _COLUMN.get(plain)
+    twice = {_COLUMN.get(part.strip(" ,:=()[]")) for part in plain.rpartition(" ")[::2]}  # as in "Vorschub f" and "feed, f"
+    return EDGE if _COLUMN.get(_NUMBERED.sub("", plain)) == EDGE else _COLUMN.get(plain, twice.pop() if len(twice) == 1 else None)
 
 
 def _unit(text: str) -> str:

@@ -135,8 +135,7 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
     found = list(itertools.islice(rows, MAX_ROWS + 2))
     if len(found) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
-    above = found[:MAX_ABOVE]
-    start = max(range(len(above)), key=lambda index: _understood(above[index][1]), default=0)
+    start = max(range(len(above := found[:MAX_ABOVE])), key=lambda index: _understood(above[index][1]), default=0)
     header, notes = found[start][1] if found else [], []
     if start:
         notes.append(f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}")
@@ -187,8 +186,7 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
 
 def _sums_up(row: Sequence[str]) -> bool:
     """Return whether a row sums up others, or holds no number at all."""
-    statistic = any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row)
-    return statistic or not any(_is_number(cell) for cell in row)
+    return any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row) or not any(map(_is_number, row))
 
 
 def _is_number(cell: str) -> bool:

@@ -16,7 +16,7 @@ from turning_shop.whatif import NO_LIMIT
 
 OF_PROGRAMS = {"machine.cutting_speed_max": "m/min", "machine.feed_max": "mm/rev", "tool.wear_criterion": "mm"}
 _OF_BARS = {"workpiece.diameter": "mm", "workpiece.bar_length": "mm", "workpiece.depth_of_cut": "mm"}
-ASKED = OF_PROGRAMS | _OF_BARS | {"economics.edge_change_time": "min"}
+ASKED = OF_PROGRAMS | _OF_BARS | {"economics.edge_change_time": "min", "machine.return_time": "min", "tool.edge_strength": "N"}
 """Values on which the play of programs and advice depend, and their units."""
 TAYLOR = 0.25
 """Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron (ISO groups P, M and K): speed factors
@@ -61,8 +61,7 @@ def load(source: Source, asked: Mapping[str, str] = ASKED) -> tuple[Scenario, Ev
 
 def is_papers(wear: PowerLaw) -> bool:
     """Return whether a law of wear has the paper's Taylor exponent, 0.42, at which speed is cheap."""
-    paper = Material().wear
-    return (wear.cutting_speed, wear.time) == (paper.cutting_speed, paper.time)
+    return (wear.cutting_speed, wear.time) == ((paper := Material().wear).cutting_speed, paper.time)
 
 
 def stated_by(path: Path) -> tuple[dict[str, Any], str]:

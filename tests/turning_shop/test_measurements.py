@@ -102,6 +102,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
         *(("SFM", "cutting_speed"), ("IPR", "feed"), ("HP", "power"), ("thrust force", "thrust_force"), ("note, of mine", None)),
         *(("Passivkraft", "back_force"), ("Insert", "edge"), ("Härte [%]", "hardness"), ("", None)),
+        *(("Vorschub f [mm/U]", "feed"), ("Schnitttiefe (ap) [mm]", "depth_of_cut"), ("Zeit (t)", "time"), ("Zeit f", None)),
         *(("f in mm", "feed"), ("f [in]", "feed"), ("mm", None), ("Insert #", "edge"), ("Platte Nr.", "edge"), ("P Nr.", None)),
     ],
 )
