@@ -338,7 +338,7 @@ class Control(Modal):
         i, k = line.first("I"), line.first("K")
         if not (i or k):
             if self.fanuc and not line.codes & {2, 3}:
-                self.note(f"has neither centre nor radius: as on a Fanuc, G{self.motion} of a block before it moves straight")
+                self.note(f"G{self.motion} holds, but without centre or radius: it moves straight, as on a Fanuc; is G1 missing?")
                 return Path(start, end)
             raise Problem(f"G{self.motion} needs a centre or a radius: I and K, or {'R' if self.fanuc else 'CR='}")
         if any(word is not None and word.mode == "AC" for word in (i, k)):

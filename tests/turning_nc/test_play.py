@@ -232,7 +232,7 @@ AWAY = "G0 Z-60.\nG1 X50. F0.1\nZ-10. F0.25\nG0 X62."
 IMPLAUSIBLE: list[tuple[str, str, dict[str, str], set[str]]] = [
     (f"{BAR}G1 X56. F0.25\nZ-40.", "bar:60x60", {}, set()),
     (f"{BAR}G0 X50.\nZ-40.\nX62.\nZ2.\nG1 X56. F0.2\nZ-9.", "bar:60x60", {}, {"rapid in metal"}),
-    (f"{BAR}G0 X20.\nG1 Z-40. F0.6", "bar:60x60", {}, {"load", "depth of cut"}),
+    (f"{BAR}G0 X20.\nG1 Z-40. F6", "bar:60x60", {}, {"load", "depth of cut", "high feed"}),
     (f"{BAR.replace('M3', '')}G1 X56. F0.25\nZ-40.", "bar:60x60", {}, {"spindle stands"}),
     (f"{BAR}M5\nG1 X56. F0.25\nM3\nG1 Z-40.", "bar:60x60", {}, set()),
     (BAR + AWAY, "bar:60x80", {}, {"back of the tool", "gouged contour"}),
@@ -281,7 +281,7 @@ def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
 @pytest.mark.parametrize(
     ("cuts", "kind"),
     [
-        ("X62. Z-20.\nG1 X50. F0.1\nX61.\nG0 Z-26.\nG1 X50.\nG0 X61.", "groove:3"),
+        ("X62. Z-20.\nG1 X50. F0.1\nG4 X0.5\nX61.\nG0 Z-26.\nG1 X50.\nG0 X61.", "groove:3"),
         ("X20. Z-20.\nG1 X30. F0.1\nG0 X20.\nZ5.", "groove:3-inside"),
         ("X-20. Z2.\nG1 Z-10. F0.1\nG0 Z1.\nG1 Z-20.\nG0 Z5.", "drill:20"),
         ("X62. Z0.\nG1 X-1. F0.1\nG0 Z2.\nX56.\nG1 Z-30.", "outside"),
