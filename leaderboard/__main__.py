@@ -81,7 +81,7 @@ def _run(options: argparse.Namespace) -> None:
     notes = sys.stderr if options.json else sys.stdout
     print(f"wrote {path}", file=notes)
     labels = {spec.label for each in runs for spec in each.policies}
-    for line in (line for each in played for line in table.own_places(each, labels)):
+    for line in (line for each in played for line in table.agent_places(each, labels)):
         print(line, file=notes)
     if failed:
         raise ResultError("; ".join(map(str, failed)))

@@ -71,18 +71,19 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def own_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
-    """Return a line on the place of each of one's own agents, if its label is one of these."""
+def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
+    """Return a line on the place of each agent whose label is one of these, with one's own last."""
     names = leaderboard.names
     asked = {names.get(label) for label in labels}
     ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
     lines = []
-    for place, standing in enumerate(ranked, 1):
-        if standing.own and standing.name in asked:
+    for place, standing in sorted(enumerate(ranked, 1), key=lambda each: each[1].own):
+        if standing.kind == "agent" and standing.name in asked:
             task, column = leaderboard.task, ranking(leaderboard.task.scenario)
             cell = column.cell(standing)
             value = f"{cell.text} {column.unit} ({cell.interval})" if cell.text else "none"
-            told = f"your agent: rank {place} of {len(ranked)}, {column.heading} {value}"
+            whose = "your agent" if standing.own else "agent that ships with the project"
+            told = f"{whose}: rank {place} of {len(ranked)}, {column.heading} {value}"
             lines.append(f"{told}: {standing.name} on {task.env_id}, scenario {task.scenario.name}")
     return lines
 

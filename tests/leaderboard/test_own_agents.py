@@ -45,6 +45,7 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert "my_ppo (yours)" in told.out
     assert told.out.splitlines()[-1].startswith("your agent: rank ")
     assert " of 3, return " in told.out.splitlines()[-1]
+    assert told.out.splitlines()[-2].startswith("agent that ships with the project: rank ")
     assert "ppo comes with the project; --name" in told.err
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
     before = (folder / "ppo-seed0.json.xz").read_bytes()
