@@ -119,7 +119,8 @@ class Run:
         """Return the run that a folder holds. Raise ValueError if the folder holds no run, or its description cannot be read."""
         path = folder / "run.json"
         if not path.is_file():
-            raise ValueError(f"{folder} holds no training run: there is no run.json")
+            hint = ": train.export makes an agent file of a model of Stable-Baselines3" if folder.suffix == ".zip" else ""
+            raise ValueError(f"{folder} holds no training run: there is no run.json{hint}")
         try:
             values = json.loads(path.read_text("utf-8"))
             values["scenario"] = Scenario.model_validate(values["scenario"])

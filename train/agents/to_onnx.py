@@ -220,13 +220,15 @@ def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
         model: Any = getattr(importlib.import_module(package), name).load(path, device="cpu")
     except Exception as error:  # garbled bytes can raise anything
         raise ValueError(f"cannot be loaded as {name} of {package}: {error}") from error
-    parameters, seen = run.parameters | {"steps": int(model.num_timesteps)}, model.observation_space.shape
-    for these in (parameters, parameters | {"belief": True}):
-        if (space := seen_space(run.env_id, run.scenario, these)) == model.observation_space:
-            parameters = these
-            break
-    else:
-        raise ValueError(f"was trained on observations of shape {seen} or other bounds, but {run.env_id} has {space.shape}")
+    plain = run.parameters | {"steps": int(model.num_timesteps)}
+    choices = (plain, plain | {"belief": True})
+    spaces = [seen_space(run.env_id, run.scenario, each) for each in choices]
+    if model.observation_space not in spaces:
+        raise ValueError(
+            f"was trained on observations of shape {model.observation_space.shape} or other bounds, but {run.env_id} has "
+            f"{spaces[0].shape}, with a belief {spaces[1].shape}: state the --env and --scenario of its training"
+        )
+    parameters = choices[spaces.index(model.observation_space)]
     if model.action_space != (actions := action_space(run.scenario)):
         raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
     network = _network(name, model.policy)

@@ -69,8 +69,8 @@ class _Predicts:
     def act(self, observations: Observations) -> Actions:
         if (trained := self.model.observation_space.shape) != observations.shape[1:]:
             raise ValueError(
-                f"the model was trained on observations of {trained[0]} entries, but these have {observations.shape[1]}: give a "
-                "function that makes its entries of them (of another family, name it to score; train.export takes a belief)"
+                f"the model was trained on observations of {trained[0]} entries, but these have {observations.shape[1]}: play "
+                "the id or family of its training; export a model with a belief by train.export; or give a function of these"
             )
         actions, self._memory = self.model.predict(observations, self._memory, self._starts, deterministic=True)
         self._starts = np.zeros(len(observations), np.bool_)
