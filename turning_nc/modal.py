@@ -63,8 +63,8 @@ class Modal:
                 self.note(f"neither {words} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
         stated = codes & {7, 8} if self.fanuc else any(word.address.startswith("DIAM") for line in lines for word in line.words)
         if not stated:
-            words = "G7 nor G8" if self.fanuc else "DIAMON nor DIAMOF nor DIAM90"
-            self.note(f"neither {words} is programmed: X is taken as a diameter (assumption)")
+            why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
+            self.note(f"X is taken as a diameter, {why} (assumption)")
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
         self.system_a = self.fanuc and not (feeds or codes & {7, 8} or any({91} == line.codes & {91, 28, 30} for line in lines))
         lengths = [word for line in lines for word in line.words if word.address in ("X", "Z") and word.value]

@@ -214,7 +214,8 @@ def whole_parts(lasting: Any) -> Any:
 
 def part_volume(scenario: Scenario) -> float:
     """Return the metal cut from a part [cm3]."""
-    return float(np.pi * (work := scenario.workpiece).diameter * work.depth_of_cut * work.bar_length / 1000.0)
+    work = scenario.workpiece
+    return float(np.pi * work.diameter * work.depth_of_cut * work.bar_length / 1000.0)
 
 
 def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:

@@ -121,7 +121,8 @@ def play_all(
         on_play(f"rule {name}")
         played.append((f"rule {name}", play(spec.make, own, seeds)))
     for agent in agents:
-        on_play(name := f"agent {Path(agent).stem}")
+        name = f"agent {Path(agent).stem}"
+        on_play(name)
         try:
             played.append((name, play(as_factory(agent), own, seeds)))
         except (TypeError, ValueError) as error:

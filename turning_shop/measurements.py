@@ -135,14 +135,16 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
     found = list(itertools.islice(rows, MAX_ROWS + 2))
     if len(found) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
-    start = max(range(len(above := found[:MAX_ABOVE])), key=lambda index: _understood(above[index][1]), default=0)
+    above = found[:MAX_ABOVE]
+    start = max(range(len(above)), key=lambda index: _understood(above[index][1]), default=0)
     header, notes = found[start][1] if found else [], []
     if start:
         notes.append(f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}")
     table = [(line, row[: len(header)] if not any(row[len(header) :]) else row) for line, row in found[start + 1 :]]
-    if table and _is_row_of_units(header, table[0][1]):
-        notes.append(f"units in line {table[0][0]}")
-        below = [cell.strip(" []()") for cell in table.pop(0)[1]]
+    below = table[0][1] if table else []
+    if len(below) == len(header) and not any(map(_is_number, below)) and sum(map(is_unit, below)) >= 2:
+        notes.append(f"units in line {table.pop(0)[0]}")
+        below = [cell.strip(" []()") for cell in below]
         header = [
             f"{text} [{unit}]" if is_unit(unit) and text.strip()[-1:] not in tuple("])}>") else text
             for text, unit in zip(header, below, strict=True)
@@ -191,11 +193,6 @@ def _sums_up(row: Sequence[str]) -> bool:
 
 def _is_number(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.strip().replace(",", ".")))
-
-
-def _is_row_of_units(header: Sequence[str], row: Sequence[str]) -> bool:
-    """Return whether a row below the header holds no numbers, and two units or more."""
-    return len(row) == len(header) and not any(map(_is_number, row)) and sum(map(is_unit, row)) >= 2
 
 
 def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:

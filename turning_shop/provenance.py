@@ -61,7 +61,8 @@ def load(source: Source, asked: Mapping[str, str] = ASKED) -> tuple[Scenario, Ev
 
 def is_papers(wear: PowerLaw) -> bool:
     """Return whether a law of wear has the paper's Taylor exponent, 0.42, at which speed is cheap."""
-    return (wear.cutting_speed, wear.time) == ((paper := Material().wear).cutting_speed, paper.time)
+    paper = Material().wear
+    return (wear.cutting_speed, wear.time) == (paper.cutting_speed, paper.time)
 
 
 def stated_by(path: Path) -> tuple[dict[str, Any], str]:
