@@ -97,12 +97,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         *(("Vc", "cutting_speed"), ("v_c [m/s]", "cutting_speed"), ("Schnittgeschwindigkeit m/min", "cutting_speed")),
         *(("fn", "feed"), ("Vorschub [mm/U]", "feed"), ("f, mm/rev", "feed"), ("vf [mm/min]", None), ("n [1/min]", None)),
         *(("Feed rate (mm/rev)", "feed"), ("VBmax [mm]", "wear"), ("Tool No.", "edge"), ("Machining time, min", "time")),
-        *(
-            ("a_p", "depth_of_cut"),
-            ("Schnitttiefe (ap) [mm]", "depth_of_cut"),
-            ("DOC [inch]", "depth_of_cut"),
-            ("Passivkraft", "back_force"),
-        ),
+        *(("a_p", "depth_of_cut"), ("DOC (ap) [mm]", "depth_of_cut"), ("DOC [inch]", "depth_of_cut"), ("Fp", "back_force")),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear"), ("Zeit (t)", "time")),
         *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
         *(("SFM", "cutting_speed"), ("IPR", "feed"), ("HP", "power"), ("thrust force", "thrust_force"), ("note, of mine", None)),
