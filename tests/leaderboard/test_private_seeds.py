@@ -25,8 +25,7 @@ def test_a_private_key_determines_seeds_that_are_not_public() -> None:
     first, other = private_seeds("correct horse battery", 1000), private_seeds("correct horse batterz", 1000)
     assert first == private_seeds("correct horse battery", 1000)
     assert not set(first) & set(other)
-    assert min(first + other) >= HELD_OUT_START + 1_000_000
-    assert max(first + other) < 2**64
+    assert HELD_OUT_START + 1_000_000 <= min(first + other) <= max(first + other) < 2**64
 
 
 def test_results_tell_the_digest_and_nothing_else(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
@@ -49,3 +48,4 @@ def test_results_tell_the_digest_and_nothing_else(tmp_path: Path, scenario: Scen
     assert "was played on private seeds" in complaint
     assert main([*words, "--private-key", KEY[::-1], "--policies", "zero_action"]) == 0
     assert [len(read_leaderboard(folder, each).results) for each in (result.task, None)] == [1, 1]
+    assert main([*words, "--policies", "fixed_handbook"]) == 2  # on public seeds
