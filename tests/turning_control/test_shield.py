@@ -96,8 +96,8 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
 @pytest.mark.slow
 def test_random_actions_break_no_edge() -> None:
     scenario = Scenario.load("rough_turning")
-    free = play(lambda n: UniformRandom(2), scenario, range(4))
-    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(4))
+    free = play(lambda n: UniformRandom(2), scenario, range(2))
+    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(2))
     assert free["edges_broken"].sum() > 0
     assert held["edges_broken"].sum() == 0
 
