@@ -39,7 +39,7 @@ install = .venv/bin/python -c '$(NEEDS)' $(1) | $(INSTALL) -r -
 CARDS ?= $(wildcard agents/*/*/*.md)
 SEEDS ?= 0-9
 # The commit that holds the agents of all training seeds.
-ALL_SEEDS ?= afb830b0aa0a81e4df446dd7e043174dce63bd76
+ALL_SEEDS ?= 2da23551ad3c81dad70e5d4aa6288ca8f9ecae66
 
 # Processors that `make processors` imitates: kernels of OpenBLAS; the C library and compiled code without newer instructions; NumPy without AVX-512,
 # then without any optional instructions.
