@@ -28,11 +28,13 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: float) -> VecEnv:
     """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays seed + i."""
     if kind == "gymnasium":
-        scaled: dict[str, Any] = {
-            "wrapper_class": TransformReward,
-            "wrapper_kwargs": {"func": lambda reward: reward_scale * reward},
-        }
-        return make_vec_env(env_id, num_envs, seed, env_kwargs={"render_mode": None}, **scaled)  # its default draws frames
+        return make_vec_env(
+            env_id,
+            num_envs,
+            seed,
+            env_kwargs={"render_mode": None},  # its default draws frames
+            wrapper_class=lambda env: TransformReward(env, lambda reward: reward_scale * float(reward)),
+        )
     env = RoughTurningVecEnv(IDS.get(env_id, "shop"), num_envs, reward_scale=reward_scale)
     env.seed(seed)
     return env

@@ -141,10 +141,12 @@ def _finished(run: TaskRun) -> set[str]:
     wanted, finished = {spec.label: spec for spec in run.policies}, set()
     for result in read_results(run.folder).values():
         spec = wanted.get(result.policy.label)
-        if spec and (result.task.private is None) != (run.task.private is None):
+        if spec is None:
+            continue
+        if (result.task.private is None) != (run.task.private is None):
             whose = "public" if run.private else "private"
             raise ResultError(f"{run.folder} holds {spec.label} on {whose} seeds: change --results")
-        if spec is None or result.task.digest != run.task.digest:
+        if result.task.digest != run.task.digest:
             continue
         if result.is_of(run.task, spec):
             finished |= {spec.label} if not is_code(spec) else set()

@@ -55,7 +55,7 @@ def program(options: argparse.Namespace) -> int:
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
     situation = cutting.Situation(scenario, machine, run, removal, evidence)
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
-    notes += [*evidence.warnings, *edges.extrapolated(situation, played)]
+    notes += [*evidence.warnings, *edges.beyond(situation, played)]
     implausible = report.implausible(situation, played)
     if implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())
@@ -66,7 +66,7 @@ def program(options: argparse.Namespace) -> int:
     if options.adapt:
         adapted = adapt.adapt(situation, options.wear, options.adapt, options.life, options.finishing)
         after = report.summary(adapted.situation, adapted.played)
-        notes += [f"adapted, {note}" for note in edges.extrapolated(adapted.situation, adapted.played)]
+        notes += [f"adapted, {note}" for note in edges.beyond(adapted.situation, adapted.played)]
     if options.figure:
         plot_style.save(picture.draw(situation, played, f"{options.program.name}, {scenario.name}"), options.figure)
     if adapted and options.out:

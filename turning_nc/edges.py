@@ -62,8 +62,8 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
     return where
 
 
-def extrapolated(situation: Situation, played: Play) -> list[str]:
-    """Return notes on cuts outside of the range in which the laws were measured, or above the machine's speed."""
+def beyond(situation: Situation, played: Play) -> list[str]:
+    """Return notes on cuts beyond what was measured, or above the machine's speed."""
     found = {text: set(situation.line[there].tolist()) for text, there in outside(situation, played).items()}
     notes = [f"* {at_lines(lines)}: {text}" for text, lines in found.items() if lines]
     highest = situation.scenario.machine.cutting_speed_max

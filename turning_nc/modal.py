@@ -61,12 +61,12 @@ class Modal:
             if self.unit is None:
                 words = " nor ".join(f"G{code}" for code in self.dialect.units)
                 self.note(f"neither {words} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
-        stated = codes & {7, 8} if self.fanuc else any(word.address.startswith("DIAM") for line in lines for word in line.words)
-        if not stated:
+        of_linuxcnc = codes & {7, 8}
+        if not (of_linuxcnc if self.fanuc else any(word.address.startswith("DIAM") for line in lines for word in line.words)):
             why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
             self.note(f"X is taken as a diameter, {why} (assumption)")
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
-        self.system_a = self.fanuc and not (feeds or codes & {7, 8} or any({91} == line.codes & {91, 28, 30} for line in lines))
+        self.system_a = self.fanuc and not (feeds or of_linuxcnc or any({91} == line.codes & {91, 28, 30} for line in lines))
         lengths = [word for line in lines for word in line.words if word.address in ("X", "Z") and word.value]
         cycles = [line for line in lines if line.codes & self.dialect.cycles]
         sizes = [word for line in cycles for word in line.words if word.address in {*"UWRDIK"}]

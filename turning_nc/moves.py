@@ -365,9 +365,9 @@ class Control(Modal):
         if kind in ("feed", "thread"):
             if path.length < 1e-9:
                 return
-            unset = "feed is set: F" if self.feed.value <= 0.0 else "speed is set: S" if self.speed.value <= 0.0 else None
-            if unset and (self.go_on or not self.problems):  # else a line that is not understood may set it
-                raise Problem(f"no {unset}")
+            for setting, problem in ((self.feed, "no feed is set: F"), (self.speed, "no speed is set: S")):
+                if setting.value <= 0.0 and (self.go_on or not self.problems):  # else a line that is not understood may set it
+                    raise Problem(problem)
         self.z, self.x = path.end
         if kind == "rapid" and path.length < 1e-9:
             return

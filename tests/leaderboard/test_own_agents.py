@@ -40,12 +40,12 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     (theirs,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
     assert main([*words, "--agents", str(mine), str(theirs)]) == 0
     told = capsys.readouterr()
-    assert {standing.name for standing in read_leaderboard(folder).standings if standing.own} == {"my_ppo"}
+    own = {standing.name: standing.own for standing in read_leaderboard(folder).standings}
+    assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
     assert "my_ppo (yours)" in told.out
-    ships, yours = told.out.splitlines()[-2:]
-    assert ships.startswith("agent that ships with the project: rank ")
-    assert yours.startswith("your agent: rank ")
-    assert " of 3, return " in yours
+    places = [line.partition(": rank ") for line in told.out.splitlines()[-2:]]
+    assert [whose for whose, _, _ in places] == ["agent that ships with the project", "your agent"]
+    assert all(" of 3, return " in place for _, _, place in places)
     assert "ppo comes with the project; --name" in told.err
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
     before = (folder / "ppo-seed0.json.xz").read_bytes()

@@ -94,7 +94,7 @@ def _onnx(path: Path) -> PolicyFactory:
     try:
         session = session_of(str(path))  # by its path, as the weights may lie in a file beside it
     except ValueError as error:
-        hint = ": give the loaded model, or a file that train.export makes of it in a clone" if path.suffix == ".zip" else ""
+        hint = ": give the loaded model, or a file by python -m train.export in a clone" if path.suffix == ".zip" else ""
         raise ValueError(f"{path} {error}{hint}") from error
     inputs = {each.name: each.shape for each in session.get_inputs()}
     outputs = {each.name for each in session.get_outputs()}

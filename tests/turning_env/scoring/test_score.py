@@ -120,7 +120,7 @@ def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | No
 
 def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
     (tmp_path / "me.zip").write_bytes(b"PK")
-    with pytest.raises(ValueError, match=r"train\.export"):
+    with pytest.raises(ValueError, match=r"python -m train\.export"):
         score(tmp_path / "me.zip", OVERRIDE, 2)
 
 
