@@ -101,25 +101,3 @@ def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries
     """Numba and Pydantic take half a second; they are loaded with the first environment."""
     assert not loaded("import turning_env") & (HEAVY | {"numba", "pydantic"})
     assert not loaded("import turning_env; turning_env.RoughTurningEnv") & HEAVY
-
-
-LINES = {
-    "turning_env": 6000,
-    "turning_render": 1200,
-    "turning_shop": 2600,
-    "turning_nc": 3900,
-    "turning_control": 1500,
-    "baselines": 4050,
-    "train": 3800,
-    "leaderboard": 3300,
-    "papers": 2500,
-    "studies": 2000,
-    "tests": 12000,
-}
-"""Most lines of Python of a package."""
-
-
-@pytest.mark.parametrize("package", LINES)
-def test_a_package_keeps_its_budget_of_lines(package: str) -> None:
-    lines = sum(len(path.read_text("utf-8").splitlines()) for path in (ROOT / package).rglob("*.py"))
-    assert lines <= LINES[package], f"{package} has {lines} lines of Python: delete {lines - LINES[package]} (CONTRIBUTING.md)"

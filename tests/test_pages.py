@@ -15,9 +15,6 @@ TUTORIALS = DOCS / "tutorials"
 INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks this one, interpreted
 ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
 ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
-WRITTEN = (DOCS / "papers" / "index.md", DOCS / "figures" / "README.md")  # by python -m papers.reproduce and papers.figures
-UNCOUNTED = re.compile(r"^(?:```.*?^```|<!-- [^\n]*-->)$(?:\n\n(?:\|[^\n]*\n)+)?", re.MULTILINE | re.DOTALL)
-"""Code, comments, and tables that a command right above them prints."""
 # This suite itself, the installation of what is under test, and tables, which tests/test_tables.py prints.
 ELSEWHERE = ("make test", "pip install", "python -m leaderboard show --results leaderboard/results --")
 # How a command is made small: options added to it, words replaced in it.
@@ -79,12 +76,6 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         text = (tmp_path / page).read_text("utf-8")
         assert "RoughTurning" in text
         assert "fonts.googleapis.com" not in text
-
-
-def test_pages_are_short() -> None:
-    pages = {ROOT / "README.md", *DOCS.rglob("*.md")} - set(WRITTEN)
-    words = {page: len(UNCOUNTED.sub("", page.read_text("utf-8")).split()) for page in pages}
-    assert {page: count for page, count in words.items() if count > (900 if page.parent == ROOT else 1200)} == {}
 
 
 def test_every_public_name_is_in_the_reference() -> None:
