@@ -30,6 +30,19 @@ DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
 _P = ParamSpec("_P")
 
 
+def printable(text: str) -> str:
+    r"""Return a text with every character that does not print escaped, such as ESC as ``\x1b``.
+
+    A terminal obeys control characters, and a line break may forge a line of output. Texts that come from a file or from a
+    stranger pass through here before they are shown.
+    """
+    return "".join(character if character.isprintable() else _escape(character) for character in text)
+
+
+def _escape(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
+
+
 def described(text: str | None) -> dict[str, Any]:
     """Return argparse's keyword arguments for a docstring: its prose as description, its examples as epilog.
 
@@ -95,7 +108,9 @@ def exits(
                 message = missing(error) if isinstance(error, ModuleNotFoundError) else _message(error)
                 if message is None:
                     raise
-                print(f"error: {message}", file=sys.stderr)
+                # Some messages list their items on lines of their own.
+                lines = [printable(line) for line in message.split("\n")]
+                print("error:", "\n".join(lines), file=sys.stderr)
             return MISTAKE
 
         return run

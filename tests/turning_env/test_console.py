@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from turning_env.console import exits, print_json
+from turning_env.console import exits, print_json, printable
 
 
 def raising(error: BaseException) -> Callable[[], int]:
@@ -32,6 +32,12 @@ def test_exception_becomes_a_line_and_a_status(error: BaseException, status: int
     assert exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))() == status
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", f"{message}\n")
+
+
+def test_text_of_a_file_cannot_command_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    assert printable("\x1b[2J\r\n\x9b7m\u202e \u00e9") == r"\x1b[2J\r\n\x9b7m\u202e " + "\u00e9"
+    exits(ValueError)(raising(ValueError("bad key \x1b]0;title\x07\n  second line")))()
+    assert capsys.readouterr().err == "error: bad key \\x1b]0;title\\x07\n  second line\n"
 
 
 def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(capsys: pytest.CaptureFixture[str]) -> None:

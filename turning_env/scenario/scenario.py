@@ -15,6 +15,7 @@ import numpy as np
 import tomli_w
 from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
 
+from turning_env.console import printable
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario import sections
 from turning_env.scenario.section import Section, names_instead
@@ -288,7 +289,13 @@ PortableScenario = Annotated[
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be used. The message names the field, its value and the allowed values."""
+    """A scenario that cannot be used. The message names the field, its value and the allowed values.
+
+    It is one line that a terminal can show: it may quote keys and values of a stranger's file.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message))
 
 
 def presets() -> tuple[str, ...]:

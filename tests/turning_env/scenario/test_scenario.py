@@ -102,6 +102,26 @@ def test_a_dict_states_only_what_differs_from_its_base():
         Scenario.load({"limit": {"power": 9}})
 
 
+HOSTILE_KEY = "\\u001b[2J\\u009b7m\\r\\nall is well"
+
+
+HOSTILE_LINES = (
+    f'"{HOSTILE_KEY}" = 1',
+    f'limits."{HOSTILE_KEY}" = 1',
+    f'base = "{HOSTILE_KEY}"',
+    f'workpiece.depth_profile."{HOSTILE_KEY}" = 1',
+)
+
+
+@pytest.mark.parametrize("text", HOSTILE_LINES, ids=["section", "field", "base", "inside a value"])
+def test_an_error_cannot_command_a_terminal(text, tmp_path):
+    (tmp_path / "hostile.toml").write_text(text)
+    with pytest.raises(ScenarioError) as refusal:
+        Scenario.load(tmp_path / "hostile.toml")
+    assert str(refusal.value).isprintable()
+    assert r"\x1b[2J" in str(refusal.value)
+
+
 @pytest.mark.parametrize(("file_name", "name"), [("Maß (2).toml", "Ma___2_"), (".a.toml", "_a"), (70 * "x" + ".toml", 64 * "x")])
 def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
     path = tmp_path / file_name
