@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, tool_life
+from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import change_wear
 from turning_nc.expression import number_text
 from turning_nc.moves import run
@@ -108,6 +109,7 @@ class _Search:
         self.wear = wear
         self.before = play(situation, wear)
         self.text = s.moves.program.text
+        lines = with_line_feeds(self.text)
         scales: dict[Key, float] = {}
         slices = s.removal.slices
         self.feed_of, self.speed_of = np.full((2, len(slices.move)), -1)
@@ -124,7 +126,7 @@ class _Search:
             for address, setting, changes, of in (feed, ("S", move.speed, move.constant_cutting_speed, self.speed_of)):
                 if move.kind != "feed" or not changes:
                     continue
-                line = 0 if setting.span is None else self.text.count("\n", 0, setting.span[0]) + 1
+                line = 0 if setting.span is None else lines.count("\n", 0, setting.span[0]) + 1
                 written = any(word.address in ("CYCLE95", address) for word in words.get(move.line, ()))
                 if where == "words" or line == move.line or written:
                     key = (address, line, setting.span)
@@ -264,9 +266,11 @@ class _Search:
             if span is None:
                 edits.append((self.ends[line], self.ends[line], f" {address}{text}"))
                 changes.append(Change(line, "", f"{address}{text}", feeds))
-            elif key not in self.fixed and not math.isclose(float(self.text[slice(*span)]), float(text), rel_tol=1e-9):
+                continue
+            written = "".join(self.text[slice(*span)].split())  # controls skip blanks in numbers
+            if key not in self.fixed and not math.isclose(float(written), float(text), rel_tol=1e-9):
                 edits.append((*span, text))
-                changes.append(Change(line, f"{address}{self.text[slice(*span)]}", f"{address}{text}", feeds))
+                changes.append(Change(line, f"{address}{written}", f"{address}{text}", feeds))
         made = self.text
         for first, last, text in sorted(edits, reverse=True):
             made = made[:first] + text + made[last:]

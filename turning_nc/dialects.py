@@ -1,4 +1,4 @@
-"""Dialects of part programs as data: Fanuc (ISO, G code system A, LinuxCNC) and SINUMERIK; signs of others."""
+"""Dialects of part programs as data: Fanuc (ISO, G code systems A, B and C, LinuxCNC) and SINUMERIK; signs of others."""
 
 import re
 from collections.abc import Mapping
@@ -7,6 +7,8 @@ from typing import Literal
 
 INCH = 25.4
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+_DIGITS = r"\d(?:\s*\d)*"
+_SPACED_NUMBER = rf"[+-]?\s*(?:{_DIGITS}(?:\s*\.(?:\s*{_DIGITS})?)?|\.\s*{_DIGITS})"  # ISO controls skip blanks
 _TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"  # a function, or a term in parentheses
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
@@ -38,8 +40,8 @@ class Dialect:
 FANUC = Dialect(
     name="fanuc",
     word=re.compile(
-        rf"""(?P<name>\#\d+)\s*=\s*(?P<value>[^=]+) |
-        (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{NUMBER}|[+-]?(?:\#\d+|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
+        rf"""(?P<name>\#\s*(?:\d+|<[\w\s]+>))\s*=\s*(?P<value>[^=]+) |
+        (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{_SPACED_NUMBER}|[+-]?\s*(?:\#\s*(?:\d+|<[\w\s]+>)|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
         re.VERBOSE,
     ),
     # A comment may lack its end; [ begins a directive of a simulator, O and a name or <NAME> a program.
@@ -67,7 +69,7 @@ SINUMERIK = Dialect(
     name="sinumerik",
     word=re.compile(
         rf"""(?P<law>ID=.*) |
-        (?P<letter>[A-Z])(?P<number>{NUMBER})(?!\s*=|[_(\d.]) |
+        (?P<letter>[A-Z])\s*(?P<number>[+-]?\s*(?:\d+\.?\d*|\.\d+))(?!\s*=|[_(\d.]) |
         (?P<name>[A-Z_][A-Z_0-9]*|\$[A-Z_]+(?:\[\w+\])?)(?:
             \s*=\s*(?:(?P<mode>AC|IC)\(\s*)?
                 (?:(?P<value>[+-]?\s*{_TERM}(?:\s*[-+*/]\s*{_TERM})*)|"(?P<string>[^"]*)")(?(mode)\s*\)) |
@@ -124,9 +126,14 @@ FOREIGN = {
 """Signs of controls that are not read; but those of Mazak (EIA) are close to Fanuc's."""
 
 
+def with_line_feeds(text: str) -> str:
+    """Return the text with LF at the end of each line, where it has LF, CR or CRLF. All other places stay."""
+    return text.replace("\r\n", " \n").replace("\r", "\n")
+
+
 def foreign_sign(text: str) -> tuple[str, str] | None:
     """Return the name of another control whose words a program has, and the first of these with its line; or None."""
-    plain = re.sub(r"\([^()\n]*\)|;.*", "", text.upper())
+    plain = re.sub(r"\([^()\n]*\)|;.*", "", with_line_feeds(text).upper())
     for name, pattern in FOREIGN.items():
         if found := pattern.search(plain):
             line = plain.count("\n", 0, found.start()) + 1
@@ -136,4 +143,4 @@ def foreign_sign(text: str) -> tuple[str, str] | None:
 
 def dialect_of(text: str) -> Dialect:
     """Return the dialect that a program's own words show; Fanuc if none does."""
-    return SINUMERIK if _SIGNS_OF_SINUMERIK.search(text.upper()) else FANUC
+    return SINUMERIK if _SIGNS_OF_SINUMERIK.search(with_line_feeds(text).upper()) else FANUC

@@ -10,7 +10,7 @@ from types import CodeType
 
 DECIMALS = 12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
 _TOKEN = re.compile(
-    r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
+    r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\#<\w+>|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
     (?P<other><=|>=|<>|==|[-+*/<>()[\]]|(?:AND|OR|EQ|NE|GT|GE|LT|LE|MOD)(?![A-Z]) |
     (?:ABS|SIN|COS|TAN|SQRT|EXP|LN|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
     re.ASCII | re.VERBOSE,

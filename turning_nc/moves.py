@@ -185,9 +185,9 @@ class Control(Modal):
 
     def _block(self, line: Line, lines: Sequence[Line], index: int) -> int:
         """Run a block; return the index of the next."""
-        if line.unknown:
-            hint = ": the decimal sign is a point" if line.unknown.lstrip().startswith(",") else ""
-            raise Problem(f"{line.unknown[:40]!r} is no word{hint}")
+        for piece in line.unknown:
+            hint = ": the decimal sign is a point" if re.search(r"\d,\d", piece) else ""
+            raise Problem(f"{piece[:40]!r} is no word{hint}")
         if line.text.startswith("/"):
             self.note("the block with / is run")
         if any(word.address in ("ID", "FCTDEF") or word.address[0] == "$" for word in line.words):

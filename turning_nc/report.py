@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from turning_nc.adapt import Change
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
+from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
 from turning_nc.words import at_lines
 
@@ -138,7 +139,7 @@ def rows(situation: Situation, played: Play) -> list[Row]:
     on = s.engaged
     cuts = played.cutting_speed[on], played.spindle_speed[on], slices.depth[on], played.wear[on]
     fastest[on] = highest_feed(s.scenario, *cuts, high)
-    texts = s.moves.program.text.split("\n")
+    texts = with_line_feeds(s.moves.program.text).split("\n")
     made: list[Row] = []
     time, beyond = played.time - s.other_time, _unmeasured(s, played)
     for group in np.split(fed, breaks):

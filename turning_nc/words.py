@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 from turning_env.console import Mistake
-from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign
+from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
 from turning_nc.expression import parse
 from turning_shop import regular_file
 
@@ -21,6 +21,11 @@ MAX_BYTES, MAX_LINES = 10_000_000, 200_000
 MAX_LISTED = 5  # largest number of lines that a note lists
 _MARK = re.compile("^(?:\u00ef\u00bb\u00bf|\ufeff)")  # of the byte order, as Latin 1 and as it is
 _SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")  # / or /1 to /9 before a block that a switch of the control skips
+_NUMBER_GOES_ON = ",.=#[*+-"  # signs that belong to the word before them if no blank parts them
+_IN_BRACKETS = r"\"[^\"]*\"?|\([^)]*\)?|\[[^\]]*\]?|<[^>]*>?"
+_PIECE = re.compile(rf"(?:{_IN_BRACKETS}|[^\sA-Z])+|[A-Z](?:{_IN_BRACKETS}|\S)*")
+"""Text that is no word. It ends at a blank, and at a letter too if it does not begin with one."""
+_VARIABLE = re.compile(r"#\s*(?:\d+|<[\w\s]+>)|R\d+")
 _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 """Translation of ASCII letters to capitals. Other letters may become two, which would shift places."""
 
@@ -80,7 +85,7 @@ class Word:
     @property
     def is_variable(self) -> bool:
         """Whether the word assigns a value to a variable."""
-        return self.address[0] in "#R" and self.address[1:].isdigit()
+        return bool(_VARIABLE.fullmatch(self.address))
 
     def with_value(self, variables: Mapping[str, float]) -> "Word":
         """Return the word with the value of its expression; see ``evaluated``."""
@@ -98,7 +103,7 @@ class Line:
     text: str  # its code, without comments
     words: tuple[Word, ...]
     end: int  # place in the program's text after the last word
-    unknown: str = ""  # the rest that is no word
+    unknown: tuple[str, ...] = ()  # pieces that are no words
     flow: Mapping[str, str | None] | None = None  # jump, loop or condition: groups of the dialect's ``flow``
 
     @cached_property
@@ -153,7 +158,7 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     if dialect is None and (sign := foreign_sign(text)) and "EIA" not in sign[0]:
         raise NcError(f"{sign[1]}, which is not read; --dialect fanuc tries to read it as Fanuc")
     dialect = dialect or dialect_of(text)
-    raw = _MARK.sub(lambda mark: " " * len(mark[0]), text).split("\n")
+    raw = _MARK.sub(lambda mark: " " * len(mark[0]), with_line_feeds(text)).split("\n")
     if len(raw) > MAX_LINES:
         raise NcError(f"has {len(raw)} lines, but {MAX_LINES} at most are read")
     parts: dict[str, list[Line]] = {"": []}
@@ -182,28 +187,48 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
 def _without_comments(line: str, dialect: Dialect) -> str:
     """Replace a line's comments by blanks, so that places stay."""
     line = dialect.comment.sub(lambda found: found[1] if found.re.groups and found[1] else " " * len(found[0]), line)
-    return line.replace("\r", " ").replace("\t", " ")
+    return line.replace("\t", " ")
 
 
 def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
+    """Return the words of a line. Text that is no word is kept apart; reading goes on after it."""
     words: list[Word] = []
+    unknown: list[tuple[int, int]] = []  # places of pieces that are no words
+    flow = None
     end = len(code.rstrip())
     skip = _SKIP.match(code)
     place = skip.end() if skip else 0
-    flow = None
+    word_place = last_end = place  # of the last word
     while place < end:
         if flow is None and (found := dialect.flow.fullmatch(code, place, end)):
-            flow, place = found.groupdict(), found.start("then") if found["then"] else end
+            flow = found.groupdict()
+            place = found.start("then") if found["then"] else end
         elif match := dialect.word.match(code, place):
             words.append(_word(match, offset))
-            place = match.end()
+            word_place, place = place, match.end()
+            last_end = place
         else:
-            break
+            begin = place
+            if words and last_end == place and code[place] in _NUMBER_GOES_ON:
+                begin = word_place  # the word before is damaged, too, such as X56,5
+                words.pop()
+            place = _end_of_piece(code, place)
+            if unknown and not code[unknown[-1][1] : begin].strip():
+                begin = unknown.pop()[0]
+            unknown.append((begin, place))
         place += len(code) - place - len(code[place:].lstrip())
-    return Line(number, code.strip(), tuple(words), offset + end, code[place:].strip(), flow)
+    pieces = tuple(code[begin:piece_end] for begin, piece_end in unknown)
+    return Line(number, code.strip(), tuple(words), offset + end, pieces, flow)
+
+
+def _end_of_piece(code: str, place: int) -> int:
+    """Return where text that is no word ends."""
+    match = _PIECE.match(code, place)
+    return match.end() if match else place + 1
 
 
 def _word(match: re.Match[str], offset: int) -> Word:
+    """Return the word of a match; ``offset`` is the place of its line in the text."""
     groups = match.groupdict()
 
     def span(group: str) -> Span:
@@ -212,17 +237,27 @@ def _word(match: re.Match[str], offset: int) -> Word:
     if groups.get("law"):
         return Word("ID", text=groups["law"].strip())
     for address, group in ((groups["letter"], "number"), (groups["name"], "value")):
-        if address and groups[group] is not None:
-            address, text, mode = re.sub(r"\s", "", address), groups[group].strip(), groups.get("mode") or ""
-            if re.fullmatch(NUMBER, text):
-                return Word(address, float(text), text, span(group), mode=mode)
-            return Word(address, expression=text, mode=mode)
+        if not address or groups[group] is None:
+            continue
+        address = "".join(address.split())
+        text = groups[group].strip()
+        mode = groups.get("mode") or ""
+        number = "".join(text.split())
+        if re.fullmatch(NUMBER, number):
+            return Word(address, float(number), number, span(group), mode=mode)
+        return Word(address, expression=_without_blanks(text), mode=mode)
     name = groups["name"]
     if groups["string"] is not None:
         return Word(name, None, groups["string"], span("string"))
     if groups["arguments"] is not None:
         return Word(name, arguments=tuple(_arguments(groups["arguments"], span("arguments")[0])))
     return Word(f"{name}:" if groups["label"] else name)
+
+
+def _without_blanks(expression: str) -> str:
+    """Return an expression without the blanks inside of its variables and numbers, which controls skip."""
+    expression = _VARIABLE.sub(lambda name: "".join(name[0].split()), expression)
+    return re.sub(r"(?<=[\d.])\s+(?=[\d.])", "", expression)
 
 
 def _arguments(text: str, place: int) -> list[tuple[str, Span]]:
