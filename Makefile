@@ -24,7 +24,7 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal $(if $(DURATIONS),--durations $(
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
-TEST_EXTRAS = distributed render ecosystem docs programs opcua test
+TEST_EXTRAS = distributed render ecosystem docs workshop programs opcua publish test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
 # Wheels only, compared with the hashes of constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without
@@ -51,7 +51,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents seeds results verify check lint types fast test processors soak wheel clients audit constraints format clean
+.PHONY: setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format clean
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -123,6 +123,14 @@ fast: .venv/test
 test: .venv/test lint
 	.venv/bin/python -m tests.compile & compiling=$$!; .venv/bin/mypy && wait $$compiling
 	$(PYTEST)
+
+# Install what tests need beside Python: Chromium and LinuxCNC, from Debian. Without them `make test` leaves tests out, and says so at its end.
+system:
+	.ci/system
+
+# The faults of a control on LinuxCNC, of which one runs on a machine at a time: two minutes.
+control: .venv/test
+	.ci/control
 
 # Fast tests and those of what ships as other processors compute, one after the other; TESTS= runs the slow ones, too.
 # PROCESSORS=OPENBLAS_CORETYPE=Haswell imitates one.

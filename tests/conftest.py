@@ -2,12 +2,14 @@
 
 import os
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.programs import NO_CHROMIUM
 from tests.walking import MAX
 
 # The first call of a compiled function takes seconds, and whether the suite passes must not depend on chance.
@@ -35,6 +37,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: not item.nodeid.startswith(longest))
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests were left out, and what installs the programs that they need."""
+    reasons: Counter[str] = Counter()
+    for report in terminalreporter.getreports("skipped"):
+        if isinstance(report.longrepr, tuple):
+            reason = report.longrepr[2]
+            reasons[reason.removeprefix("Skipped: ")] += 1
+    if not reasons:
+        return
+    terminalreporter.section("not tested here")
+    for reason, count in reasons.most_common():
+        terminalreporter.line(f"{count:4d}  {reason}")
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
     """Yield a Chromium, one for all tests of a file."""
@@ -42,7 +58,7 @@ def browser() -> Iterator[object]:
 
     chromium = shutil.which("chromium")
     if chromium is None:
-        pytest.skip("there is no chromium on the path")
+        pytest.skip(NO_CHROMIUM)
     with sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         yield started

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any
 
 EXTRAS = {
-    "workshop": ("matplotlib", "scipy"),
+    "workshop": ("matplotlib", "openpyxl", "scipy"),
     "programs": ("ezdxf", "shapely"),
     "render": ("PIL", "pygame"),
     "sb3": ("stable_baselines3",),
@@ -19,9 +19,10 @@ EXTRAS = {
         *("jinja2", "joblib", "onnx", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy", "tensorboard", "torch", "tqdm"),
     ),
     "distributed": ("dask", "distributed", "psutil"),
+    "publish": ("huggingface_hub",),
 }
 """Import names of the packages that each extra of pyproject.toml installs."""
-_CLONE_ONLY = ("benchmark", "distributed")
+_CLONE_ONLY = ("benchmark", "distributed", "publish")
 
 
 def provided(what: str) -> list[Any]:

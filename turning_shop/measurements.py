@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.extras import missing
 from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
 
@@ -96,8 +97,8 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     """Yield the rows of the first sheet of a workbook."""
     try:
         openpyxl = importlib.import_module("openpyxl")
-    except ModuleNotFoundError:
-        raise WorkshopError("openpyxl reads XLSX, but is not installed: pip install openpyxl, or save the sheet as CSV") from None
+    except ModuleNotFoundError as error:
+        raise WorkshopError(f"an XLSX sheet cannot be read, as {missing(error)}; or save it as CSV") from None
     try:
         parts = zipfile.ZipFile(io.BytesIO(data))
         unpacked = sum(part.file_size for part in parts.infolist())

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.programs import LINUXCNC_ALONE, NO_LINUXCNC
 from turning_control import linuxcnc
 from turning_control.core import safe_feed
 from turning_control.linuxcnc import Fault
@@ -108,10 +109,8 @@ def running() -> list[str]:
 
 needs_linuxcnc = [
     pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("linuxcnc") is None, reason="LinuxCNC is not installed"),
-    pytest.mark.skipif(
-        "LINUXCNC" not in os.environ, reason="one LinuxCNC runs on a machine at a time: set LINUXCNC=1, with -n 0"
-    ),
+    pytest.mark.skipif(shutil.which("linuxcnc") is None, reason=NO_LINUXCNC),
+    pytest.mark.skipif("LINUXCNC" not in os.environ, reason=LINUXCNC_ALONE),
 ]
 FAULTS = ["kill", "freeze", "policy", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
 

@@ -12,6 +12,7 @@ pytest.importorskip("shapely")
 import shapely
 
 from examples.adapt_programs import COLLECTION, path_of
+from tests.programs import NO_LINUXCNC
 from tests.turning_nc.linuxcnc import INSTALLED, canonical
 from turning_nc.dialects import FANUC, SINUMERIK
 from turning_nc.moves import Moves, Reading, run
@@ -225,7 +226,7 @@ POCKETS = "G1 Z-10.\nX44. Z-20.\nZ-30.\nX70. Z-40.\nZ-45.\nX60. Z-55.\nG2 X80. Z
 STEPS = "G1 Z-30.\nG2 X60. Z-35. R5.\nG1 Z-60.\nX80. Z-80.\n"
 
 
-@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+@pytest.mark.skipif(not INSTALLED, reason=NO_LINUXCNC)
 @pytest.mark.parametrize("contour", [STEPS, POCKETS])
 def test_passes_of_g71_are_those_of_linuxcnc(contour: str, tmp_path: Path) -> None:
     theirs = canonical(f"{START}O100 sub\nG0 X50.\n{contour}X102.\nO100 endsub\n{SET_UP}G71 Q100 I2.5 R0.5 D0\nM30\n", tmp_path)
@@ -260,7 +261,7 @@ def test_pockets_are_cut_to_the_contour(text: str) -> None:
     assert removal.rapids == {}
 
 
-@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+@pytest.mark.skipif(not INSTALLED, reason=NO_LINUXCNC)
 def test_passes_of_g76_are_those_of_linuxcnc(tmp_path: Path) -> None:
     start = "G8 G90 G18 G21 G95\nT101 M6\nG97 S600 M3\nG0 X16. Z6.\n"
     theirs = canonical(f"{start}G76 P1.5 Z-34. I-1. J0.3 R2 K0.92 Q0 H2 L0 E0\nM30\n", tmp_path)

@@ -15,6 +15,7 @@ pytest.importorskip("shapely")
 from baselines.models.process import Process
 from baselines.two_limits import set_point
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
+from tests.programs import NO_LINUXCNC
 from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
 from tests.turning_nc.test_moves import BAR, moves
 from tests.walking import ROOT
@@ -33,7 +34,7 @@ WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("c
 QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
 
 
-@pytest.mark.skipif(not INSTALLED, reason="LinuxCNC is not installed")
+@pytest.mark.skipif(not INSTALLED, reason=NO_LINUXCNC)
 @pytest.mark.parametrize("name", WITHOUT_CYCLES)
 def test_moves_feeds_and_speeds_are_those_of_linuxcnc(name: str, tmp_path: Path) -> None:
     moves = situation_of(name).moves
