@@ -3,7 +3,7 @@
 import contextlib
 import copy
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from turning_nc.modal import Setting
@@ -33,6 +33,8 @@ class CycleState:
     """Finishing passes, angle [degrees], smallest depth and allowance [mm] of G76."""
     pecking: float = 0.0  # distance by which G74 and G75 draw back [mm]
     box: tuple[Point, float] = ((0.0, 0.0), 0.0)  # end and taper of the last G90, G92 or G94 [mm]
+    roughed: dict[tuple[float, float], int] = field(default_factory=dict)
+    """Lines of the last roughing cycles, by the numbers of the first and the last block of their contours."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Side:
 
 def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequence[Line], index: int) -> int:
     """Run a cycle; return the index of the line that follows."""
-    code = int(min(codes & control.dialect.cycles))
+    code = control.function(codes)
     if code in (74, 75, 76, 81, 82, 83, 84):
         run = _fanuc_thread if code == 76 else _pecking if code in (74, 75) else _drilling
         run(control, line, code)
@@ -70,14 +72,11 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
         _first_block(control, code, line)
         return index + 1
     begins, ends = _contour_blocks(line, lines, index, after=code != 70)
-    start, state = control.here, control.cycle
     if code == 70:
-        kept = control.feed, control.motion
-        with control.deeper():
-            control.run_lines(lines, begins, ends + 1)
-        control.feed, control.motion = kept
-        control.go_rapidly(start)
+        _finish(control, line, lines, begins, ends)
         return max(index, ends) + 1
+    start, state = control.here, control.cycle
+    state.roughed[_contour_names(line)] = line.number
     if line.first("D", "I", "K"):  # the older format, in one block
         _first_block(control, code, line)
     contour = _contour(control, lines, begins, ends + 1)
@@ -93,6 +92,37 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
     cycle = Roughing(state.depth, state.retraction, allowance, side.upwards, code == 72)
     _add_passes(control, roughing_passes(contour, start, cycle))
     return ends + 1
+
+
+def _contour_names(line: Line) -> tuple[float, float]:
+    """Return the numbers of the first and the last block of a cycle's contour."""
+    return line.number_of("P") or 0.0, line.number_of("Q") or 0.0
+
+
+def _finish(control: "Control", line: Line, lines: Sequence[Line], begins: int, ends: int) -> None:
+    """Run G70: the blocks of a contour, and back to the start."""
+    start = control.here
+    kept = control.feed, control.motion
+    control.finishes = control.cycle.roughed.get(_contour_names(line), 0)
+    try:
+        with control.deeper():
+            control.run_lines(lines, begins, ends + 1)
+        control.finishes = 0
+        control.go_rapidly(start)
+    finally:
+        control.finishes = 0
+        control.feed, control.motion = kept
+
+
+def end_of_contour(control: "Control", line: Line, lines: Sequence[Line], index: int) -> int:
+    """Return the index of the line after a cycle and its contour, or after the cycle if it has none."""
+    code = control.function(line.codes)
+    if code > 73 or not (line.first("P") and line.first("Q")):
+        return index + 1
+    try:
+        return max(index, _contour_blocks(line, lines, index, after=code != 70)[1]) + 1
+    except Problem:
+        return index + 1
 
 
 def _halved(control: "Control") -> float:
@@ -200,7 +230,7 @@ def _drilling(control: "Control", line: Line, code: int) -> None:
 def box_cycle(control: "Control", code: int, line: Line) -> None:
     """Run G90, G92 or G94 of system A: a box from the tool's position and back; words that are left out stay as before."""
     start, (end, taper) = control.here, control.cycle.box
-    if line.codes & {90, 92, 94}:
+    if line.codes & control.dialect.boxes.keys():
         end, taper = start, 0.0
     taken = control.target(line)
     z, x = taken[0] if line.first("Z", "W") else end[0], taken[1] if line.first("X", "U") else end[1]

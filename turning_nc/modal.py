@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from turning_nc.dialects import FANUC, INCH, foreign_sign
+from turning_nc.dialects import DIAMETERS, FANUC, INCH, foreign_sign
 from turning_nc.paths import Point
 from turning_nc.words import Line, PartProgram, Problem, Span, Word
 
@@ -50,32 +50,39 @@ class Modal:
 
     def __post_init__(self) -> None:
         self.dialect = self.program.dialect
-        self.fanuc = self.dialect is FANUC
+        self.fanuc = self.dialect.system != ""
         lines = [line for part in self.program.parts.values() for line in part]
         self.line = lines[0]
-        codes = {word.value for line in lines for word in line.words if word.address == "G"}
+        words = [word for line in lines for word in line.words]
+        codes = {word.value for word in words if word.address == "G" and word.value is not None}
         self.states_unit = bool(codes & self.dialect.units.keys())
         if not self.states_unit:
             inch = max(code for code, (scale, _) in self.dialect.units.items() if scale == INCH)
             self.set_units_and_modes({inch} if self.unit == "inch" else set())
             if self.unit is None:
-                words = " nor ".join(f"G{code}" for code in self.dialect.units)
-                self.note(f"neither {words} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
-        of_linuxcnc = codes & {7, 8}
-        if not (of_linuxcnc if self.fanuc else any(word.address.startswith("DIAM") for line in lines for word in line.words)):
+                names = " nor ".join(f"G{code}" for code in self.dialect.units)
+                self.note(f"neither {names} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
+        self.linuxcnc = self.fanuc and (bool(codes & {7, 8}) or any(word.address.startswith("#<") for word in words))
+        if self.linuxcnc and not codes & self.dialect.feed_modes.keys():
+            self.per_revolution = False
+            self.note("neither G94 nor G95 states the kind of feed: feeds are per minute, as in LinuxCNC (assumption)")
+        if not (codes & {7, 8} if self.fanuc else any(word.address in DIAMETERS for word in words)):
             why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
             self.note(f"X is taken as a diameter, {why} (assumption)")
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
-        self.system_a = self.fanuc and not (feeds or of_linuxcnc or any({91} == line.codes & {91, 28, 30} for line in lines))
-        lengths = [word for line in lines for word in line.words if word.address in ("X", "Z") and word.value]
-        cycles = [line for line in lines if line.codes & self.dialect.cycles]
+        increments = any({91} == line.codes & {91, 28, 30} for line in lines)
+        self.system_a = self.dialect is FANUC and not (feeds or self.linuxcnc or increments)
+        lengths = [word for word in words if word.address in ("X", "Z") and word.value]
+        cycles = [line for line in lines if line.codes & self.dialect.cycles.keys()]
         sizes = [word for line in cycles for word in line.words if word.address in {*"UWRDIK"}]
         whole = [abs(word.value or 0.0) for word in sizes if "." not in word.text]
         self.counts_steps = all("." in word.text for word in lengths) and max(whole, default=0.0) >= MIN_STEPS
         sign = foreign_sign(self.program.text) if self.fanuc else None
-        self.tried = f" ({sign[1]}; it is read as Fanuc's, with Fanuc's cycles)" if sign else ""
+        self.tried = f" ({sign.found}; it is read as Fanuc's, with Fanuc's cycles)" if sign else ""
         if self.tried:
             self.note(self.tried.strip(" ()"))
+        if self.dialect.system in ("B", "C"):
+            self.note(f"it is read in G code system {self.dialect.system}; --dialect sets another")
 
     @property
     def here(self) -> Point:
@@ -86,15 +93,21 @@ class Modal:
         """Note something about the present line."""
         self.notes.setdefault(text, []).append(self.line.number)
 
+    def function(self, codes: set[float]) -> int:
+        """Return the cycle of a block as system A numbers it; 0 if it has none."""
+        found = codes & self.dialect.cycles.keys()
+        return self.dialect.cycles[min(found)] if found else 0
+
     def box_cycle(self, codes: set[float], line: Line) -> int | None:
-        """Return G90, G92 or G94 if the block runs it as a cycle of G code system A."""
-        others = {0, 1, 2, 3, 28, 30, 32, 33, 53} | self.dialect.cycles
+        """Return the box cycle that a block runs, as system A numbers it: G90, G92 or G94. None if it runs none."""
+        others = {0, 1, 2, 3, 4, 28, 30, 32, 33, 53} | self.dialect.cycles.keys()
         if codes & others or not (self.fanuc and line.first(*_COORDINATES)):
             return None
-        if found := codes & ({90, 92, 94} if self.system_a else {90, 91, 92, 94}):
-            if not self.system_a:
-                raise Problem(f"G{min(found):g} with coordinates but without G0 or G1 is a cycle on some controls")
-            return int(min(found))
+        stated = codes & self.dialect.boxes.keys()
+        if self.dialect is FANUC and not self.system_a and (unclear := codes & {90, 91, 92, 94}):
+            raise Problem(f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some controls")
+        if stated:
+            return self.dialect.boxes[min(stated)]
         return self.motion if self.motion in (90, 92, 94) else None
 
     def set_units_and_modes(self, codes: set[float]) -> None:
@@ -108,52 +121,64 @@ class Modal:
             self.diameter = "DIAMON" if 7 in codes else "DIAMOF"
         if codes & {90, 91}:
             self.absolute = 90 in codes
-        if codes & {94, 95, 98, 99}:
-            per_revolution = bool(codes & {95, 99})
+        for code in codes & self.dialect.feed_modes.keys():
+            per_revolution = self.dialect.feed_modes[code]
             if per_revolution != self.per_revolution:
                 self.feed = Setting()
             self.per_revolution = per_revolution
             if not self.fanuc and self.constant_cutting_speed:  # one group with G96
                 self.constant_cutting_speed, self.speed = False, Setting()
 
-    def set_feed_and_speed(self, line: Line, codes: set[float]) -> None:
-        """Set feed, speed and the limit of the spindle."""
+    def set_feed(self, line: Line, codes: set[float]) -> None:
+        """Set the feed."""
         word = line.first("F")
-        if word is not None and word.value is not None:
-            if word.value < 0:
-                raise Problem(f"F{word.text} is negative")
-            # The lead of a thread stays in force, but must not change.
-            lead = self.fanuc and bool(codes & {32, 33, 76, 84} or self.motion == 92)
-            self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
+        if word is None or word.value is None:
+            return
+        if word.value < 0:
+            raise Problem(f"F{word.text} is negative")
+        # The lead of a thread stays in force, but must not change.
+        lead = self.fanuc and (codes & {32, 33} or self.function(codes) in (76, 84) or self.motion == 92)
+        self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
+
+    def set_speed(self, line: Line, codes: set[float]) -> None:
+        """Set the limit of the spindle, the kind of its speed, and the speed."""
         spindle = line.first("S", "S1")
         limit = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
-        for code in codes & self.dialect.spindle_limits:
-            if code == 50 and self.here == HOME and line.first("X", "Z"):  # it says where the tool stands
-                self.z, self.x = self.target(line)
-                self.note("G50 sets the zero point from where the tool stands")
-                continue
-            if spindle is None or spindle.value is None or line.first("X", "Z", "U", "W"):
-                raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
-            limit = limit if code == 25 else spindle.value  # G25 is the lowest speed
-        if codes & self.dialect.spindle_limits:
+        if limiting := codes & self.dialect.spindle_limits:
+            limit = self._limit_or_zero_point(line, min(limiting), spindle)
             spindle = None
         if limit is not None:
             if limit <= 0:
                 raise Problem(f"the limit of the spindle speed is {limit:g}, but must be above 0")
             self.max_spindle_speed = limit
         if codes & {96, 97}:
-            constant = 96 in codes
-            if constant != self.constant_cutting_speed:
-                kept = self.speed.value > 0.0 and not constant  # G97 alone keeps the spindle at its present speed
-                self.speed = Setting(self.spindle_speed()) if kept else Setting()
-            self.constant_cutting_speed = constant
-            if not self.fanuc and constant and not self.per_revolution:
-                self.per_revolution, self.feed = True, Setting()
+            self._set_kind_of_speed(96 in codes)
         if spindle is not None and spindle.value is not None:
             if spindle.value < 0:
                 raise Problem(f"S{spindle.text} is negative")
             scale = self.speed_scale if self.constant_cutting_speed else 1.0
             self.speed = Setting(spindle.value * scale, spindle.span, scale)
+
+    def _limit_or_zero_point(self, line: Line, code: float, spindle: Word | None) -> float | None:
+        """Return the limit of the spindle that G50, G92, G25 or G26 states; set the zero point before the first move."""
+        limit = None if spindle is None or code == 25 else spindle.value  # G25 states the lowest speed
+        if line.first(*_COORDINATES):
+            if not (self.fanuc and self.here == HOME and line.first("X", "Z")):
+                raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
+            self.z, self.x = self.target(line)
+            self.note(f"G{code:g} sets the zero point from where the tool stands")
+        elif spindle is None or spindle.value is None:
+            raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
+        return limit
+
+    def _set_kind_of_speed(self, constant: bool) -> None:
+        """Set whether S is a cutting speed (G96) or a spindle speed (G97)."""
+        if constant != self.constant_cutting_speed:
+            kept = self.speed.value > 0.0 and not constant  # G97 alone keeps the spindle at its present speed
+            self.speed = Setting(self.spindle_speed()) if kept else Setting()
+        self.constant_cutting_speed = constant
+        if not self.fanuc and constant and not self.per_revolution:
+            self.per_revolution, self.feed = True, Setting()
 
     def spindle_speed(self) -> float:
         """Return the spindle speed at the tool's position [rev/min]."""

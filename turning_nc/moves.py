@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from turning_nc.cycles import CycleState, Side, box_cycle, cycle95, cycle97, fanuc_cycle
+from turning_nc.cycles import CycleState, Side, box_cycle, cycle95, cycle97, end_of_contour, fanuc_cycle
+from turning_nc.dialects import DIAMETERS, NOT_READ
 from turning_nc.law import Law
 from turning_nc.modal import HOME, Modal, Setting
 from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
@@ -39,13 +40,15 @@ class Move:
     spindle_on: bool
     cycle_pass: int = 0  # number of the pass within a cycle, from 1; 0 outside
     time: float = 0.0  # duration of a dwell [s]
+    compensation: int = 0  # 41 or 42 if the nose radius is compensated to the left or to the right; 0 if not
+    finishes: int = 0  # line of the roughing cycle whose contour the move finishes; 0 if none
 
 
 @dataclass(frozen=True)
 class Reading:
     """Choices of the user in reading a program."""
 
-    go_on: bool = False  # whether blocks that are not understood are left out, and named in the notes
+    go_on: bool = False  # whether words that are not understood are left out, and named in the notes
     unit: str | None = None  # mm or inch, if the program states none
     sides: Mapping[int, str] = field(default_factory=dict)
     """Sides that roughing cycles turn, outside or inside, by their lines; by default those that a control takes."""
@@ -73,6 +76,11 @@ class _Return(Exception):
 
 
 _MOTIONS = {0, 1, 2, 3, 32, 33}
+_PLACES = {"X", "Z", "U", "W"}
+_PARAMETERS = {"I", "K", "R", "P", "Q", "D", "L", "A", "CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
+"""Words that say how a block moves, beside its coordinates."""
+NULL_NOTE = "words of Y, V, C, B or A that are 0 have no effect in turning"
+_NULL_AXES = {"Y", "V", "C", "B", "A"}  # of mill-turn machines; at 0 they do not change how a tool turns
 
 
 def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
@@ -88,16 +96,28 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
     if unused := reading.sides.keys() - control.sides.keys():
         raise NcError(f"--side is given for {at_lines(unused)}, which holds no G71 or CYCLE95 along Z")
     if control.problems and not reading.go_on:
-        listed = [f"line {line}: {reason}" for line, reason in sorted(control.problems.items())]
-        more = [f"and {len(listed) - MAX_NAMED} more lines"] if len(listed) > MAX_NAMED else []
-        raise NcError(f"not understood{control.tried}:\n  " + "\n  ".join(listed[:MAX_NAMED] + more))
+        raise NcError(f"not understood{control.tried}:\n  " + "\n  ".join(_listed(control)))
     if not any(move.kind in ("feed", "thread") for move in control.moves):
-        raise NcError("the program has no feed move, such as G1")
-    for line, reason in control.problems.items():
-        control.notes.setdefault(f"left out: {reason}", []).append(line)
+        left_out = at_lines(line for line, _ in control.problems)
+        beside = f" beside what is left out: {left_out}" if control.problems else ""
+        raise NcError(f"the program has no feed move, such as G1{beside}")
+    for (line, where), reasons in control.problems.items():
+        for reason in reasons:
+            note = f"left out: {reason} {where}".rstrip()
+            control.notes.setdefault(note, []).append(line)
     named = tuple(f"{at_lines(lines)}: {note}" for note, lines in sorted(control.notes.items(), key=lambda item: min(item[1])))
     stated = control.states_unit or reading.unit is not None
     return Moves(program, reading, tuple(control.moves), control.law, named, stated, control.sides)
+
+
+def _listed(control: "Control") -> list[str]:
+    """Return what is not understood as text, a line of the program each."""
+    listed = []
+    for (line, where), reasons in sorted(control.problems.items()):
+        listed.append(f"line {line}: {'; '.join(reasons)} {where}".rstrip())
+    if len(listed) > MAX_NAMED:
+        listed[MAX_NAMED:] = [f"and {len(listed) - MAX_NAMED} more lines"]
+    return listed
 
 
 @dataclass
@@ -106,13 +126,16 @@ class Control(Modal):
 
     moves: list[Move] = field(default_factory=list)
     law: Law = field(default_factory=Law)
-    problems: dict[int, str] = field(default_factory=dict)
+    problems: dict[tuple[int, str], list[str]] = field(default_factory=dict)
+    """Why words are not understood, by their line and its text."""
     variables: dict[str, float] = field(default_factory=dict)
     given_sides: Mapping[int, str] = field(default_factory=dict)
     go_on: bool = False
     sides: dict[int, Side] = field(default_factory=dict)
     corner: Corner | None = None  # between the last move and the next
     rounding: float = 0.0  # radius of all corners between moves at feed, RNDM [mm]
+    compensation: int = 0
+    finishes: int = 0
     cycle: CycleState = field(default_factory=CycleState)
     cycle_pass: int = 0
     calls: int = 0
@@ -126,16 +149,34 @@ class Control(Modal):
             self.blocks[0] += 1
             if max(len(self.moves), self.blocks[0]) > MAX_BLOCKS:
                 raise NcError(f"line {line.number}: more than {MAX_BLOCKS} moves or blocks are run; are calls repeated?")
-            try:
-                follows = self._jump(line, lines, index) if line.flow else None
-                index = self._block(self._without_variables(line), lines, index) if follows is None else follows
-            except Problem as problem:
-                mine = problem.line in (None, line.number)
-                where = f" (in {line.text[:60]!r})" if mine else f" (contour of line {line.number})"
-                self.problems.setdefault(problem.line or line.number, f"{problem}{where}")
-                index += 1
-            except _Return:
-                return
+            follows = None
+            with self.naming_problems():
+                try:
+                    follows = self._jump(line, lines, index) if line.flow else None
+                    if follows is None:
+                        follows = self._block(line, lines, index)
+                except _Return:
+                    return
+            index = index + 1 if follows is None else follows
+
+    @contextlib.contextmanager
+    def naming_problems(self) -> Iterator[None]:
+        """Keep what is not understood in the present line, and go on after it."""
+        line = self.line
+        try:
+            yield
+        except Problem as problem:
+            self.line = line
+            self.refuse(problem)
+
+    def refuse(self, problem: Problem) -> None:
+        """Keep a problem of the present line, or of the line that it names."""
+        line = self.line
+        elsewhere = problem.line not in (None, line.number)
+        where = f"(contour of line {line.number})" if elsewhere else f"(in {line.text[:60]!r})"
+        reasons = self.problems.setdefault((problem.line or line.number, where), [])
+        if str(problem) not in reasons:
+            reasons.append(str(problem))
 
     @contextlib.contextmanager
     def deeper(self) -> Iterator[None]:
@@ -148,9 +189,11 @@ class Control(Modal):
         if self.calls >= MAX_CALLS:
             raise NcError(f"line {line.number}: sub-programs or contours call each other more than {MAX_CALLS} deep")
         self.calls += 1
-        yield
-        self.calls -= 1
-        self.line = line
+        try:
+            yield
+        finally:
+            self.calls -= 1
+            self.line = line
 
     def _jump(self, line: Line, lines: Sequence[Line], index: int) -> int | None:
         """Return the index of the line that follows a jump, a loop or a false condition; None if the block is run."""
@@ -175,37 +218,71 @@ class Control(Modal):
 
     # One block.
 
-    def _without_variables(self, line: Line) -> Line:
-        """Return the line with computed values, and without the variables that it sets."""
-        if not any(word.expression or word.is_variable for word in line.words):
-            return line
-        words = [word.with_value(self.variables) for word in line.words]
-        self.variables |= {word.address: word.value for word in words if word.is_variable and word.value is not None}
-        return replace(line, words=tuple(word for word in words if not word.is_variable))
-
     def _block(self, line: Line, lines: Sequence[Line], index: int) -> int:
-        """Run a block; return the index of the next."""
+        """Run a block; return the index of the next.
+
+        Words that are not understood are named; all others act.
+        """
+        self.cycle_pass = 0
         for piece in line.unknown:
             hint = ": the decimal sign is a point" if re.search(r"\d,\d", piece) else ""
-            raise Problem(f"{piece[:40]!r} is no word{hint}")
+            self.refuse(Problem(f"{piece[:40]!r} is no word{hint}"))
+        line = self._without_variables(line)
         if line.text.startswith("/"):
             self.note("the block with / is run")
         if any(word.address in ("ID", "FCTDEF") or word.address[0] == "$" for word in line.words):
             self.law.add(re.sub(r"^/?\s*N\d+\s*", "", line.text))
             self.note("synchronized actions are not played: the override is taken as 100 %")
             return index + 1
-        words = [word for word in line.words if not word.address.endswith(":")]
-        codes = self._codes(words)
-        if (box := self.box_cycle(codes, line)) is not None:
-            self.motion, codes = box, codes - {box}
-        self._check_use(words, codes)
-        self.set_units_and_modes(codes)
+        # G28 V0 alone moves an axis that does not turn, but G28 alone moves X and Z.
+        other_axes = line.first(*_NULL_AXES, "H") and not line.first(*_PLACES)
+        line = self._one_motion(self._known(line))
+        box = None
+        with self.naming_problems():
+            box = self.box_cycle(line.codes, line)
+        codes = line.codes
+        if box is not None:
+            self.motion = box
+            codes = codes - self.dialect.boxes.keys()
+        line = self._meaningful(line, codes)
+        self._set_modes(line, codes)
+        dwell = self._dwell_word(line) if 4 in codes else None
         if 4 in codes:
-            self._dwell(line)
-            return index + 1
-        self.set_feed_and_speed(line, codes)
+            line = self._beside_dwell(line, codes, dwell)
+        with self.naming_problems():
+            self.set_feed(line, codes)
+        with self.naming_problems():
+            self.set_speed(line, codes)
         self.set_tool(line)
+        if 4 in codes:
+            with self.naming_problems():
+                self._dwell(dwell)
         follows = index + 1
+        with self.naming_problems():
+            if box is not None:
+                box_cycle(self, box, line)
+            elif codes & self.dialect.cycles.keys():
+                follows = end_of_contour(self, line, lines, index)  # in case that the cycle is left out
+                follows = fanuc_cycle(self, codes, line, lines, index)
+            elif not (codes & self.dialect.references and other_axes):
+                self._run(codes, line, lines)
+        self._calls(line)
+        return follows
+
+    def _set_modes(self, line: Line, codes: set[float]) -> None:
+        """Set the modes that a block states: units, coordinates, kind of feed, diameters, compensation."""
+        self.set_units_and_modes(codes)
+        for word in line.words:
+            if word.address in DIAMETERS:
+                self.diameter = word.address
+        if 40 in codes:
+            self.compensation = 0
+        for side in codes & {41, 42}:
+            self.compensation = int(side)
+            self.note("the tool's tip follows the contour, as with a nose radius that the control compensates")
+
+    def _run(self, codes: set[float], line: Line, lines: Sequence[Line]) -> None:
+        """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
         if line.first("TRANS", "ATRANS"):
             if any(move.path.length for move in self.moves):
                 raise Problem("TRANS after the first move is not understood")
@@ -214,69 +291,170 @@ class Control(Modal):
             if self.fanuc:
                 self.go_rapidly(self.target(line))  # on the way
             self._go_home("reference points", line)
-        elif box is not None:
-            box_cycle(self, box, line)
-        elif codes & self.dialect.cycles:
-            follows = fanuc_cycle(self, codes, line, lines, index)
         elif (call := line.first("CYCLE95")) is not None:
             cycle95(self, call.arguments or (), lines)
         elif (call := line.first("CYCLE97")) is not None:
             cycle97(self, call.arguments or ())
         elif not codes & self.dialect.spindle_limits:
             self._move(codes, line)
-        self._calls(line, words)
-        return follows
 
-    def _codes(self, words: Sequence[Word]) -> set[float]:
-        """Return the block's G functions; refuse words that the dialect does not have."""
-        codes = {word.value for word in words if word.address == "G" and word.value is not None}
-        for word in words:
-            name = word.address
-            if word.value is not None or word.text:
-                if name not in self.dialect.addresses:
-                    raise Problem(f"the address {name}{'=' if name[1:].isalnum() else ''} is not understood")
-            elif name not in self.dialect.names and name not in self.program.parts:
-                raise Problem(f"{name}{'()' if word.arguments is not None else ''} is not understood")
-            elif name.startswith("DIAM"):
-                self.diameter = name
-        for code in sorted(codes - self.dialect.codes):
-            raise Problem(f"G{code:g} is not understood")
-        if codes & {41, 42}:
-            self.note("the tool's tip follows the contour, as with a nose radius that the control compensates")
-        if len(codes & _MOTIONS) > 1:
-            raise Problem(f"{' and '.join(f'G{code:g}' for code in sorted(codes & _MOTIONS))} exclude each other")
-        return codes
+    # The words of a block that are understood.
 
-    def _check_use(self, words: Sequence[Word], codes: set[float]) -> None:
-        """Refuse words that have no meaning in their block."""
-        motion = min(codes & _MOTIONS, default=self.motion)
-        used = {"I", "K", self.dialect.arc_radius} if motion in (2, 3) else {*"IKQ"} if motion in (32, 33) else set()
-        if self.fanuc:
-            if codes & self.dialect.cycles:
-                used |= {*"PQDRIK"} if codes & {73, 74, 75, 76, 81, 82, 83, 84} else {*"PQDR"}
-            elif motion in (90, 92, 94):
-                used = {"R"}
-            if 76 in codes or sum(word.address in ("X", "Z", "U", "W") for word in words) == 1:
-                used |= {"A"}
-            calls = any(word.address == "M" and word.value == 98 for word in words)
-            used |= {*"PL"} if calls else {"P"} if codes & {4, 30, 64, 103} else {"D"} if 96 in codes else set()
-        else:
-            calls = any(word.address == "L" or word.address in self.program.parts for word in words)
-            used |= {*"DLP"} if calls else {*"DL"}
-        for word in words:
-            if word.address in {*"IKRPQDLA", "CR"} - used and word.value is not None:
+    def _without_variables(self, line: Line) -> Line:
+        """Return the line with computed values, and without the variables that it sets."""
+        if not any(word.expression or word.is_variable for word in line.words):
+            return line
+        words = []
+        for word in line.words:
+            with self.naming_problems():
+                words.append(word.with_value(self.variables))
+        self.variables |= {word.address: word.value for word in words if word.is_variable and word.value is not None}
+        return replace(line, words=tuple(word for word in words if not word.is_variable))
+
+    def _is_null(self, word: Word) -> bool:
+        """Return whether a word is 0 and belongs to an axis that turning does not use, such as Y0 or C0."""
+        return word.value == 0.0 and word.address in _NULL_AXES and word.address not in self.dialect.addresses
+
+    def _known(self, line: Line) -> Line:
+        """Return the line without labels, null words, and words that the dialect does not have."""
+        others = self._words_of_others(line)
+        words = []
+        for word in line.words:
+            if word.address.endswith(":") or word in others:
+                continue
+            if self._is_null(word):
+                self.note(NULL_NOTE)
+                continue
+            reason = self._unknown(word, line)
+            if reason:
+                self.refuse(Problem(reason))
+            else:
+                words.append(word)
+        if others:
+            names = [f"{word.address}{word.text}" for word in others]
+            went = f", so {' and '.join(names)} are left out" if self.go_on and len(names) > 1 else ""
+            functions = [word.value for word in others if word.address == "G" and word.value is not None]
+            self.refuse(Problem(f"G{min(functions):g} is not understood{went}"))
+        return replace(line, words=tuple(words))
+
+    def _words_of_others(self, line: Line) -> list[Word]:
+        """Return G functions that are not understood but take the coordinates of their block, and the words they take."""
+        unread = self.dialect.takes_coordinates - self.dialect.codes
+        functions = [word for word in line.words if word.address == "G" and word.value in unread]
+        understood = _MOTIONS | self.dialect.references | self.dialect.cycles.keys()
+        if not functions or line.codes & understood:
+            return []
+        belong = _PLACES | _PARAMETERS
+        if any(word.address == "M" and word.value == 98 for word in line.words):
+            belong = belong - {"P", "L"}
+        return [word for word in line.words if word in functions or word.address in belong]
+
+    def _unknown(self, word: Word, line: Line) -> str:
+        """Return why the dialect does not have a word; empty if it does."""
+        name = word.address
+        if word.value is None and not word.text:  # a call or a name
+            if name in self.dialect.names or name in self.program.parts:
+                return ""
+            return f"{name}{'()' if word.arguments is not None else ''} is not understood{NOT_READ.get(name, '')}"
+        if name not in self.dialect.addresses:
+            equals = "=" if name[1:].isalnum() else ""
+            corner = self.fanuc and name == "C" and line.first(*_PLACES)
+            hint = "; write ,C for a chamfer between moves" if corner else ""
+            return f"the address {name}{equals} is not understood{hint}"
+        if name == "G" and word.value is not None and word.value not in self.dialect.codes:
+            return f"G{word.value:g} is not understood"
+        return ""
+
+    def _one_motion(self, line: Line) -> Line:
+        """Return the line without its move if it states several kinds of moves."""
+        motions = line.codes & _MOTIONS
+        if len(motions) < 2:
+            return line
+        self.refuse(Problem(f"{' and '.join(f'G{code:g}' for code in sorted(motions))} exclude each other"))
+        words = []
+        for word in line.words:
+            moves = word.address in _PLACES | _PARAMETERS or (word.address == "G" and word.value in motions)
+            if not moves:
+                words.append(word)
+        return replace(line, words=tuple(words))
+
+    def _meaningful(self, line: Line, codes: set[float]) -> Line:
+        """Return the line without words that have no meaning in it."""
+        used = self._used(line, codes)
+        words = []
+        for word in line.words:
+            if word.address not in {*"IKRPQDLA", "CR"} - used or word.value is None:
+                words.append(word)
+            elif word.address == "A" and word.value == 0.0:
+                self.note(NULL_NOTE)
+            else:
                 corner = "; write ,R for a radius between moves" if word.address == "R" else ""
-                raise Problem(f"{word.address}{word.text} has no meaning in this block{corner}")
+                self.refuse(Problem(f"{word.address}{word.text} has no meaning in this block{corner}"))
+        return replace(line, words=tuple(words))
 
-    def _dwell(self, line: Line) -> None:
-        words = [word for word in line.words if word.address in ({*"XUP"} if self.fanuc else {*"FS"}) and word.value is not None]
-        if not words:
+    def _used(self, line: Line, codes: set[float]) -> set[str]:
+        """Return the addresses, of those that only some blocks use, that a block uses."""
+        motion = min(codes & _MOTIONS, default=self.motion)
+        used: set[str] = set()
+        if motion in (2, 3):
+            used = {"I", "K", self.dialect.arc_radius}
+        elif motion in (32, 33):
+            used = {"I", "K", "Q"}
+        if not self.fanuc:
+            calls = any(word.address == "L" or word.address in self.program.parts for word in line.words)
+            return used | ({"D", "L", "P"} if calls else {"D", "L"})
+        function = self.function(codes)
+        if function:
+            used |= {"P", "Q", "D", "R"}
+            if function >= 73:
+                used |= {"I", "K"}
+        elif motion in (90, 92, 94):
+            used = {"R"}
+        if function == 76 or sum(word.address in _PLACES for word in line.words) == 1:
+            used |= {"A"}
+        if any(word.address == "M" and word.value == 98 for word in line.words):
+            used |= {"P", "L"}
+        elif codes & {4, 30, 64, 103}:
+            used |= {"P"}
+        elif 96 in codes:
+            used |= {"D"}
+        return used
+
+    # Dwells.
+
+    def _dwell_word(self, line: Line) -> Word | None:
+        """Return the word that holds the time of G4: the first after G4 that can, else the last before it."""
+        addresses = {"X", "U", "P"} if self.fanuc else {"F", "S"}
+        place = next(index for index, word in enumerate(line.words) if word.address == "G" and word.value == 4.0)
+        for word in (*line.words[place:], *reversed(line.words[:place])):
+            if word.address in addresses and word.value is not None:
+                return word
+        return None
+
+    def _beside_dwell(self, line: Line, codes: set[float], dwell: Word | None) -> Line:
+        """Return the line without the word of its dwell, and without coordinates that have no meaning beside it."""
+        moves = self.fanuc and dwell is not None and dwell.address == "P" and bool(codes & _MOTIONS)
+        words = []
+        for word in line.words:
+            if word is dwell:
+                continue
+            if word.address in _PLACES and not moves:
+                self.refuse(Problem(f"{word.address}{word.text} has no meaning beside G4"))
+                continue
+            words.append(word)
+        return replace(line, words=tuple(words))
+
+    def _dwell(self, word: Word | None) -> None:
+        """Let the tool stand for the time that a word gives."""
+        if word is None or word.value is None:
             raise Problem(f"G4 needs its time: {'X, U or P' if self.fanuc else 'F or S'}")
-        word, seconds = words[0], words[0].value or 0.0
-        if word.address == "P" and "." not in word.text:
-            seconds /= 1000.0
-        elif word.address == "S":
+        seconds = word.value
+        if word.address == "S":
             seconds *= 60.0 / self.spindle_speed()
+        elif word.address == "P" and self.linuxcnc:
+            self.note("P of G4 is in seconds, as in LinuxCNC")
+        elif word.address == "P" and "." not in word.text:
+            seconds /= 1000.0
         if seconds < 0.0:
             raise Problem(f"the dwell is {seconds:g} s, but must not be below 0")
         self.add(Path(self.here, self.here), "dwell", seconds)
@@ -319,8 +497,10 @@ class Control(Modal):
         self.note("the load of threads is not computed")
         kept = self.feed, self.per_revolution
         self.feed, self.per_revolution = Setting(lead * self.length_scale), True
-        yield
-        self.feed, self.per_revolution = kept
+        try:
+            yield
+        finally:
+            self.feed, self.per_revolution = kept
 
     def _corner(self, line: Line) -> Corner | None:
         word = line.first(*self.dialect.corners)
@@ -380,20 +560,34 @@ class Control(Modal):
         self.end_corner()
         self.moves.append(
             Move(
-                *(kind, path, self.line.number, self.line.end, self.tool, self.feed, self.per_revolution, self.speed),
-                *(self.constant_cutting_speed, self.max_spindle_speed, self.spindle_on, self.cycle_pass, time),
+                kind=kind,
+                path=path,
+                line=self.line.number,
+                line_end=self.line.end,
+                tool=self.tool,
+                feed=self.feed,
+                per_revolution=self.per_revolution,
+                speed=self.speed,
+                constant_cutting_speed=self.constant_cutting_speed,
+                max_spindle_speed=self.max_spindle_speed,
+                spindle_on=self.spindle_on,
+                cycle_pass=self.cycle_pass,
+                time=time,
+                compensation=0 if self.cycle_pass else self.compensation,
+                finishes=self.finishes,
             )
         )
 
     def end_corner(self) -> None:
         """Name a chamfer or a radius that no move at feed follows."""
         if self.corner and not self.corner.modal:
-            self.problems.setdefault(self.corner.line, "after a chamfer or a radius, a move at feed must follow")
+            self.problems[self.corner.line, ""] = ["after a chamfer or a radius, a move at feed must follow"]
         self.corner = None
 
     # Calls.
 
-    def _calls(self, line: Line, words: Sequence[Word]) -> None:
+    def _calls(self, line: Line) -> None:
+        words = line.words
         codes = {word.value for word in words if word.address in ("M", "M1")}
         if codes & {2, 30}:
             raise _End

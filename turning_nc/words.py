@@ -155,9 +155,10 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     Raises:
         NcError: the text holds no words, is too long, defines a sub-program twice, or is of a control that is not read.
     """
-    if dialect is None and (sign := foreign_sign(text)) and "EIA" not in sign[0]:
-        raise NcError(f"{sign[1]}, which is not read; --dialect fanuc tries to read it as Fanuc")
+    if dialect is None and (sign := foreign_sign(text)) and not sign.control.read:
+        raise NcError(f"{sign.found}, which is not read; --dialect {sign.control.tried} tries to read it")
     dialect = dialect or dialect_of(text)
+    fanuc = dialect.system != ""
     raw = _MARK.sub(lambda mark: " " * len(mark[0]), with_line_feeds(text)).split("\n")
     if len(raw) > MAX_LINES:
         raise NcError(f"has {len(raw)} lines, but {MAX_LINES} at most are read")
@@ -167,14 +168,14 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
         code = _without_comments(whole.translate(_UPPER), dialect)
         stripped = re.sub(r"^/?\s*N\d+\s+(?=PROC\b)", "", code.strip())
         header = dialect.sub_program.match(stripped)
-        if header and (dialect.name == "fanuc" or header.end() == len(stripped)):
+        if header and (fanuc or header.end() == len(stripped)):
             found = next(group for group in header.groups() if group)
-            found = str(int(found)) if dialect.name == "fanuc" else found
+            found = str(int(found)) if fanuc else found
             if not (header.lastindex == 2 and found == name):  # PROC may repeat the name of its part
                 if found in parts:
                     raise NcError(f"line {number}: {stripped!r} is defined twice, first in line {defined_at[found]}")
                 name, parts[found], defined_at[found] = found, [], number
-            code = code.replace(header[0], " " * len(header[0]), 1) if dialect.name == "fanuc" else ""
+            code = code.replace(header[0], " " * len(header[0]), 1) if fanuc else ""
         if code.strip():
             parts[name].append(_line(number, code, offset, dialect))
         offset += len(whole) + 1

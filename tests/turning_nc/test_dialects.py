@@ -12,7 +12,7 @@ from tests.turning_nc.test_moves import ISO, SIEMENS, moves
 from turning_env import Scenario
 from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation
-from turning_nc.moves import Move
+from turning_nc.moves import Move, Reading, run
 from turning_nc.stock import read_stock, remove
 from turning_nc.words import NcError, divide
 
@@ -26,13 +26,14 @@ def cuts(text: str) -> list[tuple[float, float]]:
     return [(round(z, 4), round(2.0 * x, 4)) for z, x in ends]
 
 
-def without_places(text: str) -> list[tuple[object, ...]]:
+def without_places(text: str, go_on: bool = False) -> list[tuple[object, ...]]:
     """Return what the moves of a program do, without places in its text."""
 
     def of(move: Move) -> tuple[object, ...]:
-        return move.kind, move.path.end, move.line, move.tool, move.feed.value, move.speed.value, move.spindle_on
+        settings = move.feed.value, move.speed.value, move.constant_cutting_speed, move.max_spindle_speed
+        return move.kind, move.path.end, move.line, move.tool, *settings, move.spindle_on, move.time
 
-    return [of(move) for move in moves(text).moves]
+    return [of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
 
 
 # Spelling.
@@ -92,3 +93,144 @@ def test_named_parameters_of_linuxcnc_are_read() -> None:
     assert cuts(text) == [(2.0, 56.0), (-40.0, 56.0), (-40.0, 62.0)]
     with pytest.raises(NcError, match=r"line 7: .*#<START>"):
         moves(text.replace("#<Start> =", "#<stop> ="))
+
+
+# Words that are not understood beside others that are.
+
+INCHES = "G20 G40 G99\nT0101\nG96 S500 M3\nG0 X2.1 Z.1\nG1 X1.8 F.012\nZ-2.5"
+TWO_TOOLS = f"{BAR}{CUT}".replace("M30", "T0505\nG0 X40. Z2.\nG1 Z-9. F0.1\nM30")
+DREHEN = "G90 G95 G71 DIAMON T1 D1\nG97 S800 M4 F0.2\nG0 X62 Z2\nG1 X56\nZ-40\nG0 X80\nM30"
+LEFT_OUT = [
+    # Units, feeds, speeds, tools and axes stay beside words of every kind that are not understood.
+    (INCHES, "G99\n", "G99 D200\n"),
+    (INCHES, "G20 G40", "G20 G777 G40"),
+    (INCHES, "G20 G40", "?! G20 G40"),
+    (INCHES, "G20 G40", "G20 MODE(A B) G40"),
+    (TWO_TOOLS, "T0505", "T0505 C30."),
+    (TWO_TOOLS, "T0505", "E7 T0505"),
+    (TWO_TOOLS, "T0505", "G65 P9001 X50. Z-30. R2. T0505"),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. Y12.5 F0.25"),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 G777 X56. F0.25 R3."),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. F0.25 S-100 C2."),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. W#7 F0.25"),
+    (TWO_TOOLS, "G97 S800 M3", "G97 S800 M3 F-1"),
+    (TWO_TOOLS, "G97 S800 M3", "G97 S800 B45. M3"),
+    (TWO_TOOLS, "M30", "G65 P2 M30\nG1 X10. Z-30."),
+    (TWO_TOOLS, "Z-40.", "Z-40. K2. ,Q5"),
+    (DREHEN, "T1 D1", "T1 D1 TRAORI"),
+    (DREHEN, "G90 G95", "G17 G90 G95 WALIMON"),
+    (DREHEN, "S800 M4 F0.2", "S800 M4 F0.2 CYCLE951(80,0,60)"),
+    (DREHEN, "X56", "X56 Q=12 C=30"),
+    (DREHEN, "G1 X56", "G1 X56 F=R77"),
+    (DREHEN, "Z-40", "Z-40 SPOS[2]=90"),
+    (DREHEN, "G0 X62 Z2", "G0 X62 Z2 B30"),
+    (DREHEN, "T1 D1", "T1 D1\nG58 X0 Z45"),  # a zero offset does not move
+]
+
+
+@pytest.mark.parametrize(("clean", "word", "words"), LEFT_OUT)
+def test_only_words_that_are_not_understood_are_left_out(clean: str, word: str, words: str) -> None:
+    assert word in clean
+    text = clean.replace(word, words, 1)
+    with pytest.raises(NcError, match=r"not understood.*\n  line \d"):
+        moves(text)
+    played = without_places(text, go_on=True)
+    extra = text.count("\n", 0, text.index(words) + len(words)) - clean.count("\n", 0, clean.index(word) + len(word))
+    if extra and "M30" not in words:
+        played = [(*values[:2], values[2] - extra, *values[3:]) for values in played]
+    assert played == without_places(clean)
+    assert any(note.partition(": ")[2].startswith("left out") for note in run(divide(text), Reading(go_on=True)).notes)
+
+
+def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
+    text = f"{BAR}G87 X20. Z-30. Q5. F0.3\n{CUT.replace(' F0.25', '')}"
+    made = run(divide(text), Reading(go_on=True)).moves
+    assert [move.path.end for move in made if move.kind == "feed"] == [(2.0, 28.0), (-40.0, 28.0)]
+    assert made[-2].feed.value == 0.3
+
+
+def test_the_contour_of_a_cycle_that_is_left_out_is_not_cut() -> None:
+    roughing = "G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\nN1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"  # turns back
+    ends = [values[1] for values in without_places(BAR + roughing + "G1 X58. Z-5. F0.1", go_on=True)]
+    assert ends == [(2.0, 31.0), (-5.0, 29.0)]
+
+
+def test_every_word_of_a_line_that_is_not_understood_is_named_at_once() -> None:
+    with pytest.raises(NcError) as refused:
+        moves(f"{BAR}G1 X56. Y5. F0.25 G777 K2. TO303")
+    assert str(refused.value).count("line ") == 1
+    for word in ("Y", "G777", "K2.", "TO303"):
+        assert word in str(refused.value)
+
+
+# Axes that turning does not use.
+
+NULL = [
+    (BAR + CUT, "G1 X56.", "G1 X56. Y0."),
+    (BAR + CUT, "Z-40.", "Z-40. V0 C0. B-0.0"),
+    (BAR + CUT, "G97", "A0 Y0 G97"),
+    (BAR + CUT, "Z-40.", "Z-40. X56. A0."),
+    (BAR + "G28 U0\n" + CUT, "G28 U0", "G28 U0 V0 C0"),
+    (BAR + CUT, "M3\n", "M3\nG28 V0\nG28 H0 C0.\n"),
+    (BAR + "G90 X56. Z-40. F0.2\nX52.", "X52.", "X52. Y0"),
+    (DREHEN, "X56", "X56 Y0 C=0 V0 B0.0 A0"),
+    (DREHEN, "M4", "M4\nG74 Y0"),
+]
+
+
+@pytest.mark.parametrize(("clean", "word", "words"), NULL)
+def test_other_axes_at_0_have_no_effect(clean: str, word: str, words: str) -> None:
+    assert word in clean
+    expected, played = without_places(clean), without_places(clean.replace(word, words, 1))
+    assert [values[:2] for values in played] == [values[:2] for values in expected]
+    with pytest.raises(NcError, match="not understood"):
+        moves(clean.replace(word, f"{word} B30.", 1))
+
+
+# Dwells.
+
+DWELLS = [
+    ("G4 P500", 0.5),
+    ("G4 X1.5", 1.5),
+    ("U2. G4", 2.0),
+    ("G4 P1.25", 1.25),
+]
+
+
+@pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
+def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
+    made = moves(f"G21 G99\nM3 S800 T0303 {dwell} F0.3\nG0 X62. Z2.\nG1 X56.\nZ-9.").moves
+    assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
+    assert made[0].kind == "dwell"
+    last = made[-1]
+    assert (last.tool, last.speed.value, last.feed.value, last.spindle_on) == ("T0303", 800.0, 0.3, True)
+    assert moves(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.").moves[-1].kind == "dwell"  # the program ends
+
+
+def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
+    made = moves("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.").moves
+    assert [(move.kind, move.time) for move in made] == [("dwell", 1.0), ("dwell", 0.5), ("rapid", 0.0), ("feed", 0.0)]
+    assert made[-1].speed.value == 800.0
+    with pytest.raises(NcError, match="beside G4"):
+        moves(f"{BAR}G1 X56. F0.2\nG4 P500 Z-40.")
+
+
+@pytest.mark.parametrize(
+    ("block", "seconds", "speed", "feed"),
+    [
+        ("S800 M3 G4 F2", 2.0, 800.0, 0.2),
+        ("G4 F2 S800 M3", 2.0, 800.0, 0.2),
+        ("M3 S800 G4 S40", 3.0, 800.0, 0.2),  # 40 revolutions
+        ("F0.3 G4 F1.5 S800 M3", 1.5, 800.0, 0.3),
+    ],
+)
+def test_sinumerik_dwells_for_the_word_after_g4(block: str, seconds: float, speed: float, feed: float) -> None:
+    made = moves(f"DIAMON G71 G90 G95 G97 F0.2\n{block}\nG0 X62 Z2\nG1 Z-9").moves
+    assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
+    assert (made[-1].speed.value, made[-1].feed.value) == (speed, feed)
+
+
+def test_a_zero_point_and_a_limit_of_the_spindle_may_share_a_block() -> None:
+    made = moves("G50 X200. Z100. S1500\nG21 G99 G96 S150 M3\nG0 X62. Z2.\nG1 Z-5. F0.2").moves
+    assert made[-1].max_spindle_speed == 1500.0
+    assert made[0].path.start == (100.0, 100.0)
