@@ -9,7 +9,7 @@ from typing import Any
 
 EXTRAS = {
     "workshop": ("matplotlib", "openpyxl", "scipy"),
-    "programs": ("ezdxf", "shapely"),
+    "programs": ("ezdxf", "shapely", "tqdm"),
     "render": ("PIL", "pygame"),
     "sb3": ("stable_baselines3",),
     "onnx": ("onnxruntime",),

@@ -141,7 +141,7 @@ class _Search:
         self.fixed = {
             key: float(s.feed[self.feed_of == key].max())
             for key in np.unique(self.feed_of[self.feed_of >= 0])
-            if s.finishing(self.feed_of == key, finishing_depth)
+            if s.finishing(np.flatnonzero(self.feed_of == key), finishing_depth)
         }
 
     @property

@@ -68,13 +68,17 @@ class Situation:
         self.feed_range = low, max(min(scenario.machine.feed_max, machine.max_feed), low)  # of feeds to choose [mm/rev]
         self.by_tool = {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}  # slices, by first use of tools
 
-    def finishing(self, mine: NDArray[np.bool_], depth: float) -> bool:
-        """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts."""
-        mine = mine & self.engaged
+    def finishing(self, cuts: NDArray[np.int64], depth: float) -> bool:
+        """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts.
+
+        ``cuts`` are indices of slices.
+        """
         slices = self.removal.slices
-        deep = float(slices.length[mine & (slices.depth > depth)].sum())
-        grooving = any(self.removal.tools[tool].startswith("groove") for tool in set(self.tool[mine].tolist()))
-        return grooving or deep <= 0.5 * float(slices.length[mine].sum())
+        metal = cuts[self.engaged[cuts]]
+        length = slices.length[metal]
+        deep = float(length[slices.depth[metal] > depth].sum())
+        grooving = any(self.removal.tools[tool].startswith("groove") for tool in set(self.tool[metal].tolist()))
+        return grooving or deep <= 0.5 * float(length.sum())
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,7 @@ def rows(situation: Situation, played: Play) -> list[Row]:
         metal = group[on[group]]
         cut = metal if metal.size else group
         saves = 0.0
-        if metal.size and not s.finishing(np.isin(np.arange(len(time)), metal), FINISHING_DEPTH):
+        if metal.size and not s.finishing(metal, FINISHING_DEPTH):
             share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
         mark = " *" * bool(beyond[group].any())
@@ -183,7 +183,10 @@ def table(situation: Situation, blocks: Sequence[Row]) -> str:
     """Return an aligned table of rows, without loads that have no limit."""
     off = [head for head, is_off in zip(("force", "power"), situation.without_limit, strict=True) if is_off]
     columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items() if head not in off]
-    padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
+    padded = []
+    for column in columns:
+        width = max(map(len, column))
+        padded.append([cell.rjust(width) for cell in column])
     last = ["block", "", *(f" {row['text']}  {row['remark']}" for row in blocks)]
     lines = zip(*padded, last, strict=True)
     return "\n".join("  ".join(cells).rstrip() for cells in lines)

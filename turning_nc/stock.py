@@ -4,33 +4,36 @@ Polygons lie in the half plane of Z and X, X as a radius. The tool is a sharp co
 as a control with tool radius compensation makes it; its nose radius is neglected (assumption).
 """
 
-import bisect
 import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
+from turning_nc.metal import Metal, divided
 from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
+from turning_nc.sweep import SAME, Removed, Sweep
 from turning_nc.words import MAX_BYTES, NcError
 from turning_shop import regular_file
 
 with needed():
     import shapely
+    from tqdm import tqdm
 
 Values = NDArray[np.float64]
 
 MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
 STEP, TOUCH = 0.02, 1e-3  # accuracy of the places where a move meets and leaves metal [mm], and the area that counts [mm2]
+MIN_AREA = 1e-9  # area below which a cut is not divided into slices [mm2]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
@@ -282,47 +285,16 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which the stock has no metal.
     """
     kinds = kinds_of(moves, tools)
-    shapes, slim_shapes = ({name: tool_shape(kind, slim) for name, kind in kinds.items()} for slim in (False, True))
-    reach = {
-        name: [x for move in moves.moves if (move.tool, move.kind) == (name, "feed") for x in move.path.reach] for name in kinds
-    }
-    beyond = [name for name, x in reach.items() if x and max(x) < -0.2 * min(x)]  # tools that work beyond the axis
-    rows: list[Values] = []
-    rapids: dict[int, float] = {}
-    taken: list[tuple[int, Any]] = []  # metal of every move, with its line
-    left = slim = stock
+    beyond = _beyond_the_axis(moves)
+    cutting = _Cutting(stock, kinds, beyond, {move.tool for move in moves.moves if move.kind == "thread"})
     unchecked = set(moves.sides)
-    threading = {move.tool for move in moves.moves if move.kind == "thread"}  # the metal that they cut is not computed
-    for index, move in enumerate(moves.moves):
+    for index, move in enumerate(tqdm(moves.moves, "removing metal", unit="move", leave=False, disable=None)):
         if move.line in unchecked:
             unchecked.remove(move.line)
-            _check_side(moves, move.line, left)
-        shape, mirror = shapes[move.tool], -1.0 if move.tool in beyond else 1.0
+            _check_side(moves, move.line, cutting.left)
         for start, end in itertools.pairwise((move.path.start, *move.path.points())):
-            length = max(math.dist(start, end), 1e-9)
-            shares, areas, moments = np.ones(1), np.zeros(1), np.zeros(1)
-            if move.kind in ("feed", "rapid") and shape is not None:
-                ends_of_path = (start[0], mirror * start[1]), (end[0], mirror * end[1])
-                shares, areas, moments, metal, swept = _swept(left, shape, *ends_of_path, sliced=move.kind == "feed")
-                if move.kind == "feed" and areas[-1] > 0.0:
-                    left = shapely.difference(left, swept)
-                    taken.append((move.line, metal))
-                    slim = shapely.difference(slim, _hull(slim_shapes[move.tool], *ends_of_path))
-                elif move.kind == "rapid":
-                    withdraws = start[0] == end[0] and mirror * (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
-                    if areas[-1] > COLLISION and move.tool not in threading and not withdraws:
-                        rapids[move.line] = max(rapids.get(move.line, 0.0), float(areas[-1]))
-                    areas = moments = np.zeros(1)
-            cut, moment = np.diff(areas, prepend=0.0), np.diff(moments, prepend=0.0)
-            ends = np.add(start, shares[:, np.newaxis] * np.subtract(end, start))
-            ends[-1] = end
-            begins, lengths = np.vstack((start, ends[:-1])), length * np.diff(shares, prepend=0.0)
-            columns = np.full(len(shares), index), lengths, 0.5 * abs(begins + ends)[:, 1], cut / lengths
-            rows.append(np.column_stack((*columns, 2.0 * math.pi * moment, begins, ends)))
-    table = np.concatenate(rows)
-    lengths, radii, depths, volumes = np.maximum(table[:, 1:5], 0.0).T
-    slices = Slices(table[:, 0].astype(np.int64), lengths, radii, depths, volumes, table[:, 5:7], table[:, 7:9])
-    notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in beyond]
+            cutting.run(index, move, start, end)
+    notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in kinds if name in beyond]
     drill = "cuts along the axis alone and is taken as a drill that removes nothing: set --tool NAME=drill:DIAMETER"
     notes += [f"tool {name} {drill}" for name, kind in kinds.items() if kind == DRILL]
     notes += [
@@ -330,66 +302,160 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         for name, kind in kinds.items()
         if kind not in ("outside", DRILL) and name not in tools
     ]
-    return Removal(slices, stock, left, kinds, rapids, _gouged(taken, shapely.difference(slim, left)), tuple(notes))
+    part = cutting.left.polygon()
+    return Removal(cutting.slices(), stock, part, kinds, cutting.rapids, cutting.gouged(part), tuple(notes))
 
 
-def _check_side(moves: Moves, line: int, left: Any) -> None:
+def _beyond_the_axis(moves: Moves) -> set[str]:
+    """Return the tools that work at negative X."""
+    lowest: dict[str, float] = {}
+    highest: dict[str, float] = {}
+    for move in moves.moves:
+        if move.kind == "feed":
+            low, high = sorted(move.path.reach)
+            lowest[move.tool] = min(lowest.get(move.tool, low), low)
+            highest[move.tool] = max(highest.get(move.tool, high), high)
+    return {tool for tool, high in highest.items() if high < -0.2 * lowest[tool]}
+
+
+class _Cutting:
+    """Tools that take metal from a stock, one straight move after another."""
+
+    def __init__(self, stock: Any, kinds: Mapping[str, str], beyond: set[str], threading: set[str]) -> None:
+        """Start with a stock; ``beyond`` are tools at negative X, ``threading`` those whose metal is not computed."""
+        self.left = Metal(stock)
+        self.rapids: dict[int, float] = {}  # largest area of metal that a rapid move sweeps, by lines [mm2]
+        self._stock, self._beyond, self._threading = stock, beyond, threading
+        self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
+        self._slim_shapes: dict[str, Values] = {}  # shapes with a slim back, of the tools that have another one
+        for name, kind in kinds.items():
+            shape, slim_shape = self._shapes[name], tool_shape(kind, slim=True)
+            if shape is not None and slim_shape is not None and not np.array_equal(shape, slim_shape):
+                self._slim_shapes[name] = slim_shape
+        self._slim = Metal(stock) if self._slim_shapes else None  # what tools with a slim back would leave
+        self._taken: list[tuple[int, NDArray[Any]]] = []  # lines, and the metal that their moves take
+        self._moves: list[int] = []  # index of the move to which each straight move belongs
+        self._paths: list[tuple[Point, Point]] = []  # straight moves
+        self._cuts: list[_Cut] = []  # what each of them removes
+
+    def run(self, index: int, move: Move, start: Point, end: Point) -> None:
+        """Run a straight move, which may be a chord of an arc."""
+        self._moves.append(index)
+        self._paths.append((start, end))
+        self._cuts.append(self._cut(move, start, end) if move.kind in ("feed", "rapid") else AIR)
+
+    def _cut(self, move: Move, start: Point, end: Point) -> "_Cut":
+        shape = self._shapes[move.tool]
+        if shape is None or math.dist(start, end) < SAME:
+            return AIR
+        if move.tool in self._beyond:
+            start, end = (start[0], -start[1]), (end[0], -end[1])
+        sweep = Sweep(shape, start, end)
+        places = self.left.meeting(sweep.area)
+        if not len(places):
+            return AIR
+        metal = self.left.within(sweep.area, places)
+        area = float(shapely.area(metal).sum())
+        if area == 0.0:
+            return AIR
+        if move.kind == "rapid":
+            withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
+            if area > COLLISION and move.tool not in self._threading and not withdraws:
+                self.rapids[move.line] = max(self.rapids.get(move.line, 0.0), area)
+            return AIR
+        self.left.take(sweep.area, places)
+        self._taken.append((move.line, metal))
+        if self._slim:
+            slim_shape = self._slim_shapes.get(move.tool)
+            slim_area = sweep.area if slim_shape is None else Sweep(slim_shape, start, end).area
+            self._slim.take(slim_area, self._slim.meeting(slim_area))
+        return _sliced(sweep, metal, area)
+
+    def slices(self) -> Slices:
+        """Return the slices of all moves."""
+        counts = np.array([len(cut.shares) for cut in self._cuts])
+        path = np.repeat(np.arange(len(counts)), counts)
+        firsts = np.cumsum(counts) - counts
+        shares = np.concatenate([cut.shares for cut in self._cuts])
+        paths = np.array(self._paths)  # start and end, Z and X
+        starts, steps = paths[path, 0], paths[path, 1] - paths[path, 0]
+
+        def increments(values: Values) -> Values:
+            """Return by how much values rise over each slice, from 0 before a straight move."""
+            rises = np.diff(values, prepend=0.0)
+            rises[firsts] = values[firsts]
+            return rises
+
+        ends = starts + shares[:, np.newaxis] * steps
+        ends[firsts + counts - 1] = paths[:, 1]
+        begins = np.concatenate((ends[:1], ends[:-1]))
+        begins[firsts] = paths[:, 0]
+        length = np.maximum(np.hypot(*steps.T), SAME) * increments(shares)
+        areas = increments(np.concatenate([cut.areas for cut in self._cuts]))
+        moments = increments(np.concatenate([cut.moments for cut in self._cuts]))
+        return Slices(
+            move=np.array(self._moves)[path],
+            length=np.maximum(length, 0.0),
+            radius=0.5 * abs(begins + ends)[:, 1],
+            depth=np.maximum(areas / length, 0.0),
+            volume=np.maximum(2.0 * math.pi * moments, 0.0),
+            start=begins,
+            end=ends,
+        )
+
+    def gouged(self, part: Any) -> dict[int, float]:
+        """Return the areas by lines of what is lost of the part, against a copying insert that follows the same path [mm2]."""
+        if self._slim is None:
+            return {}
+        lost = shapely.difference(self._slim.polygon(), part)
+        if lost.area <= GOUGE:
+            return {}
+        pieces = list(divided(lost))
+        lines = np.array([line for line, metal in self._taken for _ in metal])
+        metal = np.concatenate([metal for _, metal in self._taken])
+        mine, theirs = shapely.STRtree(pieces).query(metal, predicate="intersects")
+        overlaps = shapely.area(shapely.intersection(metal[mine], np.array(pieces)[theirs]))
+        areas = np.bincount(lines[mine], overlaps)
+        return {int(line): float(areas[line]) for line in np.flatnonzero(areas > COLLISION)}
+
+
+class _Cut(NamedTuple):
+    """What a straight move removes, up to the end of each of its slices."""
+
+    shares: Values  # of the move's length at which slices end [-]
+    areas: Values  # [mm2]
+    moments: Values  # first moments about the axis [mm3]
+
+
+AIR = _Cut(np.ones(1), np.zeros(1), np.zeros(1))
+
+
+def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
+    """Return the slices of a move through metal: equal ones between the first metal and the last, and one of air on each side."""
+    if area < MIN_AREA:
+        moments = shapely.area(metal) * shapely.get_y(shapely.centroid(metal))
+        return _Cut(np.ones(1), np.array([area]), np.array([np.nansum(moments)]))
+    removed = Removed(sweep, metal)
+    steps = math.ceil(sweep.length / STEP)
+    touch = min(TOUCH, 0.1 * area)
+    first, last = removed.first_steps(np.array((touch, area - touch)), sweep.length / steps, steps) / steps
+    first = max(first - 1.0 / steps, 0.0)
+    count = min(math.ceil((last - first) * sweep.length / SLICE), MAX_SLICES)
+    shares = np.unique(np.append(np.linspace(first, last, count + 1), 1.0))
+    shares = shares[shares > 0.0]
+    areas, moments = removed.areas(sweep.length * shares), removed.moments(sweep.length * shares)
+    air = areas <= touch
+    areas[air] = moments[air] = 0.0
+    return _Cut(shares, areas, moments)
+
+
+def _check_side(moves: Moves, line: int, left: Metal) -> None:
     """Check that a cycle turns metal, and that there is a hole if it turns inside."""
     side = moves.sides[line]
     outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
-    within, beyond = (
-        shapely.intersection(left, shapely.box(low, *ends)).area for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
-    )
+    within, beyond = (left.area_within(low, *ends) for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5)))
     if not side.facing and (within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low)):
         hole = "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
         found, other = ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
         begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
         raise NcError(f"{begin}, but the stock has {found}; or set --side {line}={other}")
-
-
-def _gouged(taken: Sequence[tuple[int, Any]], lost: Any) -> dict[int, float]:
-    """Return the areas by lines of what is lost of the part, against a copying insert that follows the same path."""
-    areas: dict[int, float] = {}
-    if lost.area > GOUGE:
-        for line, metal in taken:
-            areas[line] = areas.get(line, 0.0) + float(shapely.intersection(metal, lost).area)
-    return {line: area for line, area in areas.items() if area > COLLISION}
-
-
-def _hull(shape: Any, start: Point, end: Point) -> Any:
-    return shapely.convex_hull(shapely.multipoints(shapely.points(np.concatenate((shape + start, shape + end)))))
-
-
-def _swept(stock: Any, shape: Values, start: Point, end: Point, sliced: bool) -> tuple[Values, Values, Values, Any, Any]:
-    """Return the shares of a straight move at which slices end, area and first moment of metal up to each, all metal, the sweep.
-
-    Slices are equal between the first metal and the last; the air before and behind is one slice each.
-    """
-    corners, length = shape + start, math.dist(start, end)
-    whole = _hull(shape, start, end)
-    near = shapely.intersection(stock, whole)
-    if near.area < 1e-9 or not sliced:
-        moment = near.area * near.centroid.y if near.area else 0.0
-        return np.ones(1), np.array([near.area]), np.array([moment]), near, whole
-
-    def cut(shares: Values) -> Any:
-        ends = corners + shares[:, np.newaxis, np.newaxis] * np.subtract(end, start)
-        both = np.concatenate((np.broadcast_to(corners, ends.shape), ends), axis=1)
-        return shapely.intersection(near, shapely.convex_hull(shapely.multipoints(shapely.points(both))))
-
-    steps = math.ceil(length / STEP)
-    touch = min(TOUCH, 0.1 * near.area)
-    first, last = (
-        bisect.bisect(range(steps), area, key=lambda step: shapely.area(cut(np.array([step / steps])))[0]) / steps
-        for area in (touch, near.area - touch)
-    )
-    first = max(first - 1.0 / steps, 0.0)
-    count = min(math.ceil((last - first) * length / SLICE), MAX_SLICES)
-    shares = np.unique(np.append(np.linspace(first, last, count + 1), 1.0))
-    shares = shares[shares > 0.0]
-    pieces = cut(shares)
-    areas = shapely.area(pieces)
-    areas[areas <= touch] = 0.0
-    moments = np.zeros(len(shares))
-    moments[areas > 0.0] = areas[areas > 0.0] * shapely.get_y(shapely.centroid(pieces[areas > 0.0]))
-    return shares, areas, moments, near, whole

@@ -1,0 +1,141 @@
+"""Metal from which many cuts are taken, kept in small pieces, so that a cut costs no more than the pieces that it meets.
+
+One polygon for the whole stock would grow by some vertices with every pass, and each cut would copy all of them: the time of a
+program would grow with the square of its moves. Metal is never added, so a piece may be divided and need not be joined again
+before the end.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from turning_env.extras import needed
+
+with needed():
+    import shapely
+
+Values = NDArray[np.float64]
+
+MAX_VERTICES = 64  # of a piece; above it, overlays cost more than the calls to them
+MIN_EXTENT = 1e-6  # extent of a piece below which it is not divided [mm]
+_GRID = 1e-9  # grid on which pieces are joined [mm]: it closes the gaps that rounding leaves between them
+_NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # bounds of a place without a piece
+
+
+class Metal:
+    """A polygon that loses metal; its pieces lie beside each other."""
+
+    def __init__(self, polygon: Any) -> None:
+        self._pieces = np.full(16, None, dtype=object)
+        self._bounds = np.full((16, 4), _NOWHERE)  # of the pieces: lowest Z and X, highest Z and X [mm]
+        self._free = list(range(16))
+        self._put(polygon)
+
+    @property
+    def pieces(self) -> NDArray[Any]:
+        """Its pieces as polygons."""
+        return self._pieces[self._bounds[:, 0] < np.inf]
+
+    def polygon(self) -> Any:
+        """Return the metal as one polygon, or several where it falls apart."""
+        pieces = self.pieces
+        return pieces[0] if len(pieces) == 1 else shapely.union_all(pieces, grid_size=_GRID)
+
+    def meeting(self, area: Any) -> NDArray[np.int64]:
+        """Return the places of all pieces that a convex polygon may meet."""
+        low_z, low_x, high_z, high_x = shapely.bounds(area)
+        bounds = self._bounds
+        beside_z = (bounds[:, 0] < high_z) & (bounds[:, 2] > low_z)
+        beside_x = (bounds[:, 1] < high_x) & (bounds[:, 3] > low_x)
+        places = np.flatnonzero(beside_z & beside_x)
+        if len(places) <= 1:
+            return places
+
+        # A box is apart if it lies beyond one of the polygon's edges with all its corners.
+        corners = shapely.get_coordinates(area)
+        edges = np.diff(corners, axis=0)
+        outwards = np.stack((edges[:, 1], -edges[:, 0]))
+        if not shapely.is_ccw(shapely.get_exterior_ring(area)):
+            outwards = -outwards
+        edge_at = (outwards * corners[:-1].T).sum(axis=0)
+        boxes = bounds[places]
+        nearest = np.maximum(outwards, 0.0), np.minimum(outwards, 0.0)
+        box_at = boxes[:, :2] @ nearest[0] + boxes[:, 2:] @ nearest[1]
+        beyond_an_edge = (box_at > edge_at).any(axis=1)
+        return np.asarray(places[~beyond_an_edge])
+
+    def within(self, area: Any, places: NDArray[np.int64]) -> NDArray[Any]:
+        """Return the metal of some pieces that lies within a polygon."""
+        return np.asarray(shapely.intersection(self._pieces[places], area))
+
+    def area_within(self, low_z: float, low_x: float, high_z: float, high_x: float) -> float:
+        """Return the area of the metal within a rectangle [mm2]."""
+        box = shapely.box(low_z, low_x, high_z, high_x)
+        return float(shapely.area(self.within(box, self.meeting(box))).sum())
+
+    def take(self, area: Any, places: NDArray[np.int64]) -> None:
+        """Take the metal within a polygon away from some pieces."""
+        left = shapely.difference(self._pieces[places], area)
+        for place, piece in zip(places.tolist(), left, strict=True):
+            self._bounds[place] = _NOWHERE
+            self._pieces[place] = None
+            self._free.append(place)
+            self._put(piece)
+
+    def _put(self, polygon: Any) -> None:
+        for piece in divided(polygon):
+            if not self._free:
+                self._grow()
+            place = self._free.pop()
+            self._pieces[place] = piece
+            self._bounds[place] = shapely.bounds(piece)
+
+    def _grow(self) -> None:
+        count = len(self._pieces)
+        self._pieces = np.concatenate((self._pieces, np.full(count, None, dtype=object)))
+        self._bounds = np.concatenate((self._bounds, np.full((count, 4), _NOWHERE)))
+        self._free = list(range(count, 2 * count))
+
+
+def divided(polygon: Any) -> Iterator[Any]:
+    """Yield a polygon, or pieces of it if it has too many vertices; nothing if it is empty."""
+    if shapely.is_empty(polygon):
+        return
+    count = int(shapely.get_num_coordinates(polygon))
+    halves = _halves(polygon) if count > MAX_VERTICES else []
+    if not halves or max(shapely.get_num_coordinates(halves)) >= count:  # dividing it does not help
+        yield polygon
+        return
+    for half in halves:
+        yield from divided(half)
+
+
+def _halves(polygon: Any) -> list[Any]:
+    """Return the two parts of a polygon that hold about half of its vertices each; none if it is too small.
+
+    The cut is across the direction in which the middle half of the vertices spreads most: ridges on a wall are divided along
+    the wall, and not lengthwise.
+    """
+    points = shapely.get_coordinates(polygon)
+    lower, middle, upper = np.percentile(points, (25.0, 50.0, 75.0), axis=0)
+    axis = int(np.argmax(upper - lower))
+    low, high = points.min(axis=0), points.max(axis=0)
+    cut = middle[axis]
+    if not low[axis] < cut < high[axis]:
+        cut = 0.5 * (low[axis] + high[axis])
+    if high[axis] - low[axis] < MIN_EXTENT:
+        return []
+    first_high, second_low = high.copy(), low.copy()
+    first_high[axis] = second_low[axis] = cut
+    boxes = shapely.box(*low, *first_high), shapely.box(*second_low, *high)
+    return [_areas_of(half) for half in shapely.intersection(polygon, boxes)]
+
+
+def _areas_of(geometry: Any) -> Any:
+    """Return a geometry without the points and lines that it may hold beside polygons."""
+    if shapely.get_type_id(geometry) != shapely.GeometryType.GEOMETRYCOLLECTION:
+        return geometry if shapely.get_dimensions(geometry) == 2 else shapely.Polygon()
+    parts = shapely.get_parts(geometry)
+    return shapely.union_all(parts[shapely.get_dimensions(parts) == 2])
