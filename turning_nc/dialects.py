@@ -277,7 +277,7 @@ def _system_of(code: str) -> Dialect:
             if 24 in functions:
                 return FANUC_C
         units_of_c |= bool(functions & {70, 71}) and not letters & {*"PQUWRDIK"}
-        cycles_of_c |= contour and bool(functions & {73, 77, 78})
+        cycles_of_c |= contour and bool(functions & {*range(72, 79)})
     if units_of_c and (cycles_of_c or boxes_of_c):
         return FANUC_C
     return FANUC_B if boxes_of_b else FANUC

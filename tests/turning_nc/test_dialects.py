@@ -12,6 +12,7 @@ from tests.turning_nc.test_moves import ISO, SIEMENS, moves
 from turning_env import Scenario
 from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation
+from turning_nc.dialects import DIALECTS
 from turning_nc.moves import Move, Reading, run
 from turning_nc.stock import read_stock, remove
 from turning_nc.words import NcError, divide
@@ -234,3 +235,124 @@ def test_a_zero_point_and_a_limit_of_the_spindle_may_share_a_block() -> None:
     made = moves("G50 X200. Z100. S1500\nG21 G99 G96 S150 M3\nG0 X62. Z2.\nG1 Z-5. F0.2").moves
     assert made[-1].max_spindle_speed == 1500.0
     assert made[0].path.start == (100.0, 100.0)
+
+
+# Controls that are named.
+
+OTHERS = {
+    "Okuma": [
+        "$FLANSCH.MIN%",
+        "$AB-12.SUB%",
+        "T030303",
+        "T010112 M42",
+        "N10 T000505",
+        "G71 X38.2 Z-20 B60 D0.7 U0.1 H2.45 L2 F1.5 M32 M73",
+        "G85 NLAP1 D6 F0.3",
+        "NKONT G81",
+        "G87 NAUS1",
+        "CALL O123 Q2",
+        "NOEX V1=3",
+        "V12=50",
+        "RTS",
+    ],
+    "LinuxCNC": ["O<bore> CALL [5]", "o100 endsub", "O100 WHILE [#1 LT 3]", "o<a b> sub", "O#5 repeat [3]", "o7 elseif [#1]"],
+    "SINUMERIK": ["%MPF1005", "%SPF 12", "N40 G2 X60 Z-25 B5", "G03X20Z-5B+2.5", "N5 @714", "N10 G58 X0 Z45\nN15 G92 S3000"],
+    "Heidenhain": ["0 BEGIN PGM WELLE MM"],
+    "Mazatrol": ["PNO. 3"],
+}
+
+
+@pytest.mark.parametrize(("control", "line"), [(control, line) for control, lines in OTHERS.items() for line in lines])
+def test_programs_of_other_controls_are_named_with_their_line(control: str, line: str) -> None:
+    for end in ("\n", "\r"):
+        with pytest.raises(NcError, match=f"line 3: .*{control}"):
+            divide(f"(TITLE)\nG0 X60. Z2.\n{line}\nG1 Z-40. F0.2\n".replace("\n", end))
+
+
+@pytest.mark.parametrize("sign", ["G53.5", "G123.1", "G276 X20. P3", "M998<BORE>"])
+def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
+    text = BAR + CUT.replace("M30", f"{sign}\nM30")
+    made = run(divide(text), Reading(go_on=True))
+    assert any("Mazak" in note for note in made.notes)
+    assert [move.path.end for move in made.moves] == [move.path.end for move in moves(BAR + CUT).moves]
+
+
+@pytest.mark.parametrize(
+    "line", ["T0303 M8", "T03", "T10203", "G2 X60. Z-25. R5. B0.", "G3 X60. Z-5. I0. K-2. B0", "G58", "N5 G71 U2. R1."]
+)
+def test_words_of_fanuc_show_no_other_control(line: str) -> None:
+    assert divide(f"G21\n{line}\n").dialect.name == "fanuc"
+
+
+@pytest.mark.parametrize("cycle", ["CYCLE951", "CYCLE952", "CYCLE930", "CYCLE940", "CYCLE99"])
+def test_cycles_of_operate_are_named(cycle: str) -> None:
+    text = DREHEN.replace("G1 X56", f"{cycle}(80,0,60,-50)\nG1 X56")
+    with pytest.raises(NcError, match=rf"line 4: {cycle}.*Operate"):
+        moves(text)
+    assert cuts(DREHEN) == [(2.0, 56.0), (-40.0, 56.0)]
+
+
+@pytest.mark.parametrize(("word", "hint"), [("R3.", ",R"), ("C2.", ",C")])
+def test_corners_without_a_comma_have_a_hint(word: str, hint: str) -> None:
+    with pytest.raises(NcError, match=f"line 4: .*write {hint} for a"):
+        moves(f"{BAR}G1 X56. {word} F0.25\nZ-40.")
+
+
+# G code systems of Fanuc.
+
+IN_A = {
+    "cylinder": "G90 X56. Z-40. F0.25\nX52.\n",
+    "cone": "G90 X50. Z-40. R-2. F0.25\n",
+    "thread": "G92 X56. Z-25. F2.\nX55.\n",
+    "face": "G94 X0. Z1. F0.2\nZ0.\n",
+    "roughing": "G71 U2. R1.\nG71 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X20.\nG1 Z-20.\nN20 X60.\nG70 P10 Q20\n",
+    "facing": "G72 W2. R1.\nG72 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 Z-20.\nG1 X40.\nN20 Z0.\n",
+    "pattern": "G73 U4. W1. R3\nG73 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X50.\nG1 Z-20.\nN20 X60.\n",
+    "threads": "G76 P010060 Q50 R0.1\nG76 X58. Z-34. P1000 Q400 F2.\n",
+    "groove": "G0 Z-10.\nG75 R1.\nG75 X56. Z-14. P2000 Q4000 F0.1\n",
+    "peck": "G0 X0.\nG74 R1.\nG74 Z-9. Q4000 F0.1\n",
+    "pitch": "G32 Z-25. F2.\n",
+}
+TO_B = {"G90": "G77", "G92": "G78", "G94": "G79", "G32": "G33", "G98": "G94", "G99": "G95", "G50": "G92"}
+TO_C = {
+    "G90": "G20",
+    "G92": "G21",
+    "G94": "G24",
+    "G32": "G33",
+    "G98": "G94",
+    "G99": "G95",
+    "G50": "G92",
+    "G20": "G70",
+    "G21": "G71",
+}
+TO_C |= {f"G{70 + k}": f"G{72 + k}" for k in range(7)}
+
+
+def in_system(text: str, codes: dict[str, str]) -> str:
+    """Return a program of system A with the G functions of another system."""
+    return re.sub(r"G\d+", lambda found: codes.get(found[0], found[0]), text)
+
+
+@pytest.mark.parametrize("name", IN_A)
+@pytest.mark.parametrize(("dialect", "codes"), [("fanuc-b", TO_B), ("fanuc-c", TO_C)])
+def test_systems_b_and_c_make_the_cuts_of_system_a(name: str, dialect: str, codes: dict[str, str]) -> None:
+    text = f"G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n{IN_A[name]}G1 X64.\nM30\n"
+    other = in_system(text, codes)
+    played = run(divide(other, DIALECTS[dialect])).moves
+    expected = moves(text).moves
+    assert [(move.kind, move.path, move.feed.value) for move in played] == [
+        (move.kind, move.path, move.feed.value) for move in expected
+    ]
+    assert {move.max_spindle_speed for move in played} == {2000.0}
+    assert divide(text).dialect.name == "fanuc"
+    shows_b = name in ("cylinder", "cone", "thread", "face")
+    shows_c = shows_b or name in ("roughing", "facing", "pattern", "threads", "groove")
+    if shows_c if dialect == "fanuc-c" else shows_b:
+        assert divide(other).dialect.name == dialect
+
+
+def test_system_b_has_absolute_and_incremental_coordinates() -> None:
+    text = "G21 G90 G95\nG92 S2000\nG97 S800 M3\nG0 X62. Z2.\nG77 X56. Z-40. F0.25\nG0 X54.\nG91 G1 Z-12. G99\nG90 X60."
+    assert cuts(text)[-2:] == [(-10.0, 54.0), (-10.0, 60.0)]
+    last = moves(text).moves[-1]
+    assert (last.per_revolution, last.max_spindle_speed) == (True, 2000.0)
