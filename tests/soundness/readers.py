@@ -25,6 +25,7 @@ from leaderboard.trajectories import Trajectories
 from tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
 from turning_env import Scenario, ScenarioError
+from turning_env.scoring.sandbox_child import Outline
 from turning_nc.program import Program, read, read_file, write
 from turning_nc.words import NcError
 from turning_shop import WorkshopError
@@ -130,7 +131,7 @@ def _agent(file: agent_file.AgentFile, folder: Path) -> None:
     """Its outline can be sent to another process."""
     _, outline = network.read((folder / "tried.onnx").read_bytes())
     sent = json.dumps(outline._asdict()).encode()
-    assert TypeAdapter(network.Outline).validate_json(sent, strict=True) == outline
+    assert TypeAdapter(Outline).validate_json(sent, strict=True) == outline
 
 
 def _program(found: Program, folder: Path) -> None:

@@ -15,6 +15,7 @@ from train.agents import agent_file, onnx_policy
 from train.agents.network import tried
 from turning_env import Scenario
 from turning_env.scoring.onnx_session import OnnxPolicy, session_of
+from turning_env.scoring.sandbox import AgentFileError
 
 ALL = np.ones(5, np.bool_)
 
@@ -88,6 +89,10 @@ REFUSED: dict[str, tuple[Change, str]] = {
     "metadata that cannot be written": (retold("parameters", '{"a": "\\ud800"}'), "metadata parameters is not JSON"),
     "metadata of no number": (retold("parameters", '{"a": NaN}'), "metadata parameters.a.* finite number"),
     "metadata of another type": (retold("seed", '"1"'), "metadata seed: Input should be a valid integer"),
+    "a seed of 301 digits": (
+        retold("seed", "1" + "0" * 300),
+        "metadata seed: Input should be less than or equal to 9223372036854775807",
+    ),
     "another format": (retold("format", "rough-turning/agent/9"), "metadata format: .*rough-turning/agent/2"),
     "a path for a name": (retold("algorithm", "../ppo"), "metadata algorithm: "),
     "an unknown id": (retold("env_id", "Pendulum-v1"), "env_id is 'Pendulum-v1', but must be one of RoughTurning-v0"),
@@ -118,7 +123,14 @@ def here(path: Path) -> None:
     tried(file.content, 11, 2, file.memory_size)
 
 
-SANDBOXED = ("metadata deep", "weights elsewhere", "a value too large", "actions that are no numbers")
+SANDBOXED = (
+    "metadata deep",
+    "a seed of 301 digits",
+    "a loop",
+    "weights elsewhere",
+    "a value too large",
+    "actions that are no numbers",
+)
 
 
 @pytest.mark.parametrize(
@@ -130,8 +142,18 @@ def test_other_files_are_refused_with_the_reason(load: Callable[[Path], object],
     model = onnx.load_model_from_string(onnx_agents.content())
     change(model)
     (tmp_path / "agent.onnx").write_bytes(model.SerializeToString())
-    with pytest.raises(ValueError, match=message):
+    error = AgentFileError if load is onnx_policy.load else ValueError
+    with pytest.raises(error, match=message):
         load(tmp_path / "agent.onnx")
+
+
+@pytest.mark.parametrize("name", ["garbage.onnx", "missing.onnx", "locked.onnx", "folder.onnx"])
+def test_loading_raises_one_kind_of_error(name: str, tmp_path: Path) -> None:
+    (tmp_path / "garbage.onnx").write_bytes(b"\x08\x07garbage" * 50)
+    (tmp_path / "folder.onnx").mkdir()
+    (tmp_path / "locked.onnx").symlink_to("/etc/shadow")
+    with pytest.raises(AgentFileError, match=name):
+        onnx_policy.load(tmp_path / name)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.train import onnx_agents
-from tests.walking import ROOT
 from train.agents import agent_file, onnx_policy
 from train.agents.network import act_checked
 from train.agents.onnx_policy import LIMITS, GuardedPolicy, Limits, Sandbox
@@ -68,30 +66,10 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
     # ONNX Runtime could note down how it is used, and tell: a file and a thread more.
     assert len(list((place / "task").iterdir())) == 1
     limits = {line[:20].strip(): line[26:].split()[0] for line in (place / "limits").read_text().splitlines()}
-    assert limits["Max open files"] == "3"
-    assert limits["Max file size"] == limits["Max core file size"] == "0"
+    for none in ("Max open files", "Max file size", "Max core file size", "Max processes"):
+        assert limits[none] == "0"
     assert limits["Max cpu time"] == str(LIMITS.computing)
     assert limits["Max address space"] == str(LIMITS.memory * 2**20)
-
-
-ATTEMPTS = {
-    "open('/etc/passwd')": "Too many open files",
-    "socket.socket()": "Too many open files",
-    "os.open('left', os.O_CREAT | os.O_WRONLY)": "Too many open files",
-    "bytearray(2**30)": "MemoryError",
-    "resource.setrlimit(resource.RLIMIT_AS, (2**40, 2**40))": "not allowed to raise maximum limit",
-}
-
-
-@linux
-def test_what_is_limited_can_open_and_ask_for_nothing(tmp_path: Path) -> None:
-    program = "import os, socket, resource; from train.agents.sandbox_child import limit; limit(512, 10)\n"
-    program += "".join(f"try: {each}\nexcept BaseException as error: print(repr(error))\n" for each in ATTEMPTS)
-    environment, command = os.environ | {"PYTHONPATH": str(ROOT)}, [sys.executable, "-c", program]
-    ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=True)
-    for error, expected in zip(ended.stdout.splitlines(), ATTEMPTS.values(), strict=True):
-        assert expected in error
-    assert not list(tmp_path.iterdir())
 
 
 @linux

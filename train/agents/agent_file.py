@@ -24,16 +24,18 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, m
 from baselines.belief import Belief, BeliefPolicy, with_belief
 from baselines.guided import GuidedPolicy, decision_space, feature_space
 from train.agents import network
-from train.agents.network import MAX_BYTES, MAX_MEMORY, Outline
+from train.agents.network import MAX_BYTES, MAX_MEMORY
 from train.run import Run
 from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.batch.driver import action_space, observation_space
 from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.sandbox_child import Outline
 
 NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"  # pattern of agents' names, which also name files
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 ONNX_SUFFIX = ".onnx"
+MAX_NUMBER = 2**63 - 1  # largest training seed, which also names files, and largest number of steps
 _STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -59,13 +61,13 @@ class Metadata(BaseModel):
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
     name: str = Field(pattern=NAME)  # name on leaderboards; a file without it has its algorithm's
-    seed: int = Field(ge=0)  # training seed
+    seed: int = Field(ge=0, le=MAX_NUMBER)  # training seed
     env_id: str
     scenario: PortableScenario  # scenario of the training: its name and the values that differ from the defaults
     observation_space: Space
     action_space: Space
     parameters: dict[str, JsonValue]  # the algorithm's hyperparameters
-    trained_steps: int = Field(ge=0)
+    trained_steps: int = Field(ge=0, le=MAX_NUMBER)
     command: str  # command line of the training
     versions: dict[str, str]  # versions of the packages that made the file
 

@@ -4,12 +4,13 @@ Strangers' files are checked by a process that imports this file without the res
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import onnx
 
-from turning_env.scoring.onnx_session import Floats, OnnxPolicy, first_line, session_of
+from turning_env.scoring.onnx_session import Floats, OnnxPolicy, check_actions, first_line, session_of
+from turning_env.scoring.sandbox_child import Outline
 
 MAX_BYTES = 20_000_000
 MAX_NODES = 4_000
@@ -27,14 +28,6 @@ OPERATORS = frozenset(_OPERATORS.split())  # allowed operators: arithmetic whose
 TOLERANCE = 1e-4
 """Largest difference of an environment's action when other environments are in the batch: sums may be taken in another order."""
 _NUM_ENVS = 8  # with which a network is tried
-
-
-class Outline(NamedTuple):
-    """Metadata and shapes of a file."""
-
-    properties: dict[str, str]
-    inputs: dict[str, int]  # entries per environment of each input
-    outputs: dict[str, int]
 
 
 def read(content: bytes) -> tuple[onnx.ModelProto, Outline]:
@@ -136,10 +129,3 @@ def act_checked(policy: OnnxPolicy, observations: Floats, generator: np.random.G
                 if not np.allclose(mine[part], its, rtol=TOLERANCE, atol=TOLERANCE, equal_nan=True):
                     raise ValueError("an environment's actions or memory depend on the other environments in the batch")
     return actions
-
-
-def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
-    """Raise ValueError unless actions have the shape and lie in -1 to 1."""
-    if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
-        wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
-        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")

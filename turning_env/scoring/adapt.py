@@ -5,21 +5,21 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from errno import ENOENT
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.scoring.onnx_session import OnnxPolicy, session_of
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.sandbox import LIMITS, AgentFileError, Limits, load
 
 
-def as_factory(policy: Any) -> PolicyFactory:
+def as_factory(policy: Any, limits: Limits = LIMITS) -> PolicyFactory:
     """Return a function that makes the policy for a number of environments.
 
-    ``turning_env.score`` lists the accepted kinds: TypeError if it is none, ValueError if a file has other inputs or outputs.
+    ``turning_env.score`` lists the accepted kinds: TypeError if it is none. An ONNX file plays in a process of its own within
+    ``limits``; AgentFileError, a ValueError, says why it cannot. All else runs in this process.
     """
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
         try:
@@ -27,7 +27,7 @@ def as_factory(policy: Any) -> PolicyFactory:
         except (AttributeError, ModuleNotFoundError) as error:
             raise ValueError(f"cannot be imported from this folder or the installed packages: {error}") from error
     if isinstance(policy, str | Path):
-        return _onnx(Path(policy))
+        return _onnx(Path(policy), limits)
     if isinstance(policy, type):
         policy = policy()
     if hasattr(policy, "act"):
@@ -88,21 +88,10 @@ def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
     return run
 
 
-def _onnx(path: Path) -> PolicyFactory:
-    if not path.is_file():
-        raise FileNotFoundError(ENOENT, "no such file", str(path))
+def _onnx(path: Path, limits: Limits) -> PolicyFactory:
     try:
-        session = session_of(str(path))  # by its path, as the weights may lie in a file beside it
-    except ValueError as error:
-        hint = ": give the loaded model, or a file by python -m train.export in a clone" if path.suffix == ".zip" else ""
-        raise ValueError(f"{path} {error}{hint}") from error
-    inputs = {each.name: each.shape for each in session.get_inputs()}
-    outputs = {each.name for each in session.get_outputs()}
-    if (set(inputs), outputs) not in (({"observation"}, {"action"}), ({"observation", "memory"}, {"action", "next_memory"})):
-        raise ValueError(
-            f"{path} maps {', '.join(inputs)} to {', '.join(sorted(outputs))}, but must have the input observation and "
-            "the output action; with a memory, also the input memory and the output next_memory"
-        )
-
-    memory_size = inputs["memory"][-1] if "memory" in inputs else 0
-    return lambda num_envs: OnnxPolicy(session, memory_size, num_envs)
+        return load(path, limits)
+    except AgentFileError as error:
+        if path.suffix == ".zip":
+            raise AgentFileError(f"{error}: give the loaded model, or a file by python -m train.export in a clone") from error
+        raise

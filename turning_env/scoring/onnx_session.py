@@ -1,6 +1,6 @@
 """Run the network of an ONNX file, on one thread and in a fixed order, so that its actions are reproducible to the last bit.
 
-A process that runs strangers' networks (``train/agents/sandbox_child.py``) imports this file without the rest of the package.
+A process that runs strangers' networks (``sandbox_child.py``) imports this file without the rest of the package.
 """
 
 import os
@@ -63,6 +63,13 @@ def session_of(source: bytes | str) -> Any:
         return onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no common type
         raise ValueError(f"cannot be run: {first_line(error)}") from error
+
+
+def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
+    """Raise ValueError unless actions have the shape and lie in -1 to 1."""
+    if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
+        wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
+        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")
 
 
 def first_line(error: BaseException) -> str:

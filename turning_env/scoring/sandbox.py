@@ -1,0 +1,293 @@
+"""Play a network from an ONNX file, which may come from anywhere, in a process of its own.
+
+from pathlib import Path
+from turning_env.scoring.sandbox import load
+
+policy = load(Path("my_agent.onnx"))(1)
+
+This side sends observations, receives and checks actions, and limits how long it waits. It never looks into the file itself:
+``sandbox_child.py`` is the process that does, and ``confinement.py`` says what that process may still do.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import weakref
+from collections.abc import Collection
+from dataclasses import dataclass
+from errno import ENOENT
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from turning_env.scoring import confinement
+from turning_env.scoring import sandbox_child as child
+from turning_env.scoring.onnx_session import check_actions
+from turning_env.scoring.policy import Actions, Observations, PolicyFactory
+from turning_env.scoring.sandbox_child import ANY, Outline
+
+MAX_BYTES = 200_000_000  # of a file: it is in the memory of its process several times
+MAX_ACTIONS = 16  # numbers of an action; no task has more
+_MAX_OUTLINE = 7_000_000  # bytes
+_MAX_ERROR = 2_000  # bytes
+_KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
+_OUTLINE = TypeAdapter(Outline)
+
+_PROGRAM = """
+import os, sys, types
+for name, folders in {folders!r}.items():  # their own __init__.py would import the environment
+    package = sys.modules[name] = types.ModuleType(name)
+    package.__path__ = folders
+from {module} import main
+main(int(sys.argv[1]), int(sys.argv[2]))
+os._exit(0)  # skip the clean-up of libraries that can open nothing
+"""
+
+
+def program_of(module: str) -> str:
+    """Return the program of a process that runs ``main(memory, computing)`` of a module of this project."""
+    packages = {"turning_env", module.partition(".")[0]}
+    folders = {name: list(sys.modules[name].__path__) for name in sorted(packages)}
+    return _PROGRAM.format(folders=folders, module=module)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a network's process."""
+
+    answer: float = 60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
+    start: float = 120.0  # wall-clock time until its process is ready [s]
+    computing: int = 600  # total processor time of one play of all its episodes [s]; 0: any
+    memory: int = 3072  # memory [MiB], including ONNX Runtime's own
+
+
+LIMITS = Limits()
+
+
+class AgentFileError(ValueError):
+    """A file that cannot play, with the reason: it is refused, or breaks a rule or a limit.
+
+    Whatever the file holds, loading and playing it raise this error and no other.
+    """
+
+
+class TooSlow(AgentFileError):
+    """A network needs more time than it may have."""
+
+
+class Sandbox:
+    """A process that checks a file's content and plays it; AgentFileError says why it cannot. Its ``program`` is not trusted.
+
+    It ends when this object is garbage-collected.
+    """
+
+    entries: int = ANY  # of an observation
+    actions: int = ANY  # numbers of an action
+    memory_size: int = 0  # entries of the memory
+
+    def __init__(self, content: bytes, limits: Limits = LIMITS, program: str | None = None) -> None:
+        self._limits = limits
+        ours, its = socket.socketpair()
+        with its:
+            self.process = _started(program or self.program(), limits, its)
+        self._connection = child.Connection(ours, limits.start)
+        self.close = weakref.finalize(self, _end, self.process, self._connection)
+        try:
+            self.send(child.CONTENT, content)
+            outline = _OUTLINE.validate_json(self.answer(_MAX_OUTLINE, starting=True), strict=True)
+            self.accept(content, outline)
+            self.answer(0)
+        except ValidationError as error:
+            self.close()
+            raise AgentFileError("tells nothing of itself that can be understood") from error
+        except BaseException:
+            self.close()
+            raise
+
+    @staticmethod
+    def program() -> str:
+        """Return the program of the process."""
+        return program_of("turning_env.scoring.sandbox_child")
+
+    def accept(self, content: bytes, outline: Outline) -> None:
+        """Take the sizes of a network from its outline, or raise AgentFileError if they are not those of a policy."""
+        inputs, outputs = outline.inputs, outline.outputs
+        without_memory = {"observation"}, {"action"}
+        with_memory = {"observation", "memory"}, {"action", "next_memory"}
+        if (set(inputs), set(outputs)) not in (without_memory, with_memory):
+            raise AgentFileError(
+                f"maps {', '.join(sorted(inputs))} to {', '.join(sorted(outputs))}, but must have the input observation and "
+                "the output action; with a memory, also the input memory and the output next_memory"
+            )
+        memory_size = inputs.get("memory", 0)
+        if memory_size == ANY:
+            raise AgentFileError("has a memory of any size, but must state the entries per environment")
+        self.entries, self.actions, self.memory_size = inputs["observation"], outputs["action"], memory_size
+
+    def send(self, kind: bytes, content: bytes = b"") -> None:
+        """Send a message. Raise AgentFileError if the process is gone, or does not listen."""
+        try:
+            self._connection.send(kind, content)
+        except OSError as error:
+            raise self._end_reason() from error
+
+    def answer(self, max_bytes: int, starting: bool = False) -> bytes:
+        """Return its answer, or raise AgentFileError if it is late, too long or an error.
+
+        ``starting`` allows the time of a start, in which the process also says how it is confined.
+        """
+        kind, content = self._receive(max_bytes, starting)
+        if starting and kind == child.MEASURES:
+            _tell_if_missing(content)
+            kind, content = self._receive(max_bytes, starting)
+        if kind == child.ANSWER and len(content) <= max_bytes:
+            return content
+        if kind == child.ERROR:
+            text = content[:_MAX_ERROR].decode("utf-8", "replace")
+            raise AgentFileError("".join(character if character.isprintable() else "?" for character in text))
+        raise AgentFileError("gives an answer to nothing that was asked")
+
+    def _receive(self, max_bytes: int, starting: bool) -> tuple[bytes, bytes]:
+        timeout = self._limits.start if starting else self._limits.answer
+        try:
+            return self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
+        except TimeoutError as error:
+            self.close()
+            raise TooSlow(f"gives no answer within {timeout:g} s") from error
+        except (OSError, EOFError) as error:
+            raise self._end_reason() from error
+
+    def _end_reason(self) -> AgentFileError:
+        try:
+            status = self.process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            status = 0
+        self.close()
+        if status == -signal.SIGXCPU:
+            return TooSlow(f"needs more than the {self._limits.computing} s of processor time that it may have")
+        why = f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
+        return AgentFileError(f"its process has ended (status {status}), {why}")
+
+
+def _started(program: str, limits: Limits, connection: socket.socket) -> "subprocess.Popen[bytes]":
+    kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+    return subprocess.Popen(
+        [sys.executable, "-I", "-c", program, str(limits.memory), str(limits.computing)],
+        stdin=connection.fileno(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=kept | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        start_new_session=True,  # Ctrl-C is for the parent to handle
+    )
+
+
+def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> None:
+    connection.close()
+    process.kill()
+    process.wait()
+
+
+def _tell_if_missing(measures: bytes) -> None:
+    taken = measures.decode("utf-8", "replace").split(",")
+    missing = tuple(name for name in confinement.MEASURES if name not in taken)
+    if missing:
+        _tell_missing(missing)
+
+
+@cache
+def _tell_missing(missing: Collection[str]) -> None:
+    """Say once what does not confine the processes of networks here."""
+    active = [name for name in confinement.MEASURES if name not in missing]
+    print(
+        f"notice: networks run with less protection on this system: {', '.join(active) or 'nothing'} active, "
+        f"{', '.join(missing)} missing or in part (docs/security.md says what remains)",
+        file=sys.stderr,
+    )
+
+
+class GuardedPolicy:
+    """The policy of a sandbox's network, for ``num_envs`` environments. An earlier policy of the sandbox acts no more."""
+
+    def __init__(self, sandbox: Sandbox, num_envs: int) -> None:
+        self.sandbox = sandbox
+        self._num_envs = num_envs
+        sandbox.send(child.SIZES, np.array([num_envs, sandbox.memory_size], np.int64).tobytes())
+        sandbox.answer(0)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Clear the memory of the environments in the mask, shape (num_envs,)."""
+        if mask.shape != (self._num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(f"the mask must be bool of shape ({self._num_envs},), got {mask.dtype} of {mask.shape}")
+        self.sandbox.send(child.RESET, mask.tobytes())
+
+    def act(self, observations: Observations) -> Actions:
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32, both checked."""
+        self._check_observations(observations)
+        self.sandbox.send(child.ACT, observations.tobytes())
+        per_action = 4 * self._num_envs  # bytes
+        most = MAX_ACTIONS if self.sandbox.actions == ANY else self.sandbox.actions
+        content = self.sandbox.answer(per_action * most)
+        size, rest = divmod(len(content), per_action)
+        if rest or size == 0 or self.sandbox.actions not in (ANY, size):
+            raise AgentFileError(f"gives {len(content)} bytes, which are not actions of {self._num_envs} environments")
+        actions = np.frombuffer(content, np.float32).reshape(self._num_envs, size).copy()
+        try:
+            check_actions(actions, (self._num_envs, size))
+        except ValueError as error:
+            raise AgentFileError(str(error)) from error
+        return actions
+
+    def _check_observations(self, observations: Observations) -> None:
+        entries = observations.shape[-1] if self.sandbox.entries == ANY else self.sandbox.entries
+        if observations.shape != (self._num_envs, entries) or observations.dtype != np.float32:
+            wanted = f"float32 of shape ({self._num_envs}, {entries})"
+            found = f"{observations.dtype} of {observations.shape}"
+            hint = "`leaderboard run` adds the belief of an agent that was trained with one"
+            raise ValueError(f"the agent cannot act on these observations: they must be {wanted}, got {found} ({hint})")
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """A function that makes policies of a file, each in its own process; it travels to other processes as the file."""
+
+    content: bytes
+    limits: Limits
+
+    def __call__(self, num_envs: int) -> GuardedPolicy:
+        return GuardedPolicy(Sandbox(self.content, self.limits), num_envs)
+
+
+def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
+    """Load any network with the inputs and outputs of a policy, and return a function that makes its policies.
+
+    The file may come from anywhere: it can run no code, and each play has limits. It must hold its weights, as its process can
+    open no other file.
+
+    Raise FileNotFoundError if there is no such file, ModuleNotFoundError without onnxruntime, TooSlow if the network gives no
+    answer in time, and AgentFileError with the reason if the file is refused.
+    """
+    require("onnxruntime")
+    if not path.is_file():
+        raise FileNotFoundError(ENOENT, "no such file", str(path))
+    with path.open("rb") as stream:
+        content = stream.read(MAX_BYTES + 1)
+    try:
+        if len(content) > MAX_BYTES:
+            raise AgentFileError(f"is larger than {MAX_BYTES} bytes")
+        Sandbox(content, limits).close()
+    except AgentFileError as error:
+        raise type(error)(f"{path}: {error}") from error
+    return _Maker(content, limits)
+
+
+def require(*packages: str) -> None:
+    """Raise ModuleNotFoundError if a package is missing that the process of a network needs."""
+    for name in packages:
+        if find_spec(name) is None:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
