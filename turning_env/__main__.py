@@ -4,7 +4,7 @@ import argparse
 import inspect
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import gymnasium
@@ -13,6 +13,7 @@ from turning_env import FAMILY_ID, IDS, score
 from turning_env.console import Mistake, described, exits, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
+from turning_env.scoring.sandbox import LIMITS
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,6 +41,13 @@ def main(arguments: list[str] | None = None) -> int:
     )
     scored.add_argument("--family", default="shop", metavar="NAME", help="preset of a family (default: %(default)s)")
     scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
+    scored.add_argument(
+        "--agent-time",
+        type=int,
+        default=LIMITS.computing,
+        metavar="SECONDS",
+        help="processor time that an ONNX file may use for all episodes (default: %(default)s)",
+    )
     scored.add_argument("--json", action="store_true", help="print all results as JSON")
     command(_warm_up, "compile everything now, for example for a container image", scenario=False)
 
@@ -84,13 +92,16 @@ def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
     A policy is an ONNX file or an object in a module. The object may be a function of observations, a class with reset and act, a
-    model of Stable-Baselines3 or a module of PyTorch. It runs in this process: score only code that you trust.
+    model of Stable-Baselines3 or a module of PyTorch. It runs in this process: score only code that you trust. An ONNX file may
+    come from anywhere: it runs in a process of its own, which can read and write no file and has limited time and memory
+    (docs/security.md). Its weights must be inside.
 
     python -m turning_env score my_agent.onnx
     python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v1 --seeds 32
     """
     try:
-        found = score(options.policy, options.env, options.seeds, family=options.family)
+        limits = replace(LIMITS, computing=options.agent_time)
+        found = score(options.policy, options.env, options.seeds, family=options.family, limits=limits)
     except (TypeError, ValueError) as error:
         raise Mistake(f"{options.policy}: {error}") from error
     if options.json:

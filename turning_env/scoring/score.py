@@ -16,6 +16,7 @@ from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play, play_family
+from turning_env.scoring.sandbox import LIMITS, Limits
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
 
@@ -97,7 +98,13 @@ class Score:
         return ", ".join(parts)
 
 
-def score(policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None, family: str = "shop") -> Score:
+def score(
+    policy: Any,
+    env_id: str = "RoughTurning-v0",
+    seeds: int | None = None,
+    family: str = "shop",
+    limits: Limits = LIMITS,
+) -> Score:
     """Play a policy on the held-out seeds of an id and compare it, paired by seed, with every policy that ships.
 
         print(turning_env.score(lambda observations: my_network(observations)))
@@ -110,13 +117,16 @@ def score(policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None
             * a model of Stable-Baselines3, which acts deterministically;
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
-              ``next_memory``. This needs onnxruntime.
+              ``next_memory``. All weights must be inside. This needs onnxruntime. The file may come from anywhere: it plays in a
+              process of its own (``turning_env.scoring.sandbox``). All else runs in this process.
         env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of unseen jobs, and observations
             hold the nominal model's numbers.
         seeds: number of held-out seeds; None: all that the leaderboard has, 256 for RoughTurning-v0.
         family: preset of a family, if ``env_id`` is a family's.
+        limits: limits of time and memory of an ONNX file's process.
 
-    TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds.
+    TypeError if the policy is none of these; ValueError if it cannot play, or the id has no leaderboard or fewer seeds;
+    its subclass ``AgentFileError`` if an ONNX file is refused or exceeds a limit.
     """
     board = f"{FAMILY_ID}-{family}" if env_id == FAMILY_ID else env_id
     available = shipped(board)[0].returns.shape[1]
@@ -126,7 +136,7 @@ def score(policy: Any, env_id: str = "RoughTurning-v0", seeds: int | None = None
     if env_id == FAMILY_ID:
         jobs = Family.load(family)
         scenario = jobs.job(0).scenario
-        episodes = play_family(jobs, SPLIT, range(count), as_factory(policy))
+        episodes = play_family(jobs, SPLIT, range(count), as_factory(policy, limits))
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
         episodes = play(as_factory(policy), scenario, held_out_seeds(count))
