@@ -9,8 +9,6 @@ A job depends on family, split and number alone. Its numbers are keyed by the na
 so a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
 """
 
-import ast
-import operator
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,9 +21,10 @@ from numpy.typing import NDArray
 from pydantic import NonNegativeFloat, PositiveFloat, ValidationError, model_validator
 
 from turning_env.files import digest_of
-from turning_env.numerics.functions import exp, log, real_power, sine_and_cosine
+from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario import Scenario, ScenarioError
+from turning_env.scenario.formula import evaluate
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
 from turning_env.scenario.scenario import always_told, complaints_of, flat, merged, nested, shipped, table_of
 from turning_env.scenario.section import Section, names_instead
@@ -37,6 +36,8 @@ _FAMILIES = shipped("families")
 _SHIPPED = _FAMILIES, "family", "families()"
 CHUNK = 256
 """Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
+MAX_RATIO = 1e300  # of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact beyond
+MAX_LOG_SPREAD = 100.0  # largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _MAX_ATTEMPTS = 200
@@ -62,6 +63,10 @@ class Distribution(Section):
         ((name, (first, second)),) = given
         if "uniform" in name and first > second:
             raise ValueError(f"{name} is [{first}, {second}], but the lowest value must not exceed the highest")
+        if name == "log_uniform" and not second <= MAX_RATIO * first:
+            raise ValueError(f"{name} is [{first}, {second}], but the highest value may be {MAX_RATIO:g} times the lowest")
+        if name == "log_normal" and second > MAX_LOG_SPREAD:
+            raise ValueError(f"{name} is [{first}, {second}], but its standard deviation may be at most {MAX_LOG_SPREAD:g}")
         return self
 
     def values(self, uniforms: tuple[Array, Array]) -> Any:
@@ -113,45 +118,11 @@ class Table(Section):
         return self
 
 
-def _above_zero(name: str, value: Any) -> Any:
-    if np.any(np.less_equal(value, 0.0)):
-        raise ValueError(f"{name} needs numbers above 0, but {np.min(value)} is among them")
-    return value
-
-
-_OPERATORS: dict[type, Any] = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
-_OPERATORS |= {ast.USub: operator.neg, ast.Pow: lambda base, exponent: real_power(_above_zero("**", base), exponent)}
-_FUNCTIONS = {"exp": exp, "log": lambda x: log(_above_zero("log", x)), "sqrt": np.sqrt}
-_FUNCTIONS |= {"minimum": np.minimum, "maximum": np.maximum}
-
-
-def _evaluate(formula: Any, values: Mapping[str, Any]) -> Any:
-    """Return the value of a formula: numbers, names, + - * / **, and functions; return other values unchanged."""
-
-    def value(node: ast.AST) -> Any:
-        match node:
-            case ast.Constant(value=int() | float() as number):
-                return number
-            case ast.Name(id=name):
-                if name in values:
-                    return values[name]
-                instead = names_instead(name, values, "the variables")
-                raise ValueError(f"{formula!r}: there is no variable {name!r}; {instead}")
-            case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](value(operand))
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return _OPERATORS[type(op)](value(left), value(right))
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-                return _FUNCTIONS[name](*map(value, arguments))
-        raise ValueError(f"{formula!r}: a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only")
-
-    if not isinstance(formula, str):
-        return formula
-    try:
-        tree = ast.parse(formula.strip(), mode="eval")
-    except SyntaxError as error:
-        raise ValueError(f"{formula!r} is not a formula") from error
-    return value(tree.body)
+def _finite(place: str, values: Any) -> Any:
+    """Return values, or raise ValueError if one is no finite number."""
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"{place}: a value that is drawn is too large: allowed are numbers up to 1.79e308")
+    return values
 
 
 class Job(NamedTuple):
@@ -329,6 +300,7 @@ class Family(Section):
             known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
         return known[split, chunk]
 
+    @np.errstate(all="ignore")  # numbers that are not finite are refused, or make no sense
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
         while pending.size:
@@ -346,26 +318,32 @@ class Family(Section):
         words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(split_key))
         uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
 
-        told: Values = {name: variable.values(uniforms[name]) for name, variable in self.variables.items()}
+        told: Values = {}
+        for name, variable in self.variables.items():
+            told[name] = _finite(f"variables.{name}", variable.values(uniforms[name]))
         for name, table in self.tables.items():
             held_out = name in self.splits[split]
             choices = np.array([row for each, row in table.rows.items() if (each in table.held_out) == held_out])
             told |= dict(zip(table.columns, choices[(uniforms[name][0] * len(choices)).astype(np.int64)].T, strict=True))
         for name, formula in self.derived.items():
-            told[name] = _evaluate(formula, told)
-        true = told | {name: truth.true_values(told[name], uniforms[f"{name}.truth"]) for name, truth in self._deviations.items()}
+            told[name] = evaluate(f"derived.{name}", formula, told)
+        true = dict(told)
+        for name, truth in self._deviations.items():
+            true[name] = _finite(f"{name}.truth", truth.true_values(told[name], uniforms[f"{name}.truth"]))
 
-        nominal_fields = {name: _evaluate(formula, told) for name, formula in self.fields.items()}
+        nominal_fields = {name: evaluate(f"fields.{name}", formula, told) for name, formula in self.fields.items()}
         plan = plan_of(self.columns(nominal_fields), len(numbers))
         planned = {"best_cutting_speed": plan.speed[:, MIDDLE], "best_feed": plan.feed[:, MIDDLE]}
         planned |= {"best_life": plan.life[:, MIDDLE], "best_removal_rate": plan.removal_rate}
-        nominal_fields |= {name: _evaluate(formula, told | planned) for name, formula in self.planned.items()}
-        true_fields = {
-            name: value if always_told(name) or name in self.planned else _evaluate(self.fields[name], true)
-            for name, value in nominal_fields.items()
-        }
+        for name, formula in self.planned.items():
+            nominal_fields[name] = evaluate(f"planned.{name}", formula, told | planned)
+        true_fields = {}
+        for name, value in nominal_fields.items():
+            same = always_told(name) or name in self.planned
+            true_fields[name] = value if same else evaluate(f"fields.{name}", self.fields[name], true)
         nominal_fields |= {name: self._base[name] for name in self.hidden}
-        true_fields |= {name: _evaluate(formula, true | planned) for name, formula in self.hidden.items()}
+        for name, formula in self.hidden.items():
+            true_fields[name] = evaluate(f"hidden.{name}", formula, true | planned)
         nominal = self.columns(nominal_fields)
         fields, context = (nominal_fields, true_fields), features(nominal, plan) | {name: told[name] for name in self.shown}
         return Draw(self.columns(true_fields), nominal, plan, fields, context)

@@ -7,6 +7,7 @@ import pytest
 
 from turning_env import Family, Scenario, ScenarioError
 from turning_env.scenario.family import CHUNK, families, makes_sense
+from turning_env.scenario.formula import FormulaError, evaluate
 from turning_env.scenario.scenario import flat
 from turning_env.scenario.sections import EdgeFailure, Mismatch
 
@@ -116,6 +117,62 @@ def test_a_family_extends_another_and_shows_what_a_catalogue_says(tmp_path):
     (tmp_path / "mine.toml").write_text('extends = "shopp"')
     with pytest.raises(ScenarioError, match="did you mean shop"):
         Family.load(tmp_path / "mine.toml")
+
+
+FORMULAS = {
+    "1/0": "needs a divisor other than 0",
+    "factor / (factor - factor)": "needs a divisor other than 0",
+    "9" * 400: "up to 1.79e308",
+    "1e400 - 1e400": "up to 1.79e308",
+    "1e308 * 10": "up to 1.79e308",
+    "sqrt()": "sqrt has 0 arguments, but needs 1",
+    "sqrt(4.0, 1.0)": "sqrt has 2 arguments, but needs 1",
+    "minimum(1.0, factor, factor)": "minimum has 3 arguments, but needs 2",
+    "exp(x=1)": "a formula has numbers",
+    "exp(*factor)": "a formula has numbers",
+    "-" * 20_000 + "1": "at most 1000 are allowed",
+    "1" + "+1" * 20_000: "at most 1000 are allowed",
+    "1" + "+1" * 300: "more than the 100 levels",
+    "-" * 300 + "1": "more than the 100 levels",
+    "(" * 300 + "1" + ")" * 300: "is not a formula",
+    "sqrt(factor - 2)": "needs numbers of 0 or more",
+    "exp(1000)": "within -708 to 708",
+    "2 ** 5000": "too large or too small",
+    "1e-300 ** 2": "too large or too small",
+    "True": "a formula has numbers",
+    "1j": "a formula has numbers",
+    "1or 2": "is not a formula",
+    "factor\0": "a formula has numbers",
+    "factor[0]": "a formula has numbers",
+    "": "is not a formula",
+}
+
+
+@pytest.mark.parametrize("formula", FORMULAS, ids=[formula[:20].replace("\0", "0") for formula in FORMULAS])
+@pytest.mark.parametrize("table", ["fields", "hidden", "planned"])
+def test_a_formula_without_a_value_is_refused_with_its_place(formula, table):
+    with pytest.raises(ScenarioError, match=FORMULAS[formula]) as refusal:
+        Family.load(SMALL | {table: {"limits.power": formula}})
+    assert f"family: {table}.limits.power: {formula[:10]!r}"[:-4] in str(refusal.value)
+    assert len(str(refusal.value)) < 300
+
+
+def test_a_formula_changes_no_variable():
+    """A third argument of NumPy's ``minimum`` is where its result goes."""
+    factor = np.full(4, 2.0)
+    for formula in ("minimum(1.0, factor)", "-factor", "factor * 3", "maximum(factor, 5)", "exp(factor)"):
+        evaluate("fields.limits.power", formula, {"factor": factor})
+    assert factor.tolist() == [2.0] * 4
+    with pytest.raises(FormulaError):
+        evaluate("fields.limits.power", "minimum(1.0, factor, factor)", {"factor": factor})
+    assert factor.tolist() == [2.0] * 4
+
+
+def test_what_is_drawn_is_finite():
+    variable = {"unit": "-", "source": "none"}
+    for distribution in ({"uniform": [-1e308, 1e308]}, {"normal": [0, 1e308]}, {"log_uniform": [1e-300, 1e300]}):
+        with pytest.raises(ScenarioError, match=r"variables\.factor"):
+            Family.load(SMALL | {"variables": {"factor": variable | distribution}})
 
 
 @pytest.mark.parametrize(

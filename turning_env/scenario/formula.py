@@ -1,0 +1,197 @@
+"""Read and evaluate the formulas of families (``family.py``): numbers, names, + - * / **, and a few functions.
+
+A file may come from anywhere, so a formula is refused unless it is short and every number on the way to its value is finite.
+Values are numbers or arrays of them. They are never changed, and the same bits come out on every processor.
+"""
+
+import ast
+import operator
+import re
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from turning_env.numerics.functions import exp, log, real_power
+from turning_env.scenario.section import names_instead
+
+MAX_LENGTH = 1000  # characters; the longest formula that ships has 143
+MAX_DEPTH = 100  # levels of brackets, signs and operators: a sum of n terms has n
+MAX_EXPONENT = 708.0  # largest absolute argument of exp that ``numerics.functions`` takes
+MIN_POSITIVE = sys.float_info.min  # smallest argument of log
+_SHOWN = 80  # characters of a formula that an error quotes
+_CHARACTERS = re.compile(r"[\w\s.+\-*/(),]*")
+
+
+class FormulaError(ValueError):
+    """A formula that cannot be evaluated. The message names its place in the file, the formula and what is allowed."""
+
+
+class _Refused(Exception):
+    """Why an operation has no value."""
+
+
+class _Function(NamedTuple):
+    """A function of formulas, and the number of its arguments."""
+
+    apply: Callable[..., Any]
+    arity: int
+
+
+def evaluate(place: str, formula: Any, variables: Mapping[str, Any]) -> Any:
+    """Return the value of a formula, or FormulaError. A value that is no text is no formula, and is returned as it is.
+
+    Args:
+        place: where the formula stands, such as ``fields.limits.power``.
+        formula: the formula.
+        variables: numbers, or arrays of one shape, by name.
+    """
+    if not isinstance(formula, str):
+        return formula
+    reader = _Reader(place, formula, variables)
+    # What overflows or is no number is an error below, and needs no warning too.
+    with np.errstate(all="ignore"):
+        return reader.value(_tree(reader), 1)
+
+
+class _Reader:
+    """Evaluates one formula."""
+
+    def __init__(self, place: str, formula: str, variables: Mapping[str, Any]) -> None:
+        self.place = place
+        self.formula = formula.strip()
+        self._variables = variables
+
+    def refuse(self, reason: str, node: ast.AST | None = None) -> NoReturn:
+        """Raise the error, with the place in the formula of what is wrong."""
+        shown = self.formula if len(self.formula) <= _SHOWN else f"{self.formula[:_SHOWN]}..."
+        column = getattr(node, "col_offset", None)
+        if column is not None:
+            # Python counts bytes.
+            before = self.formula.encode()[:column].decode("utf-8", "ignore")
+            reason = f"{reason} (character {len(before) + 1})"
+        raise FormulaError(f"{self.place}: {shown!r}: {reason}")
+
+    def value(self, node: ast.AST, depth: int) -> Any:
+        """Return the value of a part of the formula, which lies ``depth`` levels below its top."""
+        if depth > MAX_DEPTH:
+            self.refuse(f"has more than the {MAX_DEPTH} levels of brackets, signs and operators that are allowed", node)
+        match node:
+            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+                return self._number(node, number)
+            case ast.Name(id=name):
+                return self._variable(node, name)
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
+                return self._applied(node, _SIGNS[type(op)], [operand], depth)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return self._applied(node, _OPERATORS[type(op)], [left, right], depth)
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+                function = _FUNCTIONS[name]
+                if len(arguments) != function.arity:
+                    self.refuse(f"{name} has {len(arguments)} arguments, but needs {function.arity}", node)
+                return self._applied(node, function.apply, arguments, depth)
+        self.refuse(_ALLOWED, node)
+
+    def _number(self, node: ast.AST, number: float) -> float:
+        # Not ``float(number)``: a whole number may be too large to be one.
+        if abs(number) > sys.float_info.max:
+            self.refuse("a number is too large: allowed are numbers up to 1.79e308", node)
+        return number
+
+    def _variable(self, node: ast.AST, name: str) -> Any:
+        if name not in self._variables:
+            self.refuse(f"there is no variable {name!r}; {names_instead(name, self._variables, 'the variables')}", node)
+        return self._variables[name]
+
+    def _applied(self, node: ast.AST, function: Callable[..., Any], arguments: list[ast.expr], depth: int) -> Any:
+        values = []
+        for argument in arguments:
+            value = self.value(argument, depth + 1)
+            # Python's whole numbers grow without bounds, and have errors of their own.
+            values.append(float(value) if isinstance(value, int) else value)
+        try:
+            result = function(*values)
+        except _Refused as refusal:
+            self.refuse(str(refusal), node)
+        if not np.all(np.isfinite(result)):
+            self.refuse("a result is too large: allowed are numbers up to 1.79e308", node)
+        return result
+
+
+def _tree(reader: _Reader) -> ast.expr:
+    """Return the syntax tree of a formula, which is checked for its length and characters first."""
+    if len(reader.formula) > MAX_LENGTH:
+        reader.refuse(f"has {len(reader.formula)} characters, but at most {MAX_LENGTH} are allowed")
+    if not _CHARACTERS.fullmatch(reader.formula):
+        reader.refuse(_ALLOWED)
+    try:
+        return ast.parse(reader.formula, mode="eval").body
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        reader.refuse(f"is not a formula: {_ALLOWED}")
+
+
+def _divide(dividend: Any, divisor: Any) -> Any:
+    if np.any(np.equal(divisor, 0.0)):
+        raise _Refused("/ needs a divisor other than 0, but 0 is among them")
+    return operator.truediv(dividend, divisor)
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    _check_above_zero("**", base)
+    if np.any(np.abs(exponent * log(base)) > MAX_EXPONENT):
+        raise _Refused("a result of ** is too large or too small: allowed are 1e-307 to 1e307")
+    return real_power(base, exponent)
+
+
+def _exp(x: Any) -> Any:
+    if np.any(np.abs(x) > MAX_EXPONENT):
+        raise _Refused(f"exp needs numbers within -{MAX_EXPONENT:g} to {MAX_EXPONENT:g}, but {_farthest(x)} is among them")
+    return exp(x)
+
+
+def _log(x: Any) -> Any:
+    _check_above_zero("log", x)
+    return log(x)
+
+
+def _sqrt(x: Any) -> Any:
+    if np.any(np.less(x, 0.0)):
+        raise _Refused(f"sqrt needs numbers of 0 or more, but {np.min(x)} is among them")
+    return np.sqrt(x)
+
+
+def _minimum(x: Any, y: Any) -> Any:
+    return np.minimum(x, y)
+
+
+def _maximum(x: Any, y: Any) -> Any:
+    return np.maximum(x, y)
+
+
+def _check_above_zero(name: str, x: Any) -> None:
+    if np.any(np.less(x, MIN_POSITIVE)):
+        raise _Refused(f"{name} needs numbers above 0, but {np.min(x)} is among them")
+
+
+def _farthest(x: Any) -> float:
+    values = np.ravel(x)
+    return float(values[np.argmax(np.abs(values))])
+
+
+_SIGNS: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_OPERATORS: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: _divide,
+    ast.Pow: _power,
+}
+_FUNCTIONS = {
+    "exp": _Function(_exp, 1),
+    "log": _Function(_log, 1),
+    "sqrt": _Function(_sqrt, 1),
+    "minimum": _Function(_minimum, 2),
+    "maximum": _Function(_maximum, 2),
+}
+_ALLOWED = f"a formula has numbers, names, + - * / ** and {', '.join(_FUNCTIONS)} only"
