@@ -19,7 +19,7 @@ from turning_env.scoring.sandbox_child import Outline
 HERE = Path()
 """Folder of the attempts."""
 LIBC = ctypes.CDLL(None, use_errno=True)
-PTRACE_ATTACH = 16
+PTRACE_SEIZE = 0x4206  # does not stop who is traced
 
 
 def native(name: str, *arguments: Any) -> int:
@@ -96,7 +96,7 @@ ATTEMPTS: dict[str, Callable[[], Any]] = {
     "socketpair": socket.socketpair,
     "signal the parent": lambda: os.kill(os.getppid(), 0),
     "kill the parent's group": lambda: os.killpg(os.getpgid(os.getppid()), signal.SIGCONT),
-    "trace the parent": lambda: native("ptrace", PTRACE_ATTACH, os.getppid(), None, None),
+    "trace the parent": lambda: native("ptrace", PTRACE_SEIZE, os.getppid(), None, None),
     "read the parent": read_the_parent,
     "watch the parent": lambda: os.pidfd_open(os.getppid()),
     "unshare": lambda: native("unshare", 0x10000000),
