@@ -314,7 +314,10 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     head, end = contour[0].start, contour[-1].end
     farthest = max((head, *(path.end for path in contour)), key=lambda point: point[0] if facing else side * point[1])
     start = shifted((farthest[0], head[1]) if facing else (head[0], farthest[1]), allowance)
-    start = start[0] + away, start[1] + side * away
+    # Before the contour along the feed, and beyond it along the infeed.
+    feed_axis = 1 if facing else 0
+    before = away if end[feed_axis] <= head[feed_axis] else -away
+    start = shifted(start, (away, before) if facing else (before, side * away))
     kept = control.feed
     control.go_rapidly(start)
     upwards = _side(control, contour, allowance, facing, machining).upwards

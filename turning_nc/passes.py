@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 from turning_nc.paths import Path, Point, joined, shifted
 from turning_nc.words import Problem
@@ -33,79 +34,170 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     if cycle.depth <= 0.0:
         raise Problem(f"the depth of the passes is {cycle.depth:g} mm, but must be above 0")
     kept = [path.moved(*cycle.allowance) for path in contour]
-    points = [kept[0].start, *(point for path in kept for point in path.points())]
-    feed, infeed = (1, 0) if cycle.facing else (0, 1)  # axes
-    along = -1.0 if points[-1][feed] < points[0][feed] else 1.0
-    down = -1.0 if cycle.upwards else 1.0
+    view = _View.of(kept, cycle)
+    profile = [view.seen(kept[0].start)]
     for path in kept:
-        steps = itertools.pairwise((path.start, *path.points()))
-        if any((second[feed] - first[feed]) * along < -1e-6 for first, second in steps):
+        profile += [view.seen(point) for point in path.points()]
+        if any(after.along < before.along - 1e-6 for before, after in itertools.pairwise(profile)):
             raise Problem(f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood", path.line)
-    heights = [-down * point[infeed] for point in points]
-    top = max(heights) if cycle.equal else -down * start[infeed]
-    total = top - min(heights)
+    levels, step = _levels(profile, view.seen(start).height, cycle)
+    return _Roughing(view, profile, start, cycle.retraction, step).passes(levels, kept)
+
+
+class _Seen(NamedTuple):
+    """A point as the tool sees it: it feeds along, and the metal lies above the contour."""
+
+    along: float  # [mm]
+    height: float  # [mm]
+
+
+@dataclass(frozen=True)
+class _View:
+    """The axes and signs of the feed and the infeed."""
+
+    facing: bool
+    along: float  # sign of the feed
+    upwards: float  # sign of the metal's side
+
+    @classmethod
+    def of(cls, contour: Sequence[Path], cycle: Roughing) -> Self:
+        feed = 1 if cycle.facing else 0
+        along = -1.0 if contour[-1].end[feed] < contour[0].start[feed] else 1.0
+        return cls(cycle.facing, along, 1.0 if cycle.upwards else -1.0)
+
+    def seen(self, point: Point) -> _Seen:
+        z, x = point
+        return _Seen(self.along * x, self.upwards * z) if self.facing else _Seen(self.along * z, self.upwards * x)
+
+    def point(self, along: float, height: float) -> Point:
+        feed, infeed = self.along * along, self.upwards * height
+        return (infeed, feed) if self.facing else (feed, infeed)
+
+
+def _levels(profile: Sequence[_Seen], start: float, cycle: Roughing) -> tuple[list[float], float]:
+    """Return the heights of the passes above the contour's lowest point, and their distance [mm]."""
+    lowest = min(point.height for point in profile)
+    top = max(point.height for point in profile) if cycle.equal else start
+    total = top - lowest
     if total <= 1e-6:
         raise Problem("the start point lies within the contour: no metal is left between them; is the side right?")
     count = math.ceil(total / cycle.depth - 1e-6)
     if count > MAX_PASSES:
         raise Problem(f"{count} passes of {cycle.depth:g} mm are needed, but {MAX_PASSES} at most are made")
     step = total / count if cycle.equal else cycle.depth
-    clear = -down * max(-down * start[infeed], max(heights) + cycle.retraction)
+    return [top - step * index for index in range(1, count)], step
 
-    def point(feed_value: float, infeed_value: float) -> Point:
-        return (infeed_value, feed_value) if cycle.facing else (feed_value, infeed_value)
 
-    made: list[list[Path]] = []
-    pockets: list[list[Path]] = []
-    here = start
-    for height in (top - step * index for index in range(1, count)):
-        level, away = -down * height, -down * (height + cycle.retraction)
-        cuts = _below(points, heights, height)
-        if cuts and abs(cuts[0][1][feed] - points[0][feed]) < 1e-6:  # at the contour's front the pass begins before the metal
-            end = cuts.pop(0)[2][feed]
-            back = [(point(end - along * cycle.retraction, away), True), (point(start[feed], away), True)]
-            made.append(list(joined(here, (point(start[feed], level), True), (point(end, level), False), *back)))
+class _Stretch(NamedTuple):
+    """Part of a contour below a level."""
+
+    before: int  # index of the contour's point before it
+    begin: _Seen
+    end: float  # distance along at which it ends, at the level [mm]
+
+
+@dataclass(frozen=True)
+class _Roughing:
+    """The passes of a contour: from its front, into its pockets, then along it."""
+
+    view: _View
+    profile: Sequence[_Seen]
+    start: Point
+    retraction: float  # [mm]
+    step: float  # distance of the passes [mm]
+
+    def passes(self, levels: Sequence[float], contour: Sequence[Path]) -> list[list[Path]]:
+        point, start = self.view.point, self.view.seen(self.start)
+        clear = max(start.height, max(seen.height for seen in self.profile) + self.retraction)
+        made: list[list[Path]] = []
+        pockets: list[list[Path]] = []
+        here = self.start
+        for level in levels:
+            stretches = self._below(level)
+            # At the contour's front the pass begins before the metal.
+            if stretches and abs(stretches[0].begin.along - self.profile[0].along) < 1e-6:
+                made.append(self._from_front(here, level, stretches.pop(0).end))
+                here = made[-1][-1].end
+            pockets += [self._pocket(level, stretch, clear) for stretch in stretches]
+        for moves in pockets:
+            above = point(self.view.seen(here).along, clear)
+            made.append([*joined(here, (above, True), (moves[0].start, True)), *moves])
+            here = moves[-1].end
+        if pockets:
+            made[-1] += joined(here, (point(start.along, clear), True))
             here = made[-1][-1].end
-        for first, entry, exit_ in cuts:
-            wall = [entry]  # down which the tool goes from the level above
-            while first >= 0 and -down * wall[0][infeed] < height + step - 1e-9 and heights[first] > -down * wall[0][infeed]:
-                wall.insert(0, points[first])
-                first -= 1
-            begin = wall[0][feed]
-            left = exit_[feed] - along * cycle.retraction
-            left = max(left, begin) if along > 0 else min(left, begin)
-            near = -down * (max(height + step, -down * wall[0][infeed]) + cycle.retraction)
-            cut = [(corner, False) for corner in (*wall, exit_)]
-            around = [(point(begin, near), True), *cut, (point(left, away), True), (point(left, clear), True)]
-            pockets.append(list(joined(point(begin, clear), *around)))
-    for moves in pockets:
-        made.append([*joined(here, (point(here[feed], clear), True), (moves[0].start, True)), *moves])
-        here = moves[-1].end
-    if pockets:
-        made[-1] += joined(here, (point(start[feed], clear), True))
-        here = made[-1][-1].end
-    lead = joined(here, (point(start[feed], points[0][infeed]), True), (points[0], False))
-    end_point = points[-1]
-    back = [(point(end_point[feed], clear), True), (point(start[feed], clear), True), (start, True)]
-    return [*made, [*lead, *kept, *joined(end_point, *back)]]
+        first, last = contour[0].start, contour[-1].end
+        lead = joined(here, (point(start.along, self.profile[0].height), True), (first, False))
+        above = point(self.view.seen(last).along, clear)
+        back = joined(last, (above, True), (point(start.along, clear), True), (self.start, True))
+        return [*made, [*lead, *contour, *back]]
+
+    def _from_front(self, here: Point, level: float, end: float) -> list[Path]:
+        point, begin = self.view.point, self.view.seen(self.start).along
+        away = level + self.retraction
+        cut = (point(begin, level), True), (point(end, level), False)
+        back = (point(end - self.retraction, away), True), (point(begin, away), True)
+        return list(joined(here, *cut, *back))
+
+    def _pocket(self, level: float, stretch: _Stretch, clear: float) -> list[Path]:
+        """Return the pass of one level in one pocket, from above it and back."""
+        point = self.view.point
+        wall = [stretch.begin]  # down which the tool goes from the level above
+        before = stretch.before
+        while before >= 0 and wall[0].height < level + self.step - 1e-9 and self.profile[before].height > wall[0].height:
+            wall.insert(0, self.profile[before])
+            before -= 1
+        begin = wall[0].along
+        left = max(stretch.end - self.retraction, begin)
+        if not self._is_free(_Seen(left, level + self.retraction), _Seen(stretch.end, level)):
+            left = stretch.end
+        near = max(level + self.step, wall[0].height) + self.retraction
+        cut = [(point(*corner), False) for corner in (*wall, _Seen(stretch.end, level))]
+        back = (point(left, level + self.retraction), True), (point(left, clear), True)
+        return list(joined(point(begin, clear), (point(begin, near), True), *cut, *back))
+
+    def _is_free(self, left: _Seen, right: _Seen) -> bool:
+        """Return whether a straight move between two points stays above the contour."""
+        slope = (right.height - left.height) / max(right.along - left.along, 1e-12)
+        for before, after in itertools.pairwise(self.profile):
+            low, high = max(before.along, left.along), min(after.along, right.along - 1e-9)
+            if low > high:
+                continue
+            for along in (low, high):
+                if _height(before, after, along) > left.height + slope * (along - left.along) + 1e-9:
+                    return False
+        return True
+
+    def _below(self, level: float) -> list[_Stretch]:
+        """Return the parts of the contour below a level.
+
+        A contour that ends below it has no wall behind its end: the part goes on at the level to there.
+        """
+        profile = self.profile
+        found: list[_Stretch] = []
+        before = 0
+        begin = profile[0] if profile[0].height < level else None
+        for index, (here, after) in enumerate(itertools.pairwise(profile)):
+            if (after.height < level) == (begin is not None):
+                continue
+            share = min(max((level - here.height) / (after.height - here.height), 0.0), 1.0)
+            crossing = here.along + share * (after.along - here.along)
+            if begin is None:
+                before, begin = index, _Seen(crossing, here.height + share * (after.height - here.height))
+            else:
+                found.append(_Stretch(before, begin, crossing))
+                begin = None
+        if begin is not None:
+            found.append(_Stretch(before, begin, profile[-1].along))
+        return found
 
 
-def _below(points: Sequence[Point], heights: Sequence[float], height: float) -> list[tuple[int, Point, Point]]:
-    """Return the stretches of a contour below a height: index of the point before each stretch, its first and its last point."""
-    found: list[tuple[int, Point, Point]] = []
-    begun: tuple[int, Point] | None = (0, points[0]) if heights[0] < height else None
-    for index, (low, high) in enumerate(itertools.pairwise(heights)):
-        if (high >= height) == (begun is None):
-            continue
-        share = min(max((height - low) / (high - low), 0.0), 1.0) if high != low else 0.0
-        before, after = points[index : index + 2]
-        crossing = before[0] + share * (after[0] - before[0]), before[1] + share * (after[1] - before[1])
-        if begun is not None:
-            found.append((*begun, crossing))
-            begun = None
-        else:
-            begun = index, crossing
-    return found if begun is None else [*found, (*begun, points[-1])]
+def _height(before: _Seen, after: _Seen, along: float) -> float:
+    """Return the height of a straight piece of a contour; of a wall, that of its top."""
+    length = after.along - before.along
+    if length < 1e-9:
+        return max(before.height, after.height)
+    return before.height + (along - before.along) / length * (after.height - before.height)
 
 
 def _spaced(first: float, last: float, step: float) -> list[float]:
