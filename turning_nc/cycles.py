@@ -2,14 +2,17 @@
 
 import contextlib
 import copy
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from turning_nc.dialects import NUMBER
+from turning_nc.expression import MAX_SHOWN
 from turning_nc.modal import Setting
 from turning_nc.passes import Roughing, Thread, decreasing_depths, pecked, repeated_passes, roughing_passes, thread_passes
 from turning_nc.paths import Path, Point, joined, shifted
-from turning_nc.words import Line, Problem, Span
+from turning_nc.words import Line, Problem, Span, Word
 
 if TYPE_CHECKING:
     from turning_nc.moves import Control, Kind
@@ -71,7 +74,7 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
             raise Problem(f"G{code} needs the first and last block of the contour: P and Q{other}")
         _first_block(control, code, line)
         return index + 1
-    begins, ends = _contour_blocks(line, lines, index, after=code != 70)
+    begins, ends = _contour_blocks(control, line, lines, index, after=code != 70)
     if code == 70:
         _finish(control, line, lines, begins, ends)
         return max(index, ends) + 1
@@ -120,7 +123,7 @@ def end_of_contour(control: "Control", line: Line, lines: Sequence[Line], index:
     if code > 73 or not (line.first("P") and line.first("Q")):
         return index + 1
     try:
-        return max(index, _contour_blocks(line, lines, index, after=code != 70)[1]) + 1
+        return max(index, _contour_blocks(control, line, lines, index, after=code != 70)[1]) + 1
     except Problem:
         return index + 1
 
@@ -172,11 +175,14 @@ def _first_block(control: "Control", code: int, line: Line) -> None:
         state.retraction = control.length(retraction)
 
 
-def _contour_blocks(line: Line, lines: Sequence[Line], index: int, after: bool) -> tuple[int, int]:
+def _contour_blocks(control: "Control", line: Line, lines: Sequence[Line], index: int, after: bool) -> tuple[int, int]:
+    """Return the first and the last line of a cycle's contour, which follows the cycle if ``after``."""
     first, last = line.number_of("P"), line.number_of("Q")
-    places = [*range(index + 1, len(lines)), *([] if after else range(index))]
-    begins = next((k for k in places if lines[k].number_of("N") == first), None)
-    ends = None if begins is None else next((k for k in range(begins, len(lines)) if lines[k].number_of("N") == last), None)
+    places = control.places(lines)
+    begins = places.block(first, index + 1)
+    if begins is None and not after:
+        begins = places.block(first, 0, index)
+    ends = None if begins is None else places.block(last, begins)
     if begins is None or ends is None:
         raise Problem(f"the contour from N{first:g} to N{last:g} is not in the program")
     return begins, ends
@@ -284,10 +290,14 @@ def _add_passes(control: "Control", made: Iterable[Sequence[Path]], kind: "Kind"
 
 def _number(name: str, arguments: Arguments, index: int, default: float = 0.0) -> float:
     text = arguments[index][0] if index < len(arguments) else ""
-    try:
-        return float(text) if text else default
-    except ValueError:
-        raise Problem(f"argument {index + 1} of {name} is {text!r}, but must be a number") from None
+    if not text:
+        return default
+    if not re.fullmatch(NUMBER, text):
+        raise Problem(f"argument {index + 1} of {name} is {text[:MAX_SHOWN]!r}, but must be a number")
+    word = Word(f"argument {index + 1} of {name}: ", float(text), text)
+    if word.fault:
+        raise Problem(word.fault)
+    return float(text)
 
 
 def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> None:
@@ -357,6 +367,8 @@ def cycle97(control: "Control", arguments: Arguments) -> None:
         raise Problem(f"CYCLE97 needs its pitch as first argument; the size of a thread alone, {size:g}, is not understood")
     if variant not in (1, 2, 3, 4) or first == last or height <= 0.0:
         raise Problem("CYCLE97 needs a thread's start, another end, a depth above 0, and a kind of machining from 1 to 4")
+    if starts > MAX_REPEATS:
+        raise Problem(f"CYCLE97 cuts {starts:g} starts of a thread, but {MAX_REPEATS} at most are made")
     if not (1 <= cuts <= MAX_REPEATS and 0 <= spare <= MAX_REPEATS and 0.0 <= allowance < height):
         raise Problem(f"CYCLE97 needs 1 to {MAX_REPEATS} cuts, and a finishing allowance below the depth")
     outwards, scale = (1.0 if variant in (1, 3) else -1.0), control.length_scale

@@ -9,6 +9,8 @@ from turning_nc.words import Line, PartProgram, Problem, Span, Word
 
 HOME: Point = (200.0, 200.0)  # tool position before the first move and at reference points [mm] (assumption)
 FOOT = 0.3048
+MAX_REACH = 1e5  # largest distance of the tool from the zero point along an axis [mm]; that of a stock's ends, too
+MIN_RATE, MAX_RATE = 1e-6, 1e6  # of feeds and speeds, in any unit; a control's are far within
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 _COORDINATES = "X", "Z", "U", "W"
 MIN_STEPS = 20
@@ -134,11 +136,9 @@ class Modal:
         word = line.first("F")
         if word is None or word.value is None:
             return
-        if word.value < 0:
-            raise Problem(f"F{word.text} is negative")
         # The lead of a thread stays in force, but must not change.
         lead = self.fanuc and (codes & {32, 33} or self.function(codes) in (76, 84) or self.motion == 92)
-        self.feed = Setting(word.value * self.feed_scale, None if lead else word.span, self.feed_scale)
+        self.feed = Setting(_rate(word) * self.feed_scale, None if lead else word.span, self.feed_scale)
 
     def set_speed(self, line: Line, codes: set[float]) -> None:
         """Set the limit of the spindle, the kind of its speed, and the speed."""
@@ -154,10 +154,8 @@ class Modal:
         if codes & {96, 97}:
             self._set_kind_of_speed(96 in codes)
         if spindle is not None and spindle.value is not None:
-            if spindle.value < 0:
-                raise Problem(f"S{spindle.text} is negative")
             scale = self.speed_scale if self.constant_cutting_speed else 1.0
-            self.speed = Setting(spindle.value * scale, spindle.span, scale)
+            self.speed = Setting(_rate(spindle) * scale, spindle.span, scale)
 
     def _limit_or_zero_point(self, line: Line, code: float, spindle: Word | None) -> float | None:
         """Return the limit of the spindle that G50, G92, G25 or G26 states; set the zero point before the first move."""
@@ -240,4 +238,30 @@ class Modal:
                 x = here[1] + (z - here[0]) * slope
             elif abs(slope) > 1e-9:
                 z = here[0] + (x - here[1]) / slope
-        return z, x
+        return within_reach((z, x))
+
+
+def within_reach(point: Point) -> Point:
+    """Return a place of the tool.
+
+    Raises:
+        Problem: it is farther from the zero point than ``MAX_REACH``.
+    """
+    z, x = point
+    if not (abs(z) <= MAX_REACH and abs(x) <= MAX_REACH):
+        raise Problem(f"the tool would go to Z{z:g} X{2.0 * x:g} mm, but {MAX_REACH:g} mm from zero are allowed at most")
+    return point
+
+
+def _rate(word: Word) -> float:
+    """Return the value of a feed or a speed.
+
+    Raises:
+        Problem: it is negative, or beyond ``MIN_RATE`` and ``MAX_RATE``.
+    """
+    value = word.value or 0.0
+    if value < 0.0:
+        raise Problem(f"{word.address}{word.text} is negative")
+    if value and not MIN_RATE <= value <= MAX_RATE:
+        raise Problem(f"{word.address}{word.text} is beyond {MIN_RATE:g} to {MAX_RATE:g}")
+    return value

@@ -13,8 +13,9 @@ from typing import Literal
 from turning_nc.cycles import CycleState, Side, box_cycle, cycle95, cycle97, end_of_contour, fanuc_cycle
 from turning_nc.dialects import DIAMETERS, NOT_READ
 from turning_nc.law import Law
-from turning_nc.modal import HOME, Modal, Setting
-from turning_nc.paths import Corner, Path, Point, arc_of_radius, break_corner
+from turning_nc.modal import HOME, Modal, Setting, within_reach
+from turning_nc.paths import MAX_RADIUS, Corner, Path, Point, arc_of_radius, break_corner
+from turning_nc.places import Places
 from turning_nc.words import Line, NcError, PartProgram, Problem, Word, at_lines, evaluated
 
 MAX_BLOCKS, MAX_CALLS = 100_000, 8
@@ -140,6 +141,7 @@ class Control(Modal):
     cycle_pass: int = 0
     calls: int = 0
     blocks: list[int] = field(default_factory=lambda: [0])  # number of blocks run, also in contours
+    places_of_parts: dict[int, Places] = field(default_factory=dict)  # by the identity of a part's lines
 
     def run_lines(self, lines: Sequence[Line], start: int = 0, end: int | None = None) -> None:
         """Run lines from an index to another; a cycle names the index at which the program goes on."""
@@ -200,21 +202,37 @@ class Control(Modal):
         assert line.flow is not None
         word, condition, jump, target, then = (line.flow[name] for name in ("word", "condition", "jump", "target", "then"))
         true = condition is None or bool(evaluated(condition, self.variables))
-        if word == "WHILE" or jump in ("DO", "END", "ENDWHILE"):
-            ends = "END" in (jump or "")
-            return index + 1 if true and not ends else _other_end(lines, index, -1 if ends else 1)
+        places = self.places(lines)
+        if jump in ("END", "ENDWHILE"):
+            return places.begin_of_loop(index)
+        if word == "WHILE" or jump == "DO":
+            end = places.end_of_loop(index)
+            return index + 1 if true else end + 1
         if not jump:
             if not then:
                 raise Problem("IF is understood with a jump to a block alone, such as GOTO")
             return None if true else index + 1
         if not true:
             return index + 1
-        ahead, before = range(index + 1, len(lines)), range(index + 1)
-        places: list[int] = [*(ahead if jump != "GOTOB" else ()), *(before if jump != "GOTOF" else ())]
-        for place in places:
-            if lines[place].first(f"{target}:") or (self.fanuc and lines[place].number_of("N") == float(target or 0)):
-                return place
-        raise Problem(f"the block {target} is not in this part of the program")
+        ahead = self._target_of_jump(places, target, index + 1, len(lines))
+        before = self._target_of_jump(places, target, 0, index + 1)
+        found = {"GOTOF": ahead, "GOTOB": before}.get(jump, before if ahead is None else ahead)
+        if found is None:
+            raise Problem(f"the block {target} is not in this part of the program")
+        return found
+
+    def places(self, lines: Sequence[Line]) -> Places:
+        """Return where a part of the program has its blocks, labels and loops."""
+        if id(lines) not in self.places_of_parts:
+            self.places_of_parts[id(lines)] = Places(lines)
+        return self.places_of_parts[id(lines)]
+
+    def _target_of_jump(self, places: Places, target: str | None, first: int, end: int) -> int | None:
+        """Return the first of some lines that has a label, or on a Fanuc also the number of a block."""
+        found = [places.label(target, first, end)]
+        if self.fanuc:
+            found.append(places.block(float(target or 0), first, end))
+        return min((index for index in found if index is not None), default=None)
 
     # One block.
 
@@ -335,7 +353,7 @@ class Control(Modal):
             went = f", so {' and '.join(names)} are left out" if self.go_on and len(names) > 1 else ""
             functions = [word.value for word in others if word.address == "G" and word.value is not None]
             self.refuse(Problem(f"G{min(functions):g} is not understood{went}"))
-        return replace(line, words=tuple(words))
+        return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
     def _words_of_others(self, line: Line) -> list[Word]:
         """Return G functions that are not understood but take the coordinates of their block, and the words they take."""
@@ -352,6 +370,8 @@ class Control(Modal):
     def _unknown(self, word: Word, line: Line) -> str:
         """Return why the dialect does not have a word; empty if it does."""
         name = word.address
+        if word.fault:
+            return word.fault
         if word.value is None and not word.text:  # a call or a name
             if name in self.dialect.names or name in self.program.parts:
                 return ""
@@ -376,7 +396,7 @@ class Control(Modal):
             moves = word.address in _PLACES | _PARAMETERS or (word.address == "G" and word.value in motions)
             if not moves:
                 words.append(word)
-        return replace(line, words=tuple(words))
+        return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
     def _meaningful(self, line: Line, codes: set[float]) -> Line:
         """Return the line without words that have no meaning in it."""
@@ -390,7 +410,7 @@ class Control(Modal):
             else:
                 corner = "; write ,R for a radius between moves" if word.address == "R" else ""
                 self.refuse(Problem(f"{word.address}{word.text} has no meaning in this block{corner}"))
-        return replace(line, words=tuple(words))
+        return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
     def _used(self, line: Line, codes: set[float]) -> set[str]:
         """Return the addresses, of those that only some blocks use, that a block uses."""
@@ -442,7 +462,7 @@ class Control(Modal):
                 self.refuse(Problem(f"{word.address}{word.text} has no meaning beside G4"))
                 continue
             words.append(word)
-        return replace(line, words=tuple(words))
+        return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
     def _dwell(self, word: Word | None) -> None:
         """Let the tool stand for the time that a word gives."""
@@ -526,6 +546,8 @@ class Control(Modal):
         dx, dz = ((word.value or 0.0) * self.length_scale if word else 0.0 for word in (i, k))
         centre = start[0] + dz, start[1] + dx
         first, last = math.dist(start, centre), math.dist(end, centre)
+        if first > MAX_RADIUS:
+            raise Problem(f"an arc of radius {first:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?")
         if abs(first - last) > max(0.01, 1e-3 * first):
             raise Problem(f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end")
         return Path(start, end, centre, clockwise)
@@ -541,7 +563,15 @@ class Control(Modal):
             self.add(Path(self.here, point, rapid=True), "rapid")
 
     def add(self, path: Path, kind: Kind, time: float = 0.0) -> None:
-        """Add a move from the tool's position, and the corner before it."""
+        """Add a move from the tool's position, and the corner before it.
+
+        Raises:
+            Problem: the move has no feed or no speed, or leaves ``MAX_REACH``.
+            NcError: the program makes too many moves.
+        """
+        if len(self.moves) >= MAX_BLOCKS:
+            raise NcError(f"line {self.line.number}: more than {MAX_BLOCKS} moves are made; are calls or passes repeated?")
+        within_reach(path.end)
         if kind in ("feed", "thread"):
             if path.length < 1e-9:
                 return
@@ -619,16 +649,3 @@ class Control(Modal):
         with self.deeper():
             for _ in range(count):
                 self.run_lines(self.program.parts[name])
-
-
-def _other_end(lines: Sequence[Line], index: int, step: int) -> int:
-    """Return the index of the line after a loop's end, or of its begin (``step`` -1)."""
-    depth, mine = 0, lines[index].flow or {}
-    for place in range(index, len(lines) if step > 0 else -1, step):
-        flow = lines[place].flow or {}
-        ends, begins = "END" in (flow.get("jump") or ""), flow.get("word") == "WHILE" or flow.get("jump") == "DO"
-        if (ends or begins) and (flow["target"] or "") == (mine["target"] or ""):
-            depth += -1 if ends else 1
-            if depth == 0:
-                return place + (step > 0)
-    raise Problem("the loop has no other end")

@@ -212,9 +212,13 @@ def pecked(start: Point, end: Point, along: int, peck: float, across: float, bac
     """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm]."""
     made, here = [], start
     first, last = start[1 - along], end[1 - along]
-    for place in (first, *(_spaced(first, last, across) if abs(last - first) > 1e-6 else ())):
+    places = [first, *(_spaced(first, last, across) if abs(last - first) > 1e-6 else ())]
+    depths = _spaced(start[along], end[along], peck)
+    if len(places) * len(depths) > MAX_PASSES:
+        raise Problem(f"{len(depths)} pecks at each of {len(places)} places are needed, but {MAX_PASSES} at most are made")
+    for place in places:
         ends = [(start[along], True)]
-        for depth in _spaced(start[along], end[along], peck):
+        for depth in depths:
             drawn = math.copysign(min(back, peck or back), end[along] - start[along])
             ends += [(depth, False), (depth - drawn, True)]
         points = [((value, place) if along == 0 else (place, value), rapid) for value, rapid in (*ends[:-1], ends[0])]

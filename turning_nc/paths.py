@@ -10,6 +10,7 @@ from turning_nc.words import Problem
 Point = tuple[float, float]  # Z and X [mm]; X is a radius
 
 CHORD = 0.01  # largest distance of an arc from its chords [mm]
+MAX_RADIUS = 1e6  # of an arc [mm]; with a larger one it is straight
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ def joined(start: Point, *ends: tuple[Point, bool]) -> Iterator[Path]:
 def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> Path:
     """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative."""
     chord = math.dist(start, end)
+    if abs(radius) > MAX_RADIUS:
+        raise Problem(f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?")
     if chord < 1e-9 or abs(radius) < 0.5 * chord - 1e-3:
         raise Problem(f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart")
     height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))

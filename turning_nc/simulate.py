@@ -66,7 +66,7 @@ class LawPolicy:
         """Return the next override [%] for a reading; ``present`` [%] replaces the program's own present override.
 
         Raises:
-            NcError: the feed would be outside the machine's range, or an expression divides by 0.
+            NcError: the feed would be outside the machine's range, or an expression has no value, as it divides by 0.
         """
         program, variables, machine = self._program, self._variables, self._scenario.machine
         spindle_speed = 1000.0 * float(reading.cutting_speed[0]) / (math.pi * program.diameter)
@@ -78,6 +78,8 @@ class LawPolicy:
             override = program.law.cycle(variables)
         except ZeroDivisionError as error:
             raise NcError(f"the law divides by 0 at a load of {variables[LOAD]:.1f} %") from error
+        except ValueError as error:
+            raise NcError(f"the law has no value at a load of {variables[LOAD]:.1f} %: {error}") from error
         feed = 0.01 * override * program.feed
         if not machine.feed_min - 1e-9 <= feed <= machine.feed_max + 1e-9:
             allowed = f"the machine's range is {machine.feed_min} to {machine.feed_max}"

@@ -41,6 +41,7 @@ MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
 MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
+MIN_WIDTH, MAX_WIDTH = 0.01, 500.0  # of a grooving tool or a drill [mm]
 DRILL = "drill"
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
@@ -69,8 +70,8 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
         first, second = ANGLES[shape]
         return _insert(ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks)
     match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
-    if kind != DRILL and (match is None or not 0.0 < float(match[2]) <= 500.0):
-        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, above 0 and up to 500 mm")
+    if kind != DRILL and (match is None or not MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
+        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
     if match is None:
         return None
     width = float(match[2])
@@ -142,8 +143,9 @@ def read_stock(text: str) -> Any:
     if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
         bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
         outer = bar or tube
-        if not (inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH):
-            raise NcError(f"stock {text!r}: sizes must be above 0, and the inner diameter below the outer")
+        if not (inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH and face <= MAX_LENGTH):
+            largest = f"a diameter of {MAX_DIAMETER:g} mm and a length of {MAX_LENGTH:g} mm at most"
+            raise NcError(f"stock {text[:60]!r}: sizes must be above 0, and the inner diameter below the outer; {largest}")
         return shapely.box(-length, inner / 2.0, face, outer / 2.0)
     path = Path(text)
     if path.suffix.lower() not in (".dxf", ".csv"):
@@ -177,7 +179,7 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     regular_file(path, MAX_BYTES)
     try:
         drawing = ezdxf.readfile(path)
-    except (ezdxf.DXFError, OSError) as error:
+    except Exception as error:  # the package raises errors of many types for damaged files
         raise NcError(f"{path}: is no DXF drawing: {error}") from None
     units = {0: 1.0, 1: 25.4, 4: 1.0, 5: 10.0, 6: 1000.0}.get(drawing.units)
     if units is None:
@@ -194,7 +196,10 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
             points = list(ezdxf.path.make_path(entity).flattening(0.005))
         except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
             raise NcError(f"{path}: {entity} is no curve: {error}") from None
-        lines.append([(units * point.x, units * point.y) for point in points])
+        line = [(units * point.x, units * point.y) for point in points]
+        if any(max(abs(z), abs(x)) > MAX_LENGTH for z, x in line):
+            raise NcError(f"{path}: {entity} reaches beyond {MAX_LENGTH:g} mm: is its unit ($INSUNITS) right?")
+        lines.append(line)
     return lines
 
 

@@ -14,10 +14,13 @@ from pathlib import Path
 
 from turning_env.console import Mistake
 from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
-from turning_nc.expression import parse
+from turning_nc.expression import MAX_SHOWN, parse
 from turning_shop import regular_file
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
+MAX_CHARACTERS = 1000  # of a line; the longest block of a control has some hundred
+MAX_NUMBER, MAX_DIGITS = 1e9, 40
+"""Bound of the numbers of words, and of the digits and signs with which they are written; controls take eight or nine digits."""
 MAX_LISTED = 5  # largest number of lines that a note lists
 _MARK = re.compile("^(?:\u00ef\u00bb\u00bf|\ufeff)")  # of the byte order, as Latin 1 and as it is
 _SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")  # / or /1 to /9 before a block that a switch of the control skips
@@ -66,8 +69,8 @@ def evaluated(expression: str, variables: Mapping[str, float]) -> float:
         return parse(expression).value(variables)
     except KeyError as error:
         raise Problem(f"the variable {error.args[0]} has no value") from None
-    except (ValueError, ZeroDivisionError, OverflowError) as error:
-        raise Problem(f"{expression!r} is not understood: {error}") from None
+    except (ValueError, ZeroDivisionError) as error:
+        raise Problem(f"{expression[:MAX_SHOWN]!r} is not understood: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -87,12 +90,29 @@ class Word:
         """Whether the word assigns a value to a variable."""
         return bool(_VARIABLE.fullmatch(self.address))
 
+    @property
+    def fault(self) -> str:
+        """Why its number cannot be used; empty if it can."""
+        if self.value is None or (len(self.text) <= MAX_DIGITS and abs(self.value) <= MAX_NUMBER):
+            return ""
+        shown = self.text if len(self.text) <= MAX_DIGITS else f"{self.text[:MAX_DIGITS]}..."
+        if len(self.text) > MAX_DIGITS and not self.expression:
+            return f"{self.address}{shown} has {len(self.text)} digits, but {MAX_DIGITS} at most are read"
+        return f"{self.address}{shown} is beyond {MAX_NUMBER:,.0f}, the largest number that is read"
+
     def with_value(self, variables: Mapping[str, float]) -> "Word":
-        """Return the word with the value of its expression; see ``evaluated``."""
-        if not self.expression:
-            return self
-        value = evaluated(self.expression, variables)
-        return replace(self, value=value, text=f"{value:.6f}")
+        """Return the word with the value of its expression; see ``evaluated``.
+
+        Raises:
+            Problem: its number, or the value of its expression, is too large.
+        """
+        word = self
+        if self.expression:
+            value = evaluated(self.expression, variables)
+            word = replace(self, value=value, text=f"{value:.6f}")
+        if word.fault:
+            raise Problem(word.fault)
+        return word
 
 
 @dataclass(frozen=True)
@@ -144,6 +164,8 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
     """Return the program in a file; see ``divide``."""
     data = regular_file(path, MAX_BYTES).read_bytes()
     with naming(path):
+        if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+            raise NcError("is UTF-16 text, which controls do not read: save it as ASCII or UTF-8")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
         return divide(data.decode("latin-1"), dialect)  # every byte is a character, and is written unchanged
@@ -165,6 +187,8 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     parts: dict[str, list[Line]] = {"": []}
     name, offset, defined_at = "", 0, {"": 0}
     for number, whole in enumerate(raw, 1):
+        if len(whole) > MAX_CHARACTERS:
+            raise NcError(f"line {number}: has {len(whole):,} characters, but {MAX_CHARACTERS:,} at most are read")
         code = _without_comments(whole.translate(_UPPER), dialect)
         stripped = re.sub(r"^/?\s*N\d+\s+(?=PROC\b)", "", code.strip())
         header = dialect.sub_program.match(stripped)

@@ -1,0 +1,66 @@
+"""A part program is played, with finite numbers, or refused with the command's own error, whatever it holds."""
+
+import json
+import math
+from random import Random
+from typing import Any
+
+import pytest
+
+pytest.importorskip("shapely")
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.soundness.acting import tried
+from tests.soundness.programs import STOCKS, TOOLS, any_program
+from turning_env import Scenario
+from turning_nc.adapt import adapt
+from turning_nc.cutting import Machine, Situation, play
+from turning_nc.edges import beyond, change_wear
+from turning_nc.moves import Reading, run
+from turning_nc.report import findings, implausible, rows, summary, table
+from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.words import NcError, divide
+
+SCENARIO = Scenario.load("rough_turning")
+
+
+def attempt(text: str, stock: str | None, kind: str | None, go_on: bool, adapted: bool) -> Any:
+    """Return the rows and totals of a program; None if it is refused."""
+    try:
+        moves = run(divide(text), Reading(go_on=go_on))
+        tools = {} if kind is None else {moves.moves[0].tool: kind}
+        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools)
+        situation = Situation(SCENARIO, Machine(), moves, removal)
+        played = play(situation, change_wear(situation))
+        blocks = rows(situation, played)
+        results = [blocks, vars(summary(situation, played)), beyond(situation, played), implausible(situation, played)]
+        results += [table(situation, blocks), findings(blocks)]
+        if adapted:
+            after = adapt(situation)
+            results.append(vars(summary(after.situation, after.played)))
+    except NcError:
+        return None
+    return results
+
+
+def assert_finite(value: Any) -> None:
+    """Assert that all numbers in nested results are finite."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for each in value:
+            assert_finite(each)
+    elif isinstance(value, float):
+        assert math.isfinite(value)
+
+
+@tried(short=60, soak=40_000)
+@given(st.randoms(use_true_random=False))
+def test_a_program_is_played_with_finite_numbers_or_refused(random: Random) -> None:
+    text = any_program(random)
+    go_on, adapted = random.random() < 0.3, random.random() < 0.1
+    results = attempt(text, random.choice(STOCKS), random.choice(TOOLS), go_on, adapted)
+    assert_finite(results)
+    json.dumps(results, allow_nan=False)
