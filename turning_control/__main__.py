@@ -15,11 +15,14 @@ from turning_control import linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
 from turning_control.shield import LOG, Settings
+from turning_control.streams import standard_streams_taken
 from turning_env import IDS
 from turning_env.console import described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
 TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]  # with an action per interval, which the shield guards
+
+ANSWERED = 0.8  # share of a control interval within which a policy's process must answer [-]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -41,13 +44,20 @@ def main(arguments: list[str] | None = None) -> int:
     guard.add_argument("--json", action="store_true", help="print JSON")
 
     show = command("demo", _demo, "run policies through LinuxCNC")
-    show.add_argument("--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files")
+    show.add_argument(
+        "--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files that you trust"
+    )
     show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
 
     answers = command("serve", _serve, "answer a HAL component's pins with a policy")
     linked = command("opcua", _opcua, "drive a control that serves OPC UA")
     for each in (answers, linked):
-        each.add_argument("--policy", required=True, metavar="POLICY", help="as for demo")
+        each.add_argument(
+            "--policy",
+            required=True,
+            metavar="POLICY",
+            help="as for demo; a file or module runs in a process of its own, no sandbox",
+        )
         each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
     linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
     linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
@@ -101,7 +111,10 @@ def _serve(options: argparse.Namespace) -> int:
     python -m turning_control serve --policy programmed --scenario override
     """
     scenario = _logged(options)
-    linuxcnc.serve(on_control(scenario), find_policy(options.policy, scenario))
+    deadline = ANSWERED * scenario.control.interval
+    with standard_streams_taken() as streams:  # before a policy is loaded, which may print
+        policy = find_policy(options.policy, scenario, deadline)
+        linuxcnc.serve(on_control(scenario), policy, linuxcnc.Pins(*streams))
     return 0
 
 
@@ -111,7 +124,8 @@ def _opcua(options: argparse.Namespace) -> int:
     python -m turning_control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
     """
     scenario = _logged(options)
-    controller = Controller(on_control(scenario), find_policy(options.policy, scenario))
+    policy = find_policy(options.policy, scenario, deadline=ANSWERED * scenario.control.interval)
+    controller = Controller(on_control(scenario), policy)
     opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
     return 0
 
@@ -129,7 +143,9 @@ def _plant(options: argparse.Namespace) -> int:
 
     python -m turning_control plant --scenario override --log plant.csv
     """
-    linuxcnc.serve_plant(Scenario.load(options.scenario), options.seed, options.log)
+    scenario = Scenario.load(options.scenario)
+    with standard_streams_taken() as streams:
+        linuxcnc.serve_plant(scenario, options.seed, options.log, linuxcnc.Pins(*streams))
     return 0
 
 

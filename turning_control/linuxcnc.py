@@ -17,13 +17,14 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
 from turning_control.core import Controller, Readings, Status, force_reading, highest_feed, on_control, safe_feed
 from turning_control.measure import markdown
 from turning_control.plant import Plant
+from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.shield import LOG, Shield
 from turning_env.action import towards
 from turning_env.extras import provided
@@ -53,10 +54,11 @@ class LinuxCncError(RuntimeError):
     """LinuxCNC is not installed, or did not run the program."""
 
 
-def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
+def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> PolicyFactory:
     """Return the policy that a user names, or raise ValueError.
 
-    It is ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file.
+    It is ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file. The
+    last two run in a process of their own, which must answer within the ``deadline`` [s].
     """
     if name == "programmed":
         control = scenario.control
@@ -66,25 +68,41 @@ def find_policy(name: str, scenario: Scenario) -> PolicyFactory:
             return towards(read(observations, scenario), scenario, speed, feed)
 
         return as_factory(programmed)
-    if name.endswith(".onnx") or ":" in name:
-        return as_factory(name)
+    if loads_code_or_a_file(name):
+        return in_own_process(name, deadline)
     for catalogue in provided("rules"):
         return catalogue.spec(name, scenario).make  # type: ignore[no-any-return]
     raise ValueError(f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone")
 
 
-def _lines() -> Iterator[dict[str, Any]]:
-    print("ready", flush=True)
-    for line in sys.stdin:
-        yield json.loads(line)
+class Pins:
+    """The other side of ``hal_bridge.py``: yields its requests, and answers the last one."""
+
+    def __init__(self, requests: TextIO, answers: TextIO) -> None:
+        self._requests = requests
+        self._answers = answers
+        self._time = 0.0  # of the last request
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Say that everything is loaded, then yield pins until the requests end."""
+        self._write("ready")
+        for line in self._requests:
+            pins = json.loads(line)
+            self._time = pins["time"]
+            yield pins
+
+    def answer(self, **pins: float) -> None:
+        """Answer the last request."""
+        values = {name.replace("_", "-"): value for name, value in pins.items()}
+        self._write(json.dumps({"time": self._time, **values}))
+
+    def _write(self, line: str) -> None:
+        self._answers.write(line + "\n")
+        self._answers.flush()
 
 
-def _answer(**pins: float) -> None:
-    print(json.dumps({name.replace("_", "-"): value for name, value in pins.items()}), flush=True)
-
-
-def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
-    """Answer the controller's pins until standard input ends."""
+def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
+    """Answer the controller's pins until the bridge's requests end."""
     controller = Controller(scenario, make_policy)
     for _ in range(3):  # compile and load everything before the first reading counts
         controller.decide(Readings(400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0))
@@ -92,7 +110,7 @@ def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
     before: dict[str, Any] = {}
     interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
     lowest = 0.5 * scenario.machine.feed_min / 60.0  # over the spindle's speed
-    for pins in _lines():
+    for pins in bridge:
         seconds = pins["time"] - before.get("time", pins["time"])
         moves = pins["feed-velocity"] > lowest * abs(pins["spindle-speed"])  # not held
         in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
@@ -114,16 +132,20 @@ def serve(scenario: Scenario, make_policy: PolicyFactory) -> None:
             commands = controller.decide(readings)
             begun, engaged = pins["time"], 0.0
         before = pins
-        _answer(adaptive_feed=commands.adaptive_feed, spindle_override=commands.spindle_override, status=int(commands.status))
+        bridge.answer(
+            adaptive_feed=commands.adaptive_feed,
+            spindle_override=commands.spindle_override,
+            status=int(commands.status),
+        )
 
 
-def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
-    """Answer the plant's pins until standard input ends, and log every cycle to a file."""
+def serve_plant(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
+    """Answer the plant's pins until the bridge's requests end, and log every cycle to a file."""
     Plant(scenario, seed).advance(0.01, 0.0, 100.0, 0.0, False)  # compiles
     plant, work, before = Plant(scenario, seed), scenario.workpiece, None
     with log.open("w", newline="") as file:
         writer = None
-        for pins in _lines():
+        for pins in bridge:
             seconds = pins["time"] - before if before else 0.001
             before = pins["time"]
             along = work.approach + pins["position"]
@@ -136,7 +158,7 @@ def serve_plant(scenario: Scenario, seed: int, log: Path) -> None:
                 writer.writeheader()
             writer.writerow(row)
             force = hidden[f"measured_{force_reading(scenario)}"]
-            _answer(power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"]))
+            bridge.answer(power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"]))
 
 
 class Fault(NamedTuple):
@@ -182,11 +204,14 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         (folder / "bars.ngc").write_text(program(loaded, bars))
         turning: dict[str, Any] = CONTROLLER_PINS | {
             "period": interval,
+            "echo": True,
+            "ranges": pin_ranges(loaded),
             "safe": {"adaptive-feed": safe_feed(loaded), "spindle-override": 1.0, "status": int(Status.SAFE)},
             "command": [*command, "serve", "--policy", policy, "--scenario", scenario],
         }
         plant: dict[str, Any] = PLANT_PINS | {
             "period": min(interval / loaded.control.sub_steps, 0.02),
+            "echo": True,
             "safe": {},  # late: the readings before hold
             "command": [*command, "plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario],
         }
@@ -199,6 +224,19 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
         if not rows:
             raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
         return rows
+
+
+def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Return the lowest and highest values of the controller's outputs."""
+    programmed = scenario.control.initial_cutting_speed
+    lowest = scenario.machine.cutting_speed_min / programmed
+    highest = scenario.cutting_speed_max / programmed
+    rounding = 1e-3
+    return {
+        "adaptive-feed": (0.0, 1.0),
+        "spindle-override": (lowest - rounding, highest + rounding),
+        "status": (int(min(Status)), int(max(Status))),
+    }
 
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:

@@ -1,0 +1,141 @@
+"""A policy in a process of its own: what it cannot do to the control's process."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from turning_control.policy_process import PolicyEndedError, in_own_process
+from turning_control.shield import PATIENCE, Settings, Shield
+from turning_env import Scenario
+from turning_env.scoring.policy import Policy
+from turning_env.vector_env import RoughTurningVectorEnv
+
+POLICIES = """
+import os, sys, time
+import numpy as np
+
+print('{"number": 1, "actions": [[1.0, 1.0]]}', flush=True)
+
+def steady(observations):
+    print('{"number": 2, "actions": [[1.0, 1.0]]}', flush=True)
+    return np.full((len(observations), 2), -0.25, np.float32)
+
+calls = 0
+
+def hangs_after_one(observations):
+    global calls
+    calls += 1
+    if calls > 1:
+        time.sleep(600)
+    return steady(observations)
+
+def fails(observations):
+    raise OSError("no more")
+
+def ends(observations):
+    os._exit(3)
+
+def not_numbers(observations):
+    return [["a", "b"]]
+"""
+
+
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Return the name of a module of policies that another process can import."""
+    (tmp_path / "misbehaves.py").write_text(POLICIES)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *filter(None, sys.path)]))
+    return "misbehaves"
+
+
+def observed() -> np.ndarray:
+    observations, _ = RoughTurningVectorEnv(1, Scenario.load("rough_turning")).reset(seed=0)
+    return observations
+
+
+def policy_of(name: str, deadline: float = 20.0) -> Policy:
+    return in_own_process(name, deadline)(1)
+
+
+@pytest.mark.slow
+def test_a_policy_answers_whatever_it_prints(module: str) -> None:
+    policy = policy_of(f"{module}:steady")
+    for _ in range(3):
+        policy.reset(np.ones(1, np.bool_))
+        np.testing.assert_array_equal(policy.act(observed()), [[-0.25, -0.25]])
+
+
+@pytest.mark.slow
+def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(module: str) -> None:
+    scenario = Scenario.load("rough_turning")
+    shield = Shield(policy_of(f"{module}:hangs_after_one", deadline=0.2), scenario, 1, Settings())
+    shield.act(observed())
+    assert shield.reasons == ["passed"]
+    begun = time.monotonic()
+    actions = shield.act(observed())
+    assert shield.reasons == ["error"]
+    assert np.isfinite(actions).all()
+    assert time.monotonic() - begun < 10.0
+    for _ in range(PATIENCE):
+        shield.act(observed())
+    assert shield.handed_over.all()
+
+
+@pytest.mark.slow
+def test_a_policy_that_fails_or_ends_raises_in_act(module: str) -> None:
+    failing = policy_of(f"{module}:fails")
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="no more"):
+            failing.act(observed())
+    ending = policy_of(f"{module}:ends")
+    for _ in range(2):
+        with pytest.raises(PolicyEndedError):
+            ending.act(observed())
+        ending.reset(np.ones(1, np.bool_))
+
+
+@pytest.mark.slow
+def test_a_policy_that_cannot_be_loaded_is_a_mistake(module: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="nothing"):
+        policy_of(f"{module}:nothing")
+    with pytest.raises(FileNotFoundError):
+        policy_of(str(tmp_path / "missing.onnx"))
+    broken = tmp_path / "broken.onnx"
+    broken.write_bytes(b"no network")
+    with pytest.raises(ValueError, match="broken"):
+        policy_of(str(broken))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
+def test_a_file_that_takes_memory_without_end_is_ended(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    path = tmp_path / "greedy.onnx"
+    onnx.save(greedy_network(onnx, entries=observed().shape[1]), path)
+    policy = policy_of(str(path))
+    with pytest.raises(RuntimeError):
+        policy.act(observed())
+
+
+def greedy_network(onnx, entries: int):  # type: ignore[no-untyped-def]
+    """Return a network that fills 8 GiB with zeros to get two of them."""
+    make, floats = onnx.helper, onnx.TensorProto.FLOAT
+    size = make.make_tensor("size", onnx.TensorProto.INT64, [1], [2**31])
+    axes = make.make_tensor("axes", onnx.TensorProto.INT64, [1], [0])
+    nodes = [
+        make.make_node("ConstantOfShape", ["size"], ["zeros"]),
+        make.make_node("ReduceSum", ["zeros", "axes"], ["zero"], keepdims=1),
+        make.make_node("ReduceSum", ["observation", "one"], ["sum"], keepdims=1),
+        make.make_node("Mul", ["sum", "zero"], ["product"]),
+        make.make_node("Concat", ["product", "product"], ["action"], axis=1),
+    ]
+    one = make.make_tensor("one", onnx.TensorProto.INT64, [1], [1])
+    observation = make.make_tensor_value_info("observation", floats, ["n", entries])
+    action = make.make_tensor_value_info("action", floats, ["n", 2])
+    graph = make.make_graph(nodes, "greedy", [observation], [action], [size, axes, one])
+    return make.make_model(graph, opset_imports=[make.make_opsetid("", 17)], ir_version=9)
