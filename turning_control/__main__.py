@@ -6,6 +6,7 @@ python -m turning_control demo
 
 import argparse
 import logging
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from pathlib import Path
 from turning_control import linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
+from turning_control.opcua_security import KEY_PASSWORD, MODES, PASSWORD, POLICIES, Security, read_password
 from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 from turning_env import IDS
@@ -62,6 +64,8 @@ def main(arguments: list[str] | None = None) -> int:
     linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
     linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
 
+    _add_security(linked)
+
     plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
     plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
     for each in (show, plant):
@@ -71,6 +75,20 @@ def main(arguments: list[str] | None = None) -> int:
 
     options = parser.parse_args(arguments)
     return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
+
+
+def _add_security(linked: argparse.ArgumentParser) -> None:
+    """Add the options by which an OPC UA connection is protected."""
+    group = linked.add_argument_group("security", "The safest connection that the server offers and these options allow is made.")
+    password = f"file whose first line is the password; otherwise ${PASSWORD} or a prompt"
+    group.add_argument("--user", metavar="NAME", help="user on the server (default: anonymous, or the certificate)")
+    group.add_argument("--password-file", type=Path, metavar="FILE", help=password)
+    group.add_argument("--certificate", type=Path, metavar="FILE", help="certificate of this program, PEM or DER")
+    group.add_argument("--key", type=Path, metavar="FILE", help=f"its private key; ${KEY_PASSWORD} holds the key's password")
+    trusted = "certificate of the server, the only one that is trusted"
+    group.add_argument("--server-certificate", type=Path, metavar="FILE", help=trusted)
+    group.add_argument("--security-policy", choices=POLICIES, metavar="NAME", help=f"one of {', '.join(POLICIES)}")
+    group.add_argument("--security-mode", choices=MODES, metavar="MODE", help=f"one of {', '.join(MODES)}")
 
 
 def _shield(options: argparse.Namespace) -> int:
@@ -126,7 +144,17 @@ def _opcua(options: argparse.Namespace) -> int:
     scenario = _logged(options)
     policy = find_policy(options.policy, scenario, deadline=ANSWERED * scenario.control.interval)
     controller = Controller(on_control(scenario), policy)
-    opcua.drive(controller, options.url, options.nodes, scenario.control.interval)
+    security = Security(
+        user=options.user,
+        password=read_password(options.user, options.password_file),
+        certificate=options.certificate,
+        key=options.key,
+        key_password=os.environ.get(KEY_PASSWORD),
+        server_certificate=options.server_certificate,
+        policy=options.security_policy,
+        mode=options.security_mode,
+    )
+    opcua.drive(controller, options.url, options.nodes, scenario.control.interval, security=security)
     return 0
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from turning_control.core import Commands, Controller, Readings, Status
+from turning_control.opcua_security import Security, connected
 from turning_control.shield import LOG
 
 NEEDED = "spindle_speed", "feed_velocity", "in_feed", "cutting"
@@ -33,19 +34,25 @@ def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     return readings, commands
 
 
-def drive(controller: Controller, url: str, nodes: Path, interval: float, runs: Callable[[], bool] = lambda: True) -> None:
+def drive(
+    controller: Controller,
+    url: str,
+    nodes: Path,
+    interval: float,
+    runs: Callable[[], bool] = lambda: True,
+    security: Security = Security(),  # noqa: B008
+) -> None:
     """Read, decide and command once per control interval [s] until ``runs`` returns false; then leave the safe feed.
 
     ``url`` is the server's, such as ``opc.tcp://127.0.0.1:4840``, and ``nodes`` the file that names the nodes. OSError if the
-    connection cannot be made, or is lost.
+    connection cannot be made, or is lost; Mistake if the server offers no connection that fits ``security``.
     """
     from asyncua import ua
-    from asyncua.sync import Client
     from asyncua.ua.attribute_ids import AttributeIds
 
     read, commanded = load_nodes(nodes)
     safe = Commands(controller.safe_feed, 1.0, Status.SAFE, "stopped")
-    with Client(url, timeout=max(10.0 * interval, 1.0)) as client:
+    with connected(url, max(10.0 * interval, 1.0), security) as client:
         sources = [client.get_node(each) for each in read.values()]
         targets = {name: client.get_node(each) for name, each in commanded.items()}
         types = {name: node.read_data_type_as_variant_type() for name, node in targets.items()}
