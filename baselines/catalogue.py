@@ -20,6 +20,7 @@ for _file in (  # files that declare rules; a new one is added here
     "fuzzy_override",
     "load_override",
     "constant_force",
+    "lead_control",
     "current_limit",
     "optimiser",
     "predictive",

@@ -146,19 +146,19 @@ class ModelFeed(Policy):
         return towards(reading, scenario, speed, feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear))
 
 
-def _holds_roughness(scenario: Scenario) -> bool:
+def holds_roughness(scenario: Scenario) -> bool:
     return on_override(scenario, "roughness") and scenario.surface.roughness_rate > 0.0
 
 
 def _plays_by_model(scenario: Scenario) -> bool:
-    return _holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
+    return holds_roughness(scenario) and scenario.material.thrust_force.feed > 0.0
 
 
 FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(
-        "constant cutting force for constant roughness (roughness control paper)", on_program(ConstantForce), _holds_roughness, {}
+        "constant cutting force for constant roughness (roughness control paper)", on_program(ConstantForce), holds_roughness, {}
     ),
     "constant_force_limit": Rule(
         "constant cutting force at a share of the force limit, by override (roughness control paper)",

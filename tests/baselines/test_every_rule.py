@@ -78,10 +78,10 @@ def test_every_task_has_random_actions_no_action_and_one_best_constant_action() 
 
 def test_rules_that_invert_a_law_play_only_where_it_grows_with_feed() -> None:
     for law, preset, unable in (
-        ("power", "override", ["omative"]),
+        ("power", "override", ["omative", "constant_power_lead"]),
         ("power", "rough_turning", ["omative_with_speed", "grid_search", "rescaled_grid_search"]),
         ("thrust_force", "override", ["current_limit"]),
-        ("thrust_force", "surface", ["model_feed", "constant_force_network"]),
+        ("thrust_force", "surface", ["model_feed", "constant_force_network", "constant_force_lead"]),
     ):
         material = SCENARIOS[preset].material
         falling = getattr(material, law).model_copy(update={"feed": -0.1})
