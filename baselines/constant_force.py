@@ -147,6 +147,7 @@ class ModelFeed(Policy):
 
 
 def holds_roughness(scenario: Scenario) -> bool:
+    """Return whether an action sets the override, to hold a roughness that depends on the force."""
     return on_override(scenario, "roughness") and scenario.surface.roughness_rate > 0.0
 
 

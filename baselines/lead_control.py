@@ -5,7 +5,7 @@ A command passes three lags of first order before its effect is measured:
     commanded feed -> (servo) -> actual feed f -> load k f^m -> (chip) -> load -> (sensor) -> measured load
 
 The published law of constant force (``constant_force``) scales the feed by the ratio of reference and measured load. It does not
-know of these lags, so it is slow, or swings. This controller knows their time constants and the exponent m of feed:
+account for these lags, so it is slow, or swings. This controller knows their time constants and the exponent m of feed:
 
 1. It sends f^m through the lags of chip and sensor, as the load goes. The measured load divided by the result is k, which
    changes only with depth, hardness and wear. k is smoothed over ``estimate_time``.
@@ -15,7 +15,7 @@ know of these lags, so it is slow, or swings. This controller knows their time c
 
 In air it commands the override ``approach``. The lead and the estimate are this project's; both are textbook control.
 
-It needs of the nominal model: the exponent of feed in the law of the load, the law's value before the first reading, the lags of
+Uses from the nominal model: the exponent of feed in the law of the load, the law's value before the first reading, the lags of
 servo, chip and sensor, and for roughness the force of a roughness.
 """
 
@@ -33,7 +33,7 @@ from turning_env.scenario.power_law import PowerLaw
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 MIN_CHIP = 0.1
-"""Least f^m behind the lags, over that of the programmed feed, at which readings are used [-]: below it, a tool has just entered."""
+"""Least f^m behind the lags over the programmed feed's [-] at which readings are used: below it, the tool has just entered."""
 
 
 class LeadControl(Policy):
@@ -134,9 +134,7 @@ class LeadControl(Policy):
 class ForceLead(LeadControl):
     """Hold the thrust force at which the nominal model has the reference of roughness."""
 
-    def __init__(
-        self, program: PartProgram, num_envs: int, estimate_time: float, response_time: float, approach: float
-    ) -> None:
+    def __init__(self, program: PartProgram, num_envs: int, estimate_time: float, response_time: float, approach: float) -> None:
         scenario = program.scenario
         super().__init__(
             program,

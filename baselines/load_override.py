@@ -46,7 +46,10 @@ def constant_load(program: PartProgram, num_envs: int, target: float, gain: floa
 
 
 def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
-    """Return the controller of a published law without target: override = 160 - 2 load [%], within 0 to 120 %."""
+    """Return the controller of a law without target: override = 160 - 2 load [%], within 0 to 120 %.
+
+    It is the example of multiplicative adaptive control in Siemens' guide to synchronised actions of a SINUMERIK 840D.
+    """
     return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
 
 

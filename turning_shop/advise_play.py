@@ -24,7 +24,7 @@ from turning_shop.advise import Plan, Prices, money, part_volume, plan
 from turning_shop.prediction import Evidence
 
 FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
-RULES = "predictive", "omative", "modified_fuzzy_override"
+RULES = "predictive", "constant_power_lead", "omative", "modified_fuzzy_override"
 """Rules that lead the leaderboards within the limits, of speed and feed and of overrides."""
 MARGINS = (1.0, 0.92, 0.85, 0.78, 0.72, 0.66, 0.6, 0.5, 0.4)
 """Factors of the advised feed, of which the first is used that keeps the scenario's limits often enough."""

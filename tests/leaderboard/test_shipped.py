@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
 FILES = sorted(AGENTS.glob("*/*/*.onnx"))
 BEST = "analytic_gradient"
-OVERRIDES = "omative", "tmac", "iadapts", "fuzzy_override", "constant_force_limit", "current_limit"
+OVERRIDES = "constant_power_lead", "omative", "tmac", "iadapts", "fuzzy_override", "constant_force_limit", "current_limit"
 AGENTS_OF_ALL_KINDS = [f"{name}-seed0" for name in ("ppo", "ppo_belief", "recurrent_ppo", "lagrangian_ppo", "sac", "tqc", BEST)]
 
 
@@ -36,7 +36,7 @@ def test_every_result_is_valid() -> None:
         ("RoughTurning-v0", "rough_turning", 1, [CLAIRVOYANT, "causal", "predictive"]),
         ("RoughTurning-v0", "ck45", 1, ["rescaled_grid_search", f"{BEST}-seed0"]),
         ("RoughTurning-Override-v1", None, 1, [*OVERRIDES, f"{BEST}-seed0"]),
-        ("RoughTurning-Surface-v1", None, 1, ["constant_force", "ppo-seed0"]),
+        ("RoughTurning-Surface-v1", None, 1, ["constant_force_lead", "constant_force", "ppo-seed0"]),
         ("RoughTurning-Batch-v0", None, 2, ["parts_mt", "ppo-seed0"]),
         pytest.param(*(FAMILY_ID, "shop-unseen_jobs", 1, ["predictive", "self_tuning", "causal"]), marks=pytest.mark.soak),
     ],
