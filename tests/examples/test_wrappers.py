@@ -12,7 +12,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from tests.turning_env.playing import SHORT_LIVED
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+from turning_env import FAMILY_ID, IDS, RoughTurningEnv, RoughTurningVectorEnv
 
 ZERO, ONE = np.float32(0), np.float32(1)
 
@@ -58,8 +58,6 @@ def spaces_of(env: Any, kind: str) -> tuple[Any, ...]:
 
 
 def wrapped(module: Any, name: str, env: Any) -> Any:
-    if name == "TimeAwareObservation":  # wants to know a time limit; the ids state none, as limits are the scenario's
-        env = single.TimeLimit(env, 10)
     arguments: tuple[Any, ...] = ARGUMENTS[name](env) if name in ARGUMENTS else ()
     return getattr(module, name)(env, *arguments)
 
@@ -75,6 +73,24 @@ def test_single(name: str) -> None:
         assert np.isfinite(reward)
         if (terminated or truncated) and name != "Autoreset":
             seen, _ = env.reset()
+
+
+WITHOUT_STEP_LIMIT = "RoughTurning-Batch-v0", FAMILY_ID
+"""Ids whose episodes end with the last part or the job, after a number of steps that no spec can state."""
+
+
+@pytest.mark.parametrize("env_id", [*IDS, FAMILY_ID])
+def test_time_aware_observation_of_every_id(env_id: str) -> None:
+    env = gymnasium.make(env_id)
+    if env_id in WITHOUT_STEP_LIMIT:
+        with pytest.raises(ValueError, match="max_episode_steps"):
+            single.TimeAwareObservation(env)
+        env = single.TimeLimit(env, 10)
+
+    timed = single.TimeAwareObservation(env, flatten=True, normalize_time=False)
+    first, _ = timed.reset(seed=0)
+    second, *_ = timed.step(timed.action_space.sample())
+    assert (first[-1], second[-1]) == (0, 1)
 
 
 @pytest.mark.slow
