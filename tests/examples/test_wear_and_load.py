@@ -1,0 +1,48 @@
+"""The program that measures how forces grow with wear finds the growth that made-up tables have."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PROGRAM = Path(__file__).parents[2] / "docs" / "examples" / "wear_and_load.py"
+WEAR = np.linspace(0.02, 0.4, 39)
+
+
+@pytest.fixture
+def vicomtech(tmp_path: Path) -> Path:
+    """Return a table of two edges, whose main force is a line and whose thrust force is a power of wear."""
+    lines = ["tool,Vb,F_c_MEAN,F_f_MEAN,F_p_MEAN"]
+    for tool, scale in (("1", 1.0), ("2", 1.5)):
+        for wear in WEAR:
+            main_force = 500.0 * scale * (1.0 + 2.0 * wear)
+            feed_force = 900.0 * scale * wear**0.5
+            lines.append(f"{tool},{1000.0 * wear},{main_force},{feed_force},0")
+    path = tmp_path / "vicomtech.csv"
+    path.write_text("\n".join(lines), "utf-8")
+    return path
+
+
+@pytest.fixture
+def h13(tmp_path: Path) -> Path:
+    """Return a table of one setting: a fresh edge has half the thrust force at 0.1 mm, which trebles up to 0.3 mm."""
+    lines = ["Run_ID,TCond,ap,vc,f,Fx,Fy,Fz"]
+    for run, (wear, passive_force) in enumerate((("0", 50.0), ("0.1", 100.0), ("0.3", 300.0))):
+        lines += [f"run{run},{wear},0.25,350,0.1,80,{passive_force},0"] * 6
+    path = tmp_path / "Exp2.csv"
+    path.write_text("\n".join(lines), "utf-8")
+    return path
+
+
+def test_it_finds_exponents_growth_and_forms(vicomtech: Path, h13: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(PROGRAM))["main"](vicomtech, h13)
+    printed = capsys.readouterr().out
+    assert "Vicomtech: 78 readings" in printed
+    assert "H13: 3 readings" in printed
+    assert "thrust force: exponent 0.50; from 0.1 to 0.3 mm x1.73 (mean of 2)" in printed
+    assert "thrust force: exponent 1.00; from 0.1 to 0.3 mm x3.00 (mean of 1)" in printed
+    assert "main force: affine law better on 2 of 2 edges" in printed
+    assert "thrust force: affine law better on 0 of 2 edges" in printed
+    assert "b 2.0 to 2.0 per mm" in printed
+    assert "thrust force: a fresh edge has 50 % of the force at 0.1 mm" in printed
