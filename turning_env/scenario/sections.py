@@ -44,7 +44,9 @@ class Tool(Section):
     wear_rule: Literal["equivalent_time", "clock_time"] = "equivalent_time"
     """Accumulation of wear under changing parameters; "clock_time" is the grid search paper's rule."""
     wear_factor_spread: float = quantity(0.10, 0, 1, "-", "log standard deviation of wear of inserts (grid search paper, tests)")
-    edge_strength: float = quantity(2690, 1, 1e6, "N", "median thrust force that breaks the edge (grid search paper, test T9)")
+    edge_strength: float = quantity(
+        2690, 1, 1e6, "N", "median thrust force that breaks an edge (assumption: read while T9 collapsed)"
+    )
     edge_strength_spread: float = quantity(0.12, 0, 1, "-", "log standard deviation of the edge strength (assumption)")
 
 
