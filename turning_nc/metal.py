@@ -19,6 +19,7 @@ with needed():
 Values = NDArray[np.float64]
 
 MAX_VERTICES = 64  # of a piece; above it, overlays cost more than the calls to them
+FEW = 3  # pieces that are met, rather than tested for whether they only lie in the box around a cut
 MIN_EXTENT = 1e-6  # extent of a piece below which it is not divided [mm]
 _GRID = 1e-9  # grid on which pieces are joined [mm]: it closes the gaps that rounding leaves between them
 _NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # bounds of a place without a piece
@@ -50,13 +51,13 @@ class Metal:
         beside_z = (bounds[:, 0] < high_z) & (bounds[:, 2] > low_z)
         beside_x = (bounds[:, 1] < high_x) & (bounds[:, 3] > low_x)
         places = np.flatnonzero(beside_z & beside_x)
-        if len(places) <= 1:
+        if len(places) <= FEW:
             return places
 
         # A box is apart if it lies beyond one of the polygon's edges with all its corners.
         corners = shapely.get_coordinates(area)
-        edges = np.diff(corners, axis=0)
-        outwards = np.stack((edges[:, 1], -edges[:, 0]))
+        edges = corners[1:] - corners[:-1]
+        outwards = np.array((edges[:, 1], -edges[:, 0]))
         if not shapely.is_ccw(shapely.get_exterior_ring(area)):
             outwards = -outwards
         edge_at = (outwards * corners[:-1].T).sum(axis=0)

@@ -360,7 +360,8 @@ class _Cutting:
         if not len(places):
             return AIR
         metal = self.left.within(sweep.area, places)
-        area = float(shapely.area(metal).sum())
+        areas = shapely.area(metal)
+        metal, area = metal[areas > 0.0], float(areas.sum())
         if area == 0.0:
             return AIR
         if move.kind == "rapid":
@@ -437,17 +438,19 @@ AIR = _Cut(np.ones(1), np.zeros(1), np.zeros(1))
 
 def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
     """Return the slices of a move through metal: equal ones between the first metal and the last, and one of air on each side."""
-    if area < MIN_AREA:
-        moments = shapely.area(metal) * shapely.get_y(shapely.centroid(metal))
-        return _Cut(np.ones(1), np.array([area]), np.array([np.nansum(moments)]))
-    removed = Removed(sweep, metal)
     steps = math.ceil(sweep.length / STEP)
+    if area < MIN_AREA or steps == 1:
+        moments = shapely.area(metal) * shapely.get_y(shapely.centroid(metal))
+        return _Cut(np.ones(1), np.array([area]), np.array([moments.sum()]))
+    removed = Removed(sweep, metal)
     touch = min(TOUCH, 0.1 * area)
     first, last = removed.first_steps(np.array((touch, area - touch)), sweep.length / steps, steps) / steps
     first = max(first - 1.0 / steps, 0.0)
     count = min(math.ceil((last - first) * sweep.length / SLICE), MAX_SLICES)
-    shares = np.unique(np.append(np.linspace(first, last, count + 1), 1.0))
+    shares = np.linspace(first, last, count + 1)
     shares = shares[shares > 0.0]
+    if last < 1.0 or not len(shares):
+        shares = np.append(shares, 1.0)
     areas, moments = removed.areas(sweep.length * shares), removed.moments(sweep.length * shares)
     air = areas <= touch
     areas[air] = moments[air] = 0.0

@@ -35,7 +35,7 @@ class Sweep:
         self.along = np.array((dz, dx))
         self.across = np.array((-dx, dz))
         corners = np.concatenate((shape + start, shape + end))
-        self.area = shapely.convex_hull(shapely.multipoints(shapely.points(corners)))
+        self.area = shapely.convex_hull(shapely.linestrings(corners))
 
 
 class Removed:
@@ -57,7 +57,7 @@ class Removed:
         self._slope = np.where(level, 0.0, (edges.last_across - edges.first_across) / np.where(level, 1.0, rise))
 
         # The front is f(c) = along + tilt * (c - across) in each band, and its integral over c continues from band to band.
-        widths, heights = np.diff(front.across), np.diff(front.along)
+        widths, heights = front.across[1:] - front.across[:-1], front.along[1:] - front.along[:-1]
         tilts = heights / widths
         integrals = np.concatenate(([0.0], np.cumsum(widths * (front.along[:-1] + 0.5 * heights))))
         self._band_across, self._band_along = front.across[band, np.newaxis], front.along[band, np.newaxis]
@@ -156,7 +156,8 @@ def _edges(metal: NDArray[Any], sweep: Sweep) -> _Edges:
     # The first ring of a polygon is its outside. It may be written in either sense.
     crosses = across[1:] * along[:-1] - across[:-1] * along[1:]
     turns_left = np.bincount(ring[within], crosses[within], minlength=len(rings)) > 0.0
-    is_outside = np.diff(polygon_of_ring, prepend=-1) > 0
+    is_outside = np.ones(len(rings), np.bool_)
+    is_outside[1:] = polygon_of_ring[1:] != polygon_of_ring[:-1]
     sign = np.where(turns_left == is_outside, 1.0, -1.0)
     return _Edges(along[:-1][within], across[:-1][within], along[1:][within], across[1:][within], sign[ring[within]])
 
