@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
+from turning_nc.kinds import DRILL, cuts, inside_solid, kinds_of
 from turning_nc.metal import Metal, divided
 from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
-from turning_nc.paths import Path as ToolPath
 from turning_nc.paths import Point, shifted
 from turning_nc.sweep import SAME, Removed, Sweep
 from turning_nc.words import MAX_BYTES, NcError
@@ -39,10 +39,7 @@ CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
 MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
-MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
-GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 MIN_WIDTH, MAX_WIDTH = 0.01, 500.0  # of a grooving tool or a drill [mm]
-DRILL = "drill"
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 
@@ -78,55 +75,6 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     if match[1] == DRILL:  # with a flat end
         return np.array(((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0)))
     return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE))) * (1.0, -1.0 if match[3] else 1.0)
-
-
-def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the kinds of all tools: as given, or as they move.
-
-    A drill cuts along the axis alone, or pecks along Z at one diameter. A grooving tool plunges along X and returns the same way
-    more often than it cuts along Z. A tool that returns nearer to the axis turns inside.
-
-    Raises:
-        NcError: a given tool is not in the program.
-    """
-    known = list(dict.fromkeys(move.tool for move in moves.moves))
-    for name in given:
-        if name not in known:
-            raise NcError(f"tool {name!r} is not in the program, which has {', '.join(known)}")
-    kinds = {}
-    for tool in known:
-        mine = [move for move in moves.moves if move.tool == tool and move.kind != "dwell"]
-        along = pecks = 0
-        plunges = {"": 0, "-inside": 0}
-        vote = 0.0  # for outside
-        cut: ToolPath | None = None  # the last one along Z, while the tool has not returned
-        for move, after in itertools.pairwise([*mine, *mine[-1:]]):
-            (z, x), (end, end_x), (next_z, next_x) = move.path.start, move.path.end, after.path.end
-            if _cuts(move):
-                if abs(end - z) > max(5.0 * abs(end_x - x), 1.0):
-                    cut, along = move.path, along + 1
-                elif cut and abs(end_x - x) > cut.length:  # it faces
-                    cut = None
-                if z == end == next_z < 0.0:
-                    plunges[""] += abs(end_x) < min(abs(x), abs(next_x))
-                    plunges["-inside"] += abs(end_x) > max(abs(x), abs(next_x))
-                pecks += x == end_x == next_x and end < min(z, next_z)
-                if move.cycle_pass and move.line in moves.sides:
-                    side = moves.sides[move.line]
-                    vote += -1e6 if side.name == "inside" else 1e6
-            elif cut and abs(end - z) > 1.0:
-                vote += np.sign(round(abs(x) - abs(cut.end[1]), 6))  # it returns beside the metal
-                cut = None
-        at = {round(2.0 * abs(x), 4) for move in mine if _cuts(move) for x in move.path.reach}
-        drill = DRILL if at == {0.0} else f"{DRILL}:{max(at):g}" if len(at) == 1 and pecks > 1 else ""
-        groove = next((f"groove:{GROOVE:g}{side}" for side, count in plunges.items() if count > along), "")
-        kinds[tool] = given.get(tool) or drill or groove or ("inside" if vote < 0.0 else "outside")
-    return kinds
-
-
-def _cuts(move: Move) -> bool:
-    """Return whether a move is one at feed, and not so fast that it only places the tool."""
-    return move.kind == "feed" and not (move.per_revolution and move.feed.value > MAX_CUTTING_FEED)
 
 
 def read_stock(text: str) -> Any:
@@ -225,7 +173,7 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     A cut that begins beyond the metal is taken to begin ``CLEARANCE`` from it.
     """
     kinds = kinds_of(moves, tools)
-    fed = [move for move in moves.moves if _cuts(move) or move.kind == "thread"] or list(moves.moves)
+    fed = [move for move in moves.moves if cuts(move) or move.kind == "thread"] or list(moves.moves)
     turned = [move for move in fed if not kinds[move.tool].startswith(DRILL)] or fed
     z, x = np.array([point for move in turned for point in (move.path.start, move.path.end)]).T
     z, x = np.where((x == HOME[1]) & (z == HOME[0]), 0.0, (z, x))  # a feed from the reference point
@@ -290,6 +238,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which the stock has no metal.
     """
     kinds = kinds_of(moves, tools)
+    solid = inside_solid(moves, kinds, tools, stock)
+    kinds |= dict.fromkeys(solid, "outside")
     beyond = _beyond_the_axis(moves)
     cutting = _Cutting(stock, kinds, beyond, {move.tool for move in moves.moves if move.kind == "thread"})
     unchecked = set(moves.sides)
@@ -307,6 +257,8 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         for name, kind in kinds.items()
         if kind not in ("outside", DRILL) and name not in tools
     ]
+    hole = "moves as if inside, but the stock has no hole there; so it is taken as outside"
+    notes += [f"tool {name} {hole}: give a tube, or set --tool {name}=KIND" for name in kinds if name in solid]
     part = cutting.left.polygon()
     return Removal(cutting.slices(), stock, part, kinds, cutting.rapids, cutting.gouged(part), tuple(notes))
 
