@@ -24,7 +24,7 @@ from leaderboard.result import Result, ResultError, ResultFile, read_part, write
 from leaderboard.trajectories import Trajectories
 from tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
-from turning_env import Scenario, ScenarioError
+from turning_env import Family, Scenario, ScenarioError
 from turning_env.scoring.sandbox_child import Outline
 from turning_nc.program import Program, read, read_file, write
 from turning_nc.words import NcError
@@ -115,6 +115,13 @@ def _scenario(found: Scenario, folder: Path) -> None:
     assert Scenario.load(folder / "again.toml") == found
 
 
+def _family(found: Family, folder: Path) -> None:
+    assert Family.load(found.portable()) == found
+    job = found.job(3)
+    assert np.isfinite(job.context).all()
+    assert Scenario.load(job.scenario.portable()) == job.scenario
+
+
 def _measurements(table: Measurements, folder: Path) -> None:
     for name, values in table.columns.items():
         assert values.shape == table.lines.shape
@@ -184,10 +191,53 @@ class Reader(NamedTuple):
 
 _OWN_SCENARIO = b'base = "forging"\nname = "mine"\n[limits]\npower = 11.0\n[workpiece]\nbars = 3\n'
 _OWN_TABLE = b'edge,cutting_speed,feed,depth_of_cut,time,wear\r\n"a, 1",150,.3,2,1e1,0.1\r\n,120,0.2,2.5,,\r\n'
+_OWN_FAMILY = b"""
+base = "shift"
+jobs = 8
+held_out_jobs = 8
+shown = ["hardness"]
+
+[variables]
+hardness = { log_normal = [1.0, 0.1], unit = "-", source = "assumption", truth = { log_normal = [1.0, 0.05] } }
+size = { uniform = [90.0, 110.0], unit = "mm", source = "assumption" }
+
+[tables.machine]
+columns = ["rated_power", "torque"]
+source = "assumption"
+held_out = ["large"]
+
+[tables.machine.rows]
+small = [6.5, 200.0]
+usual = [7.0, 250.0]
+large = [7.5, 300.0]
+
+[tables.machine.truth]
+rated_power = { normal = [0.0, 0.01] }
+
+[derived]
+ratio = "minimum(hardness, 1.2) / 1.1"
+
+[fields]
+"material.power.coefficient" = "0.3034 * hardness ** 0.75"
+"workpiece.diameter" = "size"
+"limits.power" = "rated_power * exp(-0.1 * ratio)"
+"sensors.probe" = false
+
+[hidden]
+"mismatch.wear_factor" = "sqrt(hardness)"
+
+[planned]
+"control.initial_cutting_speed" = "maximum(0.9 * best_cutting_speed, 60)"
+
+[splits]
+train = []
+large_machines = ["machine"]
+"""
 READERS = {
     "scenario": Reader(
         ".toml", Scenario.load, ScenarioError, lambda: (Scenario.load("override").to_toml().encode(), _OWN_SCENARIO), _scenario
     ),
+    "family": Reader(".toml", Family.load, ScenarioError, lambda: (_OWN_FAMILY,), _family),
     "measurements": Reader(
         ".csv",
         read_measurements,

@@ -216,6 +216,10 @@ class Family(Section):
             raise ScenarioError(f"{source}: " + "; ".join(faults)) from error
         return family
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether all values are equal, whichever jobs have been drawn."""
+        return isinstance(other, Family) and self.model_dump() == other.model_dump()
+
     def __reduce__(self) -> Any:
         """Pickle the family without its jobs."""
         return Family.load, (self.portable(),)
