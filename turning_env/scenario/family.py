@@ -18,7 +18,7 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import NonNegativeFloat, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
 
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, sine_and_cosine
@@ -27,15 +27,18 @@ from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.formula import evaluate
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
 from turning_env.scenario.scenario import always_told, complaints_of, flat, merged, nested, shipped, table_of
-from turning_env.scenario.section import Section, names_instead
+from turning_env.scenario.section import Section, declared_ranges, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
 
 _FAMILIES = shipped("families")
+_SCHEMA = "python -m turning_env schema"
 _SHIPPED = _FAMILIES, "family", "families()"
+_RANGES = declared_ranges(Scenario)
 CHUNK = 256
 """Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
+MAX_JOBS = 2**32
 MAX_RATIO = 1e300  # of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact beyond
 MAX_LOG_SPREAD = 100.0  # largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
@@ -125,6 +128,23 @@ def _finite(place: str, values: Any) -> Any:
     return values
 
 
+def _in_range(fields: Values, jobs: int) -> NDArray[np.bool_]:
+    """Return in which jobs all fields are within their ranges, shape (jobs,).
+
+    Raise ValueError if a field that has one value in all jobs is outside.
+    """
+    inside = np.ones(jobs, np.bool_)
+    for name, (low, high, unit) in _RANGES.items():
+        if name not in fields:
+            continue
+        value = fields[name]
+        within = np.logical_and(low <= value, value <= high)
+        if np.ndim(value) == 0 and not within:
+            raise ValueError(f"{name}: {value} is outside the allowed range {low} to {high} {unit}")
+        inside &= within
+    return inside
+
+
 class Job(NamedTuple):
     """A job: the true scenario, which also holds its nominal model, and the plan of the nominal model."""
 
@@ -143,6 +163,7 @@ class Draw:
     plan: Plan
     fields: tuple[Values, Values]  # nominal and true values by dotted names
     features: dict[str, Array]  # context before standardisation
+    in_range: NDArray[np.bool_]  # whether all fields are within the ranges that scenarios allow
 
 
 def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
@@ -166,8 +187,8 @@ class Family(Section):
 
     name: str
     base: str = "shift"  # preset with the values of all fields that are not drawn
-    jobs: int = 4096  # number of training jobs
-    held_out_jobs: int = 256  # number of jobs of every other split
+    jobs: int = Field(default=4096, ge=1, le=MAX_JOBS)  # number of training jobs
+    held_out_jobs: int = Field(default=256, ge=1, le=MAX_JOBS)  # number of jobs of every other split
     held_out_key: str = ""  # text that determines the jobs of every other split, with their names and numbers
     variables: dict[str, Variable]
     tables: dict[str, Table] = {}  # noqa: RUF012
@@ -191,6 +212,35 @@ class Family(Section):
                 if name not in self.tables or not self.tables[name].held_out:
                     raise ValueError(f"splits.{split}: no table {name!r} has held-out rows")
         return self
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> Self:
+        drawn = [*self.variables, *(column for table in self.tables.values() for column in table.columns), *self.derived]
+        for name in self.shown:
+            if name not in drawn:
+                raise ValueError(f"shown: there is no variable {name!r}; {names_instead(name, drawn, 'the variables')}")
+        for table in ("fields", "hidden", "planned"):
+            for name, value in getattr(self, table).items():
+                self._check_field(f"{table}.{name}", name, value)
+        return self
+
+    def _check_field(self, place: str, name: str, value: float | bool | str) -> None:
+        """Raise ValueError unless a scenario has the field, and the value may be of its type."""
+        if name not in self._base:
+            raise ValueError(f"{place}: {self._no_field(name)}")
+        usual = self._base[name]
+        if not isinstance(usual, bool | int | float):
+            raise ValueError(f"{place}: only numbers are drawn, but this field has {usual!r}: set it in a scenario for ``base``")
+        if isinstance(usual, bool) != isinstance(value, bool):
+            allowed = "true or false" if isinstance(usual, bool) else "a number or a formula"
+            raise ValueError(f"{place}: {value!r} is not allowed: it must be {allowed}")
+
+    def _no_field(self, name: str) -> str:
+        """Return what is wrong with the name of a field that no scenario has."""
+        section, _, last = name.rpartition(".")
+        known = [field.removeprefix(f"{section}.") for field in self._base if field.startswith(f"{section}.")]
+        instead = names_instead(last, known, _SCHEMA) if known else names_instead(name, self._base, _SCHEMA)
+        return f"a scenario has no field {name!r}; {instead}"
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
@@ -309,10 +359,14 @@ class Family(Section):
         attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
         while pending.size:
             draw = self._attempt(split, numbers[pending], attempts[pending])
-            pending = pending[~makes_sense(draw.true, draw.plan)]
+            pending = pending[~(draw.in_range & makes_sense(draw.true, draw.plan))]
             attempts[pending] += np.uint64(1)
             if attempts.max() > _MAX_ATTEMPTS:
-                raise ValueError(f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: check ranges and limits")
+                outside = [name for name in self.fields if not _in_range({name: draw.fields[0][name]}, len(draw.in_range)).all()]
+                where = f"; outside their ranges are {', '.join(outside)}" if outside else ""
+                raise ValueError(
+                    f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: check ranges and limits{where}"
+                )
         return self._attempt(split, numbers, attempts)
 
     def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
@@ -336,6 +390,7 @@ class Family(Section):
             true[name] = _finite(f"{name}.truth", truth.true_values(told[name], uniforms[f"{name}.truth"]))
 
         nominal_fields = {name: evaluate(f"fields.{name}", formula, told) for name, formula in self.fields.items()}
+        in_range = _in_range(nominal_fields, len(numbers))
         plan = plan_of(self.columns(nominal_fields), len(numbers))
         planned = {"best_cutting_speed": plan.speed[:, MIDDLE], "best_feed": plan.feed[:, MIDDLE]}
         planned |= {"best_life": plan.life[:, MIDDLE], "best_removal_rate": plan.removal_rate}
@@ -349,8 +404,15 @@ class Family(Section):
         for name, formula in self.hidden.items():
             true_fields[name] = evaluate(f"hidden.{name}", formula, true | planned)
         nominal = self.columns(nominal_fields)
-        fields, context = (nominal_fields, true_fields), features(nominal, plan) | {name: told[name] for name in self.shown}
-        return Draw(self.columns(true_fields), nominal, plan, fields, context)
+        in_range &= _in_range(nominal_fields, len(numbers)) & _in_range(true_fields, len(numbers))
+        return Draw(
+            true=self.columns(true_fields),
+            nominal=nominal,
+            plan=plan,
+            fields=(nominal_fields, true_fields),
+            features=features(nominal, plan) | {name: told[name] for name in self.shown},
+            in_range=in_range,
+        )
 
 
 def _stacked(numbers: Mapping[str, Any]) -> Array:

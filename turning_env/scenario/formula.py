@@ -20,6 +20,7 @@ MAX_LENGTH = 1000  # characters; the longest formula that ships has 143
 MAX_DEPTH = 100  # levels of brackets, signs and operators: a sum of n terms has n
 MAX_EXPONENT = 708.0  # largest absolute argument of exp that ``numerics.functions`` takes
 MIN_POSITIVE = sys.float_info.min  # smallest argument of log
+MAX_EXACT = 2**53  # up to which a number holds every whole number
 _SHOWN = 80  # characters of a formula that an error quotes
 _CHARACTERS = re.compile(r"[\w\s.+\-*/(),]*")
 
@@ -97,7 +98,8 @@ class _Reader:
         # Not ``float(number)``: a whole number may be too large to be one.
         if abs(number) > sys.float_info.max:
             self.refuse("a number is too large: allowed are numbers up to 1.79e308", node)
-        return number
+        # A whole number stays one, for fields that count, as long as every number can hold it.
+        return number if abs(number) <= MAX_EXACT else float(number)
 
     def _variable(self, node: ast.AST, name: str) -> Any:
         if name not in self._variables:

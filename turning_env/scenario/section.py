@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
@@ -65,3 +65,23 @@ class Section(BaseModel):
             if name.endswith("_min") and (low := getattr(self, name)) > (high := getattr(self, other)):
                 raise ValueError(f"{name} is {low}, but must not exceed {other}, which is {high}")
         return self
+
+
+class Range(NamedTuple):
+    """The allowed range of a quantity, ends included."""
+
+    low: float
+    high: float
+    unit: str
+
+
+def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, Range]:
+    """Return the range of every quantity of a section and of the sections in it, by dotted names."""
+    ranges: dict[str, Range] = {}
+    for name, field in section.model_fields.items():
+        declared: Any = field.json_schema_extra
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            ranges |= declared_ranges(field.annotation, f"{prefix}{name}.")
+        elif isinstance(declared, dict) and "unit" in declared:
+            ranges[prefix + name] = Range(declared["minimum"], declared["maximum"], declared["unit"])
+    return ranges
