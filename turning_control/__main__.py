@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     show = command("demo", _demo, "run policies through LinuxCNC")
     show.add_argument(
-        "--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object or ONNX files that you trust"
+        "--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object that you trust, or ONNX files"
     )
     show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
 
@@ -58,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
             "--policy",
             required=True,
             metavar="POLICY",
-            help="as for demo; a file or module runs in a process of its own, no sandbox",
+            help="as for demo; a file plays in a sandbox, a module in a process with your rights",
         )
         each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
     linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")

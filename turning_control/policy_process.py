@@ -4,8 +4,8 @@
 number, and an answer with the same number. A policy that does not answer in time, fails or has ended raises an error in ``act``,
 which the shield answers with the safe feed.
 
-The process of an ONNX file may take ``MEMORY`` more memory than it has at its start, and may not write files (on Linux). It may
-read files and open connections: it runs as the user who started the control, and is no sandbox.
+An ONNX file plays in one more process, which can read and write no file (``turning_env/scoring/sandbox.py``). A module is code of
+the user's own: its process may do what the user may who started the control.
 """
 
 import contextlib
@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 from turning_control.streams import standard_streams_taken
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
+from turning_env.scoring.sandbox import Limits
 
-MEMORY = 2 * 2**30  # memory that an ONNX file's process may take beside that at its start [bytes]
 LOADING = 120.0  # time in which a policy must load and answer for the first time [s]
 HUNG = 10.0  # time without an answer after which a policy's process is ended [s]
+FILE_LIMITS = Limits(answer=HUNG, start=LOADING, computing=0)  # of an ONNX file; any processor time, as a control runs for weeks
 MAX_ANSWER = 2**20  # length of an answer above which it is refused [bytes]
 
 
@@ -173,9 +174,7 @@ def main(name: str, num_envs: int) -> None:
 
 def _serve(name: str, num_envs: int, requests: TextIO, answers: TextIO) -> None:
     try:
-        if name.endswith(".onnx"):
-            _limit_memory_and_files()
-        policy = as_factory(name)(num_envs)
+        policy = as_factory(name, FILE_LIMITS)(num_envs)
     except Exception as error:  # a policy may fail in any way
         _say(answers, {"failed": _text(error)})
         return
@@ -214,24 +213,6 @@ def _end_with_parent() -> None:
     if sys.platform == "linux":
         parent_death_signal = 1  # PR_SET_PDEATHSIG of prctl(2)
         ctypes.CDLL(None).prctl(parent_death_signal, signal.SIGKILL)
-
-
-def _limit_memory_and_files() -> None:
-    """Limit this process's memory, and forbid it to write files, after all that it needs is imported."""
-    try:
-        import resource
-    except ImportError:  # Windows has no such limits
-        return
-    from turning_env.scoring import onnx_session
-
-    onnx_session.runtime()
-    limits = {resource.RLIMIT_CORE: 0, resource.RLIMIT_FSIZE: 0}
-    with contextlib.suppress(OSError):  # macOS has no such file, and no limit of memory
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        limits[resource.RLIMIT_AS] = pages * resource.getpagesize() + MEMORY
-    for kind, most in limits.items():
-        with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(kind, (most, most))
 
 
 def loads_code_or_a_file(name: str) -> bool:

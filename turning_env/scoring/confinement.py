@@ -65,9 +65,12 @@ def _limit_resources(memory: int, computing: int) -> bool:
         # The soft limit ends the process with a signal that says why.
         limits[resource.RLIMIT_CPU] = (computing, computing + 5)
     taken = True
-    for kind, values in limits.items():
+    for kind, (soft, hard) in limits.items():
+        # A lower limit that the parent has cannot be raised, and need not be.
+        allowed = resource.getrlimit(kind)[1]
+        highest = hard if allowed == resource.RLIM_INFINITY else min(hard, allowed)
         try:
-            resource.setrlimit(kind, values)
+            resource.setrlimit(kind, (min(soft, highest), highest))
         except (ValueError, OSError):  # macOS has no limit of memory
             taken = False
     return taken
