@@ -58,7 +58,7 @@ setup: .venv/run
 
 # Train an agent, play it, and rank it with every policy that ships: their results need not be played again.
 leaderboard: .venv/run
-	run=$$($(TRAIN) --seed 0) && $(RUN) --agents $$(dirname $$run)
+	run=$$($(TRAIN) --seed 0) && $(RUN) --replace --agents $$(dirname $$run)
 
 # Train the agents that ship anew by the commands on their cards, two at a time, and export them and their learning curves (a very short training
 # has none).
@@ -95,7 +95,7 @@ results: .venv/run
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \
 		.venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) $$seeds \
-			--keep-names --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
+			--keep-names --replace --agents $$(ls $(SHIPPED)/$$env/*/*.onnx 2> /dev/null); \
 	done
 	.venv/bin/python -m leaderboard cards --results $(SHIPPED_RESULTS) --agents $(SHIPPED)
 	.venv/bin/python -m leaderboard pack --results $(SHIPPED_RESULTS)

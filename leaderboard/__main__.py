@@ -40,6 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     """Play policies on held-out seeds, then print the ranking and write the page. Results that exist are kept.
 
+    Results of agents are named after their files: team1.onnx, or team1-seed3.onnx for one of several training seeds. An agent
+    that is refused or fails stops no other: the command lists the reasons and ends with status 2.
+
     An empty folder starts with the results that come with the project, if they are of the same scenario and seeds. Of
     RoughTurning-Family-v0, each seed is a job; controllers are built from each job's nominal model.
 
@@ -49,30 +52,32 @@ def _run(options: argparse.Namespace) -> None:
     python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws --seeds 16
     """
     tasks = [_private(task, options.private_key) if options.private_key else (task, None) for task in _tasks(options)]
-    runs, too_slow = [], dict[Path, ResultError]()
+    runs, refused = [], policies.Refusals()
     for task, private in tasks:  # load all policies first, so that errors are found before anything is played
         tuned_on = None if task is tasks[0][0] else tasks[0][0].scenario
         agents = policies.agents(
-            options.agents, task, options.name, options.keep_names, options.agent_time, too_slow, options.forgets
+            options.agents, task, options.name, options.keep_names, options.agent_time, refused, options.forgets
         )
         own = [policies.own_policy(options.policy, task, options.name)] if options.policy else []
+        if {spec.label for spec in own} & {spec.label for spec in agents}:
+            raise ResultError(f"{options.policy} and an agent's file are both called {own[0].label}: rename the file")
         rules = policies.named(options.policies, task, tuned_on, True, options.knows, options.forgets)
         if not (chosen := [*rules, *agents, *own]):
             nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
-            raise ResultError("; ".join(map(str, [*too_slow.values(), nothing])))
+            raise ResultError(_failures([*refused.values(), ResultError(nothing)]))
         runs.append(run.TaskRun(task, chosen, result_folder(options.results, task.env_id, task.scenario.name), private))
-    failed: list[ResultError] = [*too_slow.values()]
+    failed = list(refused.values())
     with workers(options.jobs, options.scheduler) as over:
         for each in runs:
             start_results(each.folder, each.task)
         try:
-            run.play_all(runs, options.fresh, over)
+            run.play_all(runs, options.fresh, over, replace=options.replace)
         except run.PoliciesFailed as error:
-            failed.append(error)
+            failed += error.reasons
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})
     except ResultError as error:
-        raise ResultError("; ".join(map(str, failed or [error]))) from None
+        raise ResultError(_failures(failed or [error])) from None
     asked = {task.digest for task, _ in tasks}
     played = [each for each in leaderboards if each.task.digest in asked]
     _print(played, options.json)
@@ -84,7 +89,14 @@ def _run(options: argparse.Namespace) -> None:
     for line in (line for each in played for line in table.agent_places(each, labels)):
         print(line, file=notes)
     if failed:
-        raise ResultError("; ".join(map(str, failed)))
+        raise ResultError(_failures(failed))
+
+
+def _failures(reasons: Sequence[ResultError]) -> str:
+    """Return the reason why a policy did not play, or a list of several."""
+    if len(reasons) == 1:
+        return str(reasons[0])
+    return "\n".join([f"{len(reasons)} reasons:", *(f"- {reason}" for reason in reasons)])
 
 
 def _tasks(options: argparse.Namespace) -> list[Task]:
@@ -284,7 +296,8 @@ def _parser() -> argparse.ArgumentParser:
     name = _like(NAME, "a name of at most 128 letters, digits, _, . and -")
     which = "a policy of your own code, such as my_module:MyPolicy; played again each time"
     add("--policy", type=own_code, metavar="MODULE:OBJECT", help=which)
-    add("--name", type=name, help="name of your own agents or policy (default: their own, after my_ if a shipped agent has it)")
+    which = "name of your own agents or policy (default: that of the file or object, after my_ if a policy of the project has it)"
+    add("--name", type=name, help=which)
     add("--keep-names", action="store_true", help="let agents take the names of those that come with the project")
     which = "processor time [s] that an agent's file may use for all seeds; a slower one is skipped (default: 600)"
     add("--agent-time", type=positive, metavar="SECONDS", help=which)
@@ -293,6 +306,8 @@ def _parser() -> argparse.ArgumentParser:
     which = "number of held-out seeds on each split (default: 32)"
     add("--split-seeds", type=_seeds, default="32", metavar="SEEDS", help=which)
     add("--fresh", action="store_true", help="play again, even if results exist")
+    which = "let a policy take the place of another file's result, or other code's, of the same name (default: refuse it)"
+    add("--replace", action="store_true", help=which)
     add("--split", metavar="NAME", help="split of a family (default: unseen_jobs)")
     which = "what controllers of a family are built from: nominal models, or these with the true wear law or all true laws"
     add("--knows", choices=("nominal", "true_wear", "true_forms", "true_laws"), default="nominal", help=which)

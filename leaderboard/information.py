@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from train.agents.agent_file import MAX_STEPS
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec
 
@@ -109,4 +110,6 @@ def _algorithm(command: str | None) -> str | None:
 
 
 def _whole(parameters: Mapping[str, object], name: str) -> int | None:
-    return value if type(value := parameters.get(name)) is int else None
+    """Return a whole number that a file states; None if it states none, or one that no training has."""
+    value = parameters.get(name)
+    return value if type(value) is int and 0 <= value <= MAX_STEPS else None

@@ -1,6 +1,7 @@
 """The policies that play a task: controllers and oracles by name, agents' files, and one's own code."""
 
 import hashlib
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,10 +16,12 @@ from baselines.oracles import clairvoyant, perfect_state
 from leaderboard import family
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.result import ResultError, Task, tell_once
+from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
-from train.agents.onnx_policy import LIMITS, TooSlow
+from train.agents.onnx_policy import LIMITS
 from turning_env import Scenario
+from turning_env.console import printable
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
@@ -142,48 +145,109 @@ def one_named(
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
 
+Refusals = dict[Path, ResultError]
+"""Paths of agents that do not play, and the reasons."""
+
+
 def agents(
     paths: Sequence[Path],
     task: Task,
     name: str | None = None,
     keep: bool = True,
     seconds: int | None = None,
-    too_slow: dict[Path, ResultError] | None = None,
+    refused: Refusals | None = None,
     forgets: bool = False,
 ) -> list[PolicySpec]:
     """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
 
+    Those that do not come with the project are named after their files: see ``leaderboard.submissions``.
+
     Args:
         paths: files and folders.
         task: what they play.
-        name: the name of those that do not come with the project; None: what their files say.
+        name: the name of those that do not come with the project; None: that of their files.
         keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
         seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.onnx_policy.LIMITS``.
-        too_slow: files that give no actions in time, which are left out; those that are found are added. None: raise.
+        refused: agents that are left out; those that cannot play, for whatever reason, are added. None: raise the first reason.
         forgets: see ``PolicySpec``; of families only.
 
     Raises:
         ResultError: a path holds no agent, or one that cannot play the task; two have the same name and training seed; the name
             is that of another policy.
     """
-    specs: dict[str, PolicySpec] = {}
-    for path in (each for each in paths if each not in (too_slow or {})):
+    loaded = []
+    for path in {os.path.abspath(path): path for path in paths}.values():
+        if path in (refused or {}):
+            continue
         try:
             spec = fitted(agent(path, seconds), task, forgets)
-        except (OSError, ValueError) as error:
-            if isinstance(error, TooSlow) and too_slow is not None:
-                too_slow[path] = ResultError(f"skipped: {error}")
-                continue
-            raise ResultError(f"no agent can be loaded from {path}: {error}") from error
-        if is_own(spec) and not keep:
-            spec = PolicySpec.model_validate(dict(spec) | {"name": _own_name(path, spec.name, name)})
-        if spec.label in specs:
-            raise ResultError(
-                f"{path} holds {spec.label}, which another of the given agents is too: play one after the other, each with a "
-                "--name of its own, or export it again by python -m train.export --name"
-            )
-        specs[spec.label] = spec
-    return list(specs.values())
+            loaded.append(Submission(path=path, policy=_submitted(spec, path, name, keep)))
+        except ModuleNotFoundError:  # a package is not installed: the fault of no agent
+            raise
+        except Exception as error:  # a stranger's file may lead to any error, and must not stop the others
+            if refused is None and not isinstance(error, OSError | ValueError):
+                raise
+            _refuse(path, f"no agent can be loaded from {printable(str(path))}: {reason_of(error)}", refused, error)
+    return _distinct(loaded, name, refused)
+
+
+def _submitted(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
+    """Return an agent under its name on the leaderboard; ValueError if it cannot have one."""
+    if not is_own(spec):
+        return spec
+    if (path / "run.json").exists():  # a training of one's own, which has named itself
+        found, seed = spec.name, spec.training_seed or 0
+    else:
+        file = FileName.of(path, given)
+        found, seed = file.name, file.seed
+    return renamed(spec, (given or found) if keep else _own_name(path, found, given), seed)
+
+
+def _distinct(loaded: Sequence[Submission], name: str | None, refused: Refusals | None) -> list[PolicySpec]:
+    """Return agents of different labels: those of one name get that of their folder before it; refuse what is still the same."""
+    clashing = clashing_names(loaded) if name is None else set()
+    specs: dict[str, Submission] = {}
+    for submission in loaded:
+        policy = submission.policy
+        try:
+            if policy.name in clashing and is_own(policy):
+                submission = with_folder(submission)
+                policy = submission.policy
+            first = specs.setdefault(policy.label, submission)
+            if first is not submission and (is_own(policy) or first.policy.sha256 != policy.sha256):
+                raise ValueError(f"{printable(str(first.path))} is {policy.label} too: rename one, or play each with a --name")
+        except ValueError as error:
+            _refuse(submission.path, f"{printable(str(submission.path))} is refused: {error}", refused, error)
+    return [submission.policy for submission in specs.values()]
+
+
+def _refuse(path: Path, reason: str, refused: Refusals | None, error: Exception) -> None:
+    """Add an agent to those that are refused, with a notice on stderr; raise ResultError if they are not collected."""
+    complaint = ResultError(reason)
+    if refused is None:
+        raise complaint from error
+    refused[path] = complaint
+    tell_once(f"refused: {complaint}")
+
+
+def reason_of(error: Exception) -> str:
+    """Return an error's message for a list of refusals, in one line; with its type if it is not one that explains itself."""
+    if isinstance(error, OSError) and error.filename is not None:
+        message = str(error.strerror)
+    elif isinstance(error, OSError | ValueError):
+        message = str(error)
+    else:
+        message = f"{type(error).__name__}: {error}"
+    return printable(message)
+
+
+def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
+    """Return whether a result of the same label is that of another file or other code, which a new one must not replace."""
+    if present.kind != "agent" and new.kind != "agent":
+        return False  # versions of one rule
+    if is_code(present) and is_code(new):
+        return present.command != new.command
+    return present.sha256 != new.sha256
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
@@ -226,10 +290,10 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
 
 
 def _own_name(source: object, found: str, given: str | None) -> str:
-    """Return the name of one's own policy: the given one, else its own, after ``my_`` if a shipped agent has that."""
-    taken = shipped_agents().values()
+    """Return the name of one's own policy: the given one, else its own, after ``my_`` if a policy of the project has that."""
+    taken = {*shipped_agents().values(), *catalogue.RULES, CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM}
     name = given or (f"my_{found}" if found in taken else found)
-    if name in (*taken, *catalogue.RULES, CLAIRVOYANT, CAUSAL):
+    if name in taken:
         raise ResultError(f"{source} cannot be called {name}, as another policy is: choose another --name")
     if given is None and name != found:
         tell_once(f"{source} plays as {name}, as {found} comes with the project; --name gives it another name")

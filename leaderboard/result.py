@@ -32,7 +32,7 @@ from turning_env import MODEL_VERSION
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes
+from turning_env.scoring.play import EPISODE_FIELDS, EXCESS_TIMES, Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 SCHEMA: Literal["rough-turning/results/5"] = "rough-turning/results/5"
@@ -42,6 +42,8 @@ MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 RESULTS = Path(__file__).parent / "results"  # the results that come with the project
 MAX_BYTES = 200_000_000  # largest size of a file, uncompressed
+SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TIMES)
+"""The fields of an episode that results keep; of ``EXCESS_TIMES`` they keep sums alone, see ``ExcessShares``."""
 FAMILY_FIELDS = ("return", "reward_metal", "steps", "engaged_time", "overload_time", "severe_overload_time")
 """The fields of an episode that results on a family keep: volumes and edges of different jobs do not add up."""
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
@@ -103,7 +105,7 @@ class Task(Part):
     @property
     def fields(self) -> tuple[str, ...]:
         """Return the fields of an episode that results keep."""
-        return FAMILY_FIELDS if self.of_family else EPISODE_FIELDS
+        return FAMILY_FIELDS if self.of_family else SCENARIO_FIELDS
 
     @property
     def home(self) -> str:
@@ -117,6 +119,20 @@ class Task(Part):
         return digest_of([digest, self.of_family.family.digest, self.of_family.split]) if self.of_family else digest
 
 
+class ExcessShares(Part):
+    """Shares of a policy's cutting time on a task with an excess over a limit above 2 % and above 10 % [-]."""
+
+    above_2_percent: float = Field(ge=0.0, le=1.0)
+    above_10_percent: float = Field(ge=0.0, le=1.0)
+
+    @classmethod
+    def of(cls, episodes: Episodes) -> Self:
+        """Return the shares of episodes that have just been played; 0 without cutting."""
+        engaged = float(np.sum(episodes["engaged_time"])) or 1.0
+        over_2, over_10 = (min(float(np.sum(episodes[name])) / engaged, 1.0) for name in EXCESS_TIMES)
+        return cls(above_2_percent=over_2, above_10_percent=over_10)
+
+
 class Result(Part):
     """One policy's episodes on one task."""
 
@@ -125,6 +141,7 @@ class Result(Part):
     episodes: dict[str, list[float]]  # values by name in task.fields, one per seed
     versions: dict[str, str]  # versions of packages that played it; they do not identify the result
     checksum: str  # SHA-256 of task, policy and episodes
+    excess: ExcessShares | None = None  # a summary beside the episodes, which older results lack
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
@@ -143,11 +160,18 @@ class Result(Part):
         """Return the result of episodes that have just been played: arrays of shape (seeds,) for each of ``task.fields``."""
         values = {name: episodes[name].tolist() for name in task.fields}
         versions = {name: version(name) for name in _RECORDED_VERSIONS}
-        return cls(task=task, policy=policy, episodes=values, versions=versions, checksum=_checksum(task, policy, values))
+        return cls(
+            task=task,
+            policy=policy,
+            episodes=values,
+            versions=versions,
+            checksum=_checksum(task, policy, values),
+            excess=ExcessShares.of(episodes),
+        )
 
     def same_as(self, other: "Result") -> bool:
         """Return whether task, policy and every number are the same, whatever else the files say."""
-        return self.is_of(other.task, other.policy) and self.episodes == other.episodes
+        return self.is_of(other.task, other.policy) and (self.episodes, self.excess) == (other.episodes, other.excess)
 
     def is_of(self, task: Task, policy: PolicySpec) -> bool:
         """Return whether this is the result of a policy on a task."""
@@ -158,12 +182,18 @@ def _checksum(task: Task, policy: PolicySpec, episodes: dict[str, list[float]]) 
     return digest_of([task.digest, policy.identity, episodes])
 
 
+def _without_task(result: Result) -> dict[str, Any]:
+    """Return a result's values for a file that states the task once."""
+    absent = {"excess"} if result.excess is None else set()
+    return result.model_dump(exclude={"task"} | absent)
+
+
 class ResultFile(Part):
     """A file of results on one task."""
 
     schema_: Literal["rough-turning/results/5"] = Field(alias="schema", default=SCHEMA)
     task: Task
-    results: list[Annotated[Result, PlainSerializer(lambda result: result.model_dump(exclude={"task"}))]]
+    results: list[Annotated[Result, PlainSerializer(_without_task)]]
 
     @model_validator(mode="before")
     @classmethod

@@ -1,5 +1,6 @@
 """Play policies on a task and write their results, each as it finishes."""
 
+import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from leaderboard.policies import is_code
+from leaderboard.policies import is_code, is_of_another, reason_of
 from leaderboard.ranking import read_if_usable, read_leaderboard
 from leaderboard.result import (
     TRAJECTORIES_FILE,
@@ -25,6 +26,7 @@ from leaderboard.result import (
 from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
 from turning_env import Scenario
+from turning_env.console import printable
 from turning_env.files import folder_lock
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
@@ -42,8 +44,19 @@ def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable
         if spec.compute is not None:
             return dict(spec.compute(scenario, seeds, on_step))
         return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
-    except ValueError as error:
-        return ResultError(f"{spec.label} cannot play: {error}")
+    except Exception as error:
+        return _failure(spec, "cannot play", error)
+
+
+def _failure(spec: PolicySpec, what: str, error: Exception) -> ResultError:
+    """Return why a policy has failed. Raise the error if it is a fault of the project: of a rule, other than a ValueError."""
+    if isinstance(error, ValueError):
+        return ResultError(f"{spec.label} {what}: {printable(str(error))}")
+    if spec.kind != "agent":
+        raise error
+    # An agent, or a policy of one's own code, may raise anything, and must not stop the others.
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return ResultError(f"{spec.label} {what}: {reason_of(error)} ({place.filename}, line {place.lineno})")
 
 
 @dataclass(frozen=True)
@@ -72,8 +85,12 @@ def private_seeds(key: str, count: int) -> list[int]:
 class PoliciesFailed(ResultError):
     """Some policies could not play; the others have."""
 
+    def __init__(self, reasons: Sequence[ResultError]) -> None:
+        super().__init__("\n".join(map(str, reasons)))
+        self.reasons = reasons
 
-def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) -> None:
+
+def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None, *, replace: bool = False) -> None:
     """Have all policies of all runs play, and write each result as it is finished.
 
     Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code do not. Then the
@@ -83,19 +100,26 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None) 
         runs: policies and their tasks.
         fresh: whether to play again if a result exists.
         over: processes or a cluster, each playing one policy on one task at a time; None: this process. Results are the same.
+        replace: whether the result of another file, or of other code, of the same name makes way. If not, it stands, and the
+            policy is refused.
 
     Raises:
-        PoliciesFailed: some policies cannot play; says which and why. All others have played.
+        PoliciesFailed: some policies cannot play, or are refused; says which and why. All others have played.
         WorkersError: the workers have gone, or do not run this version.
         OSError: a folder cannot be written to.
     """
     with ExitStack() as held:
         for each in runs:
             held.enter_context(folder_lock(each.folder, shared=True))
-        _play_all(runs, fresh, over)
+        _play_all(runs, fresh, over, replace)
 
 
-def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> None:
+def _play_all(asked: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool) -> None:
+    runs, complaints = [], list[ResultError]()
+    for each in asked:
+        admitted, refused = _admitted(each, replace_others)
+        runs.append(admitted)
+        complaints += refused
     pieces: list[tuple[tuple[TaskRun, PolicySpec], tuple[PolicySpec, Scenario, Sequence[int]]]] = []
     for each in runs:  # check all folders before anything is played
         finished = _finished(each)
@@ -116,13 +140,14 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
 
         failed: dict[tuple[Path, str], ResultError] = {}
         for (each, spec), played in spread(over, attempt if over else play_here, pieces):
-            if isinstance(played, ResultError):
-                failed[each.folder, spec.label] = played
+            result = played if isinstance(played, ResultError) else _result(each.task, spec, played)
+            if isinstance(result, ResultError):
+                failed[each.folder, spec.label] = result
             else:
-                write_result(Result.of(each.task, spec, played), each.folder)
+                write_result(result, each.folder)
             done += len(each.seeds)
             bar.update(done - bar.n)
-    complaints = list(failed.values())
+    complaints += failed.values()
     for each in runs:
         able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
         if able and each.private is None and not each.task.of_family:  # a trajectory would reveal private bars
@@ -131,7 +156,32 @@ def _play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None) -> Non
             with folder_lock(each.folder.parent, wait=True):
                 write_manifest(each.folder, each.task)
     if complaints:
-        raise PoliciesFailed("; ".join(map(str, complaints)))
+        raise PoliciesFailed(complaints)
+
+
+def _result(task: Task, spec: PolicySpec, episodes: Episodes) -> Result | ResultError:
+    """Return the result of episodes, or why they are none: a policy may drive the simulation to numbers that are not finite."""
+    try:
+        return Result.of(task, spec, episodes)
+    except ValueError as error:
+        return _failure(spec, "has played, but its episodes are no result", error)
+
+
+def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultError]]:
+    """Return a run without the policies whose result would take the place of another's, and the reasons."""
+    present = read_results(run.folder)
+    policies, refused = [], []
+    for spec in run.policies:
+        other = present.get(spec.label)
+        if other is None or not is_of_another(other.policy, spec):
+            policies.append(spec)
+        elif replace_others:
+            tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way")
+            policies.append(spec)
+        else:
+            reason = f"{spec.label} in {run.folder} is the result of another agent, which stands: --replace lets this one take "
+            refused.append(ResultError(f"{reason}its place; --name, or another name of the file, keeps both"))
+    return replace(run, policies=policies), refused
 
 
 def _finished(run: TaskRun) -> set[str]:
@@ -150,8 +200,6 @@ def _finished(run: TaskRun) -> set[str]:
             continue
         if result.is_of(run.task, spec):
             finished |= {spec.label} if not is_code(spec) else set()
-        elif spec.kind == "agent":
-            tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way; --name keeps both")
     return finished
 
 
@@ -198,5 +246,5 @@ def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultE
     spec, scenario, seed = piece
     try:
         return record(spec, scenario, seed)
-    except ValueError as error:
-        return ResultError(f"{spec.label} cannot play seed {seed}: {error}")
+    except Exception as error:
+        return _failure(spec, f"cannot play seed {seed}", error)

@@ -18,7 +18,17 @@ from tqdm import tqdm
 from baselines.oracles import clairvoyant
 from leaderboard.family import family_of
 from leaderboard.policies import CLAIRVOYANT, agent_files, agents, one_named
-from leaderboard.result import MANIFEST_FILE, Entry, Manifest, Result, ResultError, read_part, read_results, write_whole
+from leaderboard.result import (
+    MANIFEST_FILE,
+    Entry,
+    ExcessShares,
+    Manifest,
+    Result,
+    ResultError,
+    read_part,
+    read_results,
+    write_whole,
+)
 from leaderboard.run import Attempt, attempt
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import Episodes
@@ -208,6 +218,9 @@ def differences(result: Result, episodes: Episodes, places: Sequence[int]) -> li
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))
             complaints.append(f"{name} differs for {int(other.sum())} of {len(other)} seeds, by up to {largest:g}")
+    whole = len(places) == len(result.task.seeds)
+    if whole and result.excess is not None and result.excess != ExcessShares.of(episodes):
+        complaints.append(f"excess is {result.excess}, but comes back as {ExcessShares.of(episodes)}")
     return complaints
 
 

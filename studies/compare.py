@@ -39,7 +39,7 @@ from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import Mistake, described, exits
 from turning_env.files import digest_of, replace_file
-from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
+from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
@@ -269,8 +269,8 @@ class Row:
     def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
         self.name, self._bootstrap = name, bootstrap
         self.scenarios = {
-            scenario: {field: np.stack([each.episodes[scenario][field] for each in trained]) for field in EPISODE_FIELDS}
-            for scenario in trained[0].episodes
+            scenario: {field: np.stack([each.episodes[scenario][field] for each in trained]) for field in fields}
+            for scenario, fields in trained[0].episodes.items()
         }
         self._own = next(iter(self.scenarios.values()))
         self._seconds = [each.seconds for each in trained if each.seconds is not None]

@@ -148,10 +148,11 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
     `wear` [mm], `wear_factor` [-], `edge_strength` [N], `thrust_force` and `measured_thrust_force` [N], `power` and
     `measured_power` [kW], `measured_servo_current` [A], `roughness` and `roughness_reference` [um], `probed_depth` [mm],
     `spindle_load` and `spindle_heat` [-] (0 where they do not apply), `broken` and `finished` (bool); and over the step:
-    `time`, `engaged_time`, `stopped_time`, `overload_time` and `severe_overload_time` [s], `mean_thrust_force` [N] and
-    `mean_power` [kW] while cutting, `removed` [cm3], `passes`, `edges_used` and `edges_broken` [-], `roughness_deviation`
-    (integral of the relative deviation) [s], `cost` = `cost_force` + `cost_power` (mean relative excess over each limit [-],
-    positive means violated), and the terms of the reward [s], with `reward_roughness`, which is 0 here.
+    `time`, `engaged_time`, `stopped_time`, `overload_time`, `severe_overload_time`, `overload_2_percent_time` and
+    `overload_10_percent_time` [s], `mean_thrust_force` [N] and `mean_power` [kW] while cutting, `removed` [cm3], `passes`,
+    `edges_used` and `edges_broken` [-], `roughness_deviation` (integral of the relative deviation) [s], `cost` =
+    `cost_force` + `cost_power` (mean relative excess over each limit [-], positive means violated), and the terms of the
+    reward [s], with `reward_roughness`, which is 0 here.
 
     ## Arguments
 

@@ -46,8 +46,8 @@ def only(path: Path) -> Result:
     return result
 
 
-def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False) -> None:
-    run.play_all([run.TaskRun(task, policies, folder)], fresh)
+def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False, *, replace: bool = False) -> None:
+    run.play_all([run.TaskRun(task, policies, folder)], fresh, replace=replace)
 
 
 @pytest.fixture(scope="session")

@@ -61,9 +61,9 @@ def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Pa
     for name in ("ppo", "grid_search", "causal"):
         assert main([*words, "--agents", str(mine), "--name", name]) == 2
         assert "choose another --name" in capsys.readouterr().err
-    assert main([*words, "--agents", str(mine), str(other)]) == 2
-    assert "--name" in capsys.readouterr().err
     assert not (tmp_path / "results").exists()
+    assert main([*words, "--agents", str(mine), str(other), "--name", "both"]) == 2
+    assert f"{mine} is both-seed0 too" in capsys.readouterr().err
 
 
 def test_an_agent_that_takes_too_long_is_skipped(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,7 +71,7 @@ def test_an_agent_that_takes_too_long_is_skipped(words: list[str], tmp_path: Pat
     path.write_bytes(onnx_agents.toiling(products=60, size=400))
     assert main([*words, "fixed_handbook", "--agent-time", "1", "--agents", str(path)]) == 2
     told = capsys.readouterr()
-    assert "my_ppo-seed0 cannot play: needs more than the 1 s of processor time" in told.err
+    assert "slow-seed0 cannot play: needs more than the 1 s of processor time" in told.err
     assert "fixed_handbook" in told.out
     assert (tmp_path / "results" / "index.html").exists()
 

@@ -54,12 +54,36 @@ def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> 
 
 def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_others(task: Task, folder: Path, capsys) -> None:
     play_all(task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder)
-    play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder)
+    play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder, replace=True)
     assert "ppo-seed0" in capsys.readouterr().err
     names = {standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings}
     assert names == {"ppo": (0,), "ppo-seed1": (1,)}
     recorded = {each.policy.label: each.policy.sha256 for each in recorded_in(folder).episodes}
     assert recorded["ppo-seed0"] == "c"
+
+
+def test_the_result_of_another_file_or_other_code_stands_unless_it_is_to_be_replaced(task: Task, folder: Path) -> None:
+    rival = spec("team", (0, 0.1), 0, sha256="a")
+    play_all(task, [rival], folder)
+    before = only(folder / "team-seed0.json.xz")
+    others = {"file": {"sha256": "b"}, "code": {"command": "some_module:team"}}
+    for what, fields in others.items():
+        for on in (task, task.model_copy(update={"seeds": [1, 2]})):
+            with pytest.raises(PoliciesFailed, match=r"team-seed0 .* is the result of another agent"):
+                play_all(on, [spec("team", (0, 0.2), 0, **fields), spec(f"beside {what}")], folder, fresh=True)
+            assert only(folder / "team-seed0.json.xz") == before, what
+            assert only(folder / f"beside_{what}.json.xz").task == on
+    play_all(task, [spec("team", (0, 0.2), 0, sha256="b")], folder, replace=True)
+    assert only(folder / "team-seed0.json.xz").policy.sha256 == "b"
+
+
+def test_code_that_raises_any_error_is_named_and_others_go_on(task: Task, folder: Path) -> None:
+    def breaks(num_envs: int) -> Steady:
+        raise ZeroDivisionError("lost")
+
+    with pytest.raises(PoliciesFailed, match=r"mine-seed0 cannot play: ZeroDivisionError: lost .*test_run\.py"):
+        play_all(task, [spec("mine", seed=0, make=breaks), spec("one")], folder)
+    assert only(folder / "one.json.xz")
 
 
 def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(task: Task, folder: Path) -> None:

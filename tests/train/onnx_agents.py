@@ -83,6 +83,14 @@ def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = Fa
     return path
 
 
+def stating(content: bytes, **properties: str) -> bytes:
+    """Return a file that states other metadata."""
+    model = onnx.load_model_from_string(content)
+    stated = {entry.key: entry.value for entry in model.metadata_props}
+    helper.set_model_props(model, stated | properties)
+    return bytes(model.SerializeToString())
+
+
 def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
     """Write the file of an agent of a family that holds its set point, nearly, and changes no edge."""
     context = {"names": list(family.context_names)}

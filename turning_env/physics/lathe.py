@@ -286,6 +286,9 @@ def add_to_sums(state, work, report, i, p, varies):
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
     report.severe_overload_time[i] += seconds if over > p.overload_tolerance[i] else 0.0
+    # Shown beside the severe share, so that a feasible policy's load is seen whole, whatever its scenario tolerates.
+    report.overload_2_percent_time[i] += seconds if over > 0.02 else 0.0
+    report.overload_10_percent_time[i] += seconds if over > 0.10 else 0.0
 
 
 @compiled

@@ -189,6 +189,8 @@ OVER_STEP = (
     Q("edges_broken", "-", "broken edges"),
     Q("overload_time", "s", "time beyond a limit"),
     Q("severe_overload_time", "s", "time beyond a limit by more than the tolerance"),
+    Q("overload_2_percent_time", "s", "time beyond a limit by more than 2 %"),
+    Q("overload_10_percent_time", "s", "time beyond a limit by more than 10 %"),
     Q("roughness_deviation", "s", "integral of the relative deviation of Ra, which is 1 in air"),
     Q("cost", "-", "cost_force + cost_power; above 0 means violated"),
     Q("cost_force", "-", "mean relative excess of thrust force, or of a further limit's response, over its limit"),

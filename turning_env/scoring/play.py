@@ -12,10 +12,12 @@ from turning_env.scenario.family import Family
 from turning_env.scoring.policy import PolicyFactory
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
+EXCESS_TIMES = ("overload_2_percent_time", "overload_10_percent_time")  # [s]
 SUMS = (
     *(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")),  # [s]
     *("time", "engaged_time", "stopped_time", "removed", "passes", "edges_used", "edges_broken"),  # [s] x 3, [cm3], [-] x 3
     *("roughness_deviation", "overload_time", "severe_overload_time"),  # [s]
+    *EXCESS_TIMES,
 )
 LAST = ("used_life", "wear", "finished")  # [-], [mm], [-]: their values when the episode ends
 EPISODE_FIELDS = ("return", "steps", *SUMS, "excess", *LAST, "truncated")

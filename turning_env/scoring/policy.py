@@ -28,6 +28,9 @@ class Policy(Protocol):
         """Return actions in -1..1, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32."""
 
 
+MAX_NAME = 200  # characters of a policy's name: with a training seed and a suffix it names a file, of 255 bytes at most
+MAX_TRAINING_SEED = 999_999_999
+
 PolicyFactory = Callable[[int], Policy]
 """Makes a policy for a number of environments."""
 
@@ -69,7 +72,9 @@ class PolicySpec(BaseModel):
     """Model from which a family's policy is built: each job's nominal one, also with the true wear law, with forms that no power
     law has (failures of edges, phases of wear, chatter), or with all that is true."""
     forgets: bool = False  # whether it forgets everything at each change of the edge
-    training_seed: int | None = None  # agents of one name with several training seeds are one policy on a leaderboard
+    training_seed: int | None = Field(
+        default=None, ge=0, le=MAX_TRAINING_SEED
+    )  # agents of one name with several training seeds are one policy on a leaderboard
     sha256: str | None = None  # SHA-256 of an agent's file
     command: str | None = None  # the command that trained an agent or tuned a rule
     tuned_for: ScenarioId | None = None  # the scenario on which it was tuned or trained; None: the one that it plays
@@ -83,8 +88,11 @@ class PolicySpec(BaseModel):
     @field_validator("name")
     @classmethod
     def _names_a_file(cls, name: str) -> str:
-        if not re.fullmatch(r"(?!\.)[^/\\\0-\x1f\x7f-\x9f]+", name) or name in ("trajectories", "manifest", "results"):
-            raise ValueError(f"{name!r} cannot be a policy's name, as its results are kept in a file of that name")
+        reserved = ("trajectories", "manifest", "results")
+        if not re.fullmatch(r"(?!\.)[^/\\]+", name) or not name.isprintable() or name in reserved:
+            raise ValueError(f"{name[:MAX_NAME]!r} cannot be a policy's name, as its results are kept in a file of that name")
+        if len(name.encode()) > MAX_NAME:
+            raise ValueError(f"{name[:20]!r}... cannot be a policy's name: it has more than {MAX_NAME} bytes")
         return name
 
     @model_validator(mode="after")
