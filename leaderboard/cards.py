@@ -12,6 +12,7 @@ from leaderboard.information import CLASSES, GIVEN, SEEN
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
+from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from train.run import family_of
@@ -67,6 +68,7 @@ def render(
     ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
     loader = FileSystemLoader(Path(__file__).parent)
     templates = Environment(loader=loader, autoescape=False, undefined=StrictUndefined, trim_blocks=True)  # Markdown, not HTML
+    templates.filters |= {"shown": markdown_text, "few": few, "fenced": fenced}
     card = templates.get_template("model_card.md.j2").render(
         standing=standing,
         seeds=len(board.task.seeds),
@@ -78,6 +80,8 @@ def render(
         steps=f"decisions, each of {HOLD} environment steps," if metadata.parameters.get("guide") else "environment steps",
         ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
         classes=CLASSES,
+        verdicts=table.VERDICTS,
+        max_values=MAX_VALUES,
         given=GIVEN,
         seen=SEEN,
         example=folder / f"{metadata.label}{ONNX_SUFFIX}",

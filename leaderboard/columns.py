@@ -46,7 +46,7 @@ class Column:
         if value is None:
             return Cell("", "", None)
         if isinstance(value, Estimate):
-            decimals = max(self.decimals, _decimals(self.factor * (value.high - value.low)))
+            decimals = max(self.decimals, value.decimals(self.factor))
             text, low, high = (self._text(number, decimals) for number in (value.value, value.low, value.high))
             return Cell(text, f"{low} to {high}", value.value, (value.low, value.high))
         return Cell(self._text(value, self.decimals), "", value if math.isfinite(value) else None)
@@ -87,11 +87,6 @@ class ClassRank(Column):
         return Cell("", "", None) if rank is None else Cell(str(rank), standing.policy_class, rank)
 
 
-def _decimals(width: float) -> int:
-    """Return the decimals, at most two, that show an interval of this width in two digits; none if it is but rounding."""
-    return min(max(1 - math.floor(math.log10(width)), 0), 2) if width > 1e-6 else 0
-
-
 _OVER_CAUSAL = (
     "Return less that of the causal oracle on the same seeds: the price of not knowing the state and of imperfect control; for "
     "the clairvoyant bound, the value of foresight."
@@ -104,8 +99,13 @@ _REMOVAL_RATE = (
     "unfinished is charged its used share of a change."
 )
 _COST = "All that time, and the price of the edges used up, in minutes of machine time, over metal removed; overload is free."
-_BEST_RULE = "Return less that of the best other rule on the same seeds: the rule-based controller with the highest mean return."
+_BEST_RULE = (
+    "Return less that of the best other rule on the same seeds: of the rules that are not this policy, the one with the highest "
+    "mean return, a feasible one if there is any. In the row of the best rule, this is its lead over the next rule."
+)
 _SEVERE_LIMIT = "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is feasible."
+_SEVERE_LOWER_LIMIT = "Lower 95 % confidence limit of that share (one-sided). Above the allowance, the policy is infeasible."
+_EXCESS = "Share of cutting time above a limit of force or power by more than {} %. Older results lack it."
 _SCORE = "Place of the return between the best fixed parameters, 0, and the causal oracle, 100; paired by seed."
 _TIME = "Mean time of an episode: machine time, edge changes, downtime of breakages."
 _PART_COST = "Time per part, plus the price of the edges used up in minutes of machine time."
@@ -140,7 +140,7 @@ _OVER_TRUTH = "Return less that of the best rule with true laws on the same jobs
 _WITHOUT_LARGEST = f"Mean lead over the best other rule without the {LARGEST} seeds on which the two differ most."
 JOBS = (
     Column("full cost", "%", _FULL_COST_SHARE, "full_cost_share", 0, 100, lower_is_better=True),
-    Column("score", "-", _JOB_SCORE, "job_score", 0, 100),
+    Column("job score", "-", _JOB_SCORE, "job_score", 0, 100),
     Column("over true laws", "s", _OVER_TRUTH, "over_truth"),
     Column("worst job", "s", "Lowest return of a job.", "worst_return"),
     Column("feasible jobs", "% of jobs", "Jobs within the allowance of severe overload.", "feasible_jobs", 0, 100),
@@ -149,14 +149,19 @@ SCORE = (Column("score", "-", _SCORE, "score", 1, 100), Column("over causal", "s
 COMPARISONS = (
     Column("over fixed", "s", "Return less that of the task's best fixed parameters on the same seeds.", "over_fixed"),
     Column("over published", "s", "Return less that of the task's published controller on the same seeds.", "over_published"),
-    Column("over best rule", "s", _BEST_RULE, "over_best_rule"),
+    Column("over best other rule", "s", _BEST_RULE, "over_best_rule"),
     Column("median lead", "s", "Median over seeds of the lead over the best other rule.", "median_over_best_rule", 1),
     Column("lead without 3 largest", "s", _WITHOUT_LARGEST, "over_best_rule_without_largest", 1),
-    Column("beats best rule", "% of seeds", "Seeds with a higher return than the best other rule's.", "beats_best_rule", 0, 100),
+    Column(
+        "beats best other rule", "% of seeds", "Seeds with a higher return than the best other rule's.", "beats_best_rule", 0, 100
+    ),
 )
 LIMITS = (
     Column("over a limit", "%", "Share of cutting time above a limit of force or power.", "overload_share", 2, 100, True, True),
+    Column("over by 2 %", "%", _EXCESS.format(2), "share_above_2_percent", 2, 100, True, True),
     Column("severely over", "%", "Cutting time above a limit by more than its tolerance.", "severe_share", 2, 100, True, True),
+    Column("over by 10 %", "%", _EXCESS.format(10), "share_above_10_percent", 2, 100, True, True),
+    Column("severely over, at least", "%", _SEVERE_LOWER_LIMIT, "severe_lower_limit", 2, 100, True, True),
     Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True, True),
     Column("excess", "%", "Mean excess over force and power limits, added, while cutting.", "excess", 3, 100, True, True),
 )
@@ -185,7 +190,7 @@ GROUPS = {
     "Given in training": tuple(Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
     "Run time and budget": (
         *(Training(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
-        Training("steps", "", "Environment steps of the training; of a guided agent decisions, each of 30 steps.", "steps"),
+        Training("steps", "", "Environment steps of the training.", "steps"),
     ),
 }
 

@@ -9,7 +9,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from train.agents.agent_file import MAX_STEPS
+from baselines.guided import HOLD
+from train.agents.agent_file import MAX_NUMBER
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec
 
@@ -45,6 +46,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
 }
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",
+    "guide of a rule": "trained likewise; at run time, a rule that has the nominal model acts within its limits",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
     "other agent": "its file does not state what training gave it",
     "rule": "a controller, tuned on tuning seeds; may know the nominal model",
@@ -69,7 +71,9 @@ def class_of(policy: PolicySpec) -> str:
     algorithm = _algorithm(policy.command)
     if algorithm is None:
         return "other agent"
-    return "model-free agent" if _given(algorithm, policy.parameters) <= _MODEL_FREE else "privileged agent"
+    if not _given(algorithm, policy.parameters) <= _MODEL_FREE:
+        return "privileged agent"
+    return "guide of a rule" if policy.parameters.get("guide") is True else "model-free agent"
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
@@ -92,8 +96,15 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     return Information(
         given=tuple(name for name in GIVEN if name in given),
         seen=tuple(name for name in SEEN if has[name]),
-        steps=_whole(p, "steps"),
+        steps=_environment_steps(p),
     )
+
+
+def _environment_steps(parameters: Mapping[str, object]) -> int | None:
+    """Return the environment steps of a training; that of a guide counts decisions, each of ``HOLD`` steps."""
+    steps = _whole(parameters, "steps")
+    guides = parameters.get("guide") is True
+    return steps * HOLD if steps is not None and guides else steps
 
 
 def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
@@ -112,4 +123,4 @@ def _algorithm(command: str | None) -> str | None:
 def _whole(parameters: Mapping[str, object], name: str) -> int | None:
     """Return a whole number that a file states; None if it states none, or one that no training has."""
     value = parameters.get(name)
-    return value if type(value) is int and 0 <= value <= MAX_STEPS else None
+    return value if type(value) is int and 0 <= value <= MAX_NUMBER else None

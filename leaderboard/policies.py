@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
 from train.agents.onnx_policy import LIMITS
 from turning_env import Scenario
+from turning_env.batch.driver import observation_space
 from turning_env.console import printable
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
@@ -273,8 +275,11 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
     It ranks among the agents, without a digest, as versions of the code cannot be distinguished. Without a ``name`` it has the
     object's. Raise ResultError if there is no such policy, or another has its name.
     """
+    family_of_task = family.family_of(task) if task.of_family else None
+    context = len(family_of_task.context_names) if family_of_task else 0
+    space: Any = observation_space(task.scenario, context)
     try:
-        as_factory(source)
+        as_factory(source, space=space)
         spec = PolicySpec(
             name=_own_name(source, re.split("[:.]", source)[-1], name),
             kind="agent",
@@ -282,7 +287,7 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
             training_seed=0,
             command=source,
             tuned_for=ScenarioId.of(task.scenario),
-            make=lambda num_envs: as_factory(source)(num_envs),  # a class is instantiated for every play
+            make=lambda num_envs: as_factory(source, space=space)(num_envs),  # a class is instantiated for every play
         )
         return fitted(spec, task)
     except (OSError, TypeError, ValueError) as error:

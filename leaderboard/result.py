@@ -126,8 +126,10 @@ class ExcessShares(Part):
     above_10_percent: float = Field(ge=0.0, le=1.0)
 
     @classmethod
-    def of(cls, episodes: Episodes) -> Self:
-        """Return the shares of episodes that have just been played; 0 without cutting."""
+    def of(cls, episodes: Episodes) -> Self | None:
+        """Return the shares of episodes that have just been played; 0 without cutting, None if the episodes lack the times."""
+        if not episodes.keys() >= {*EXCESS_TIMES}:
+            return None
         engaged = float(np.sum(episodes["engaged_time"])) or 1.0
         over_2, over_10 = (min(float(np.sum(episodes[name])) / engaged, 1.0) for name in EXCESS_TIMES)
         return cls(above_2_percent=over_2, above_10_percent=over_10)

@@ -12,11 +12,22 @@ from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_own
 from leaderboard.result import Result
+from train.agents.agent_file import description_of_training
 from train.run import TERMS
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, interquartile_mean, rank_key, ratio
+from turning_env.scoring.statistics import (
+    Bootstrap,
+    Estimate,
+    Feasibility,
+    Floats,
+    feasibility,
+    interquartile_mean,
+    rank_key,
+    ratio,
+    reason_not_to_rank,
+)
 
 
 @dataclass(frozen=True)
@@ -59,12 +70,15 @@ class Standing:
     description: str
     own: bool  # an agent that does not come with the project
     training_seeds: tuple[int, ...]
+    unranked: str | None  # why it has no rank; None if it has one
     feasible: bool
+    feasibility: Feasibility  # "not shown" if the allowance lies between the confidence limits of severe_share
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
     severe_share: float  # of cutting time
+    severe_lower_limit: float  # one-sided lower confidence limit of severe_share
     severe_limit: float  # one-sided upper confidence limit of severe_share
-    best_rule: str | None  # of the other policies that are rules, the one with the highest mean return
+    best_rule: str | None  # of the other policies that are rules, the feasible one with the highest mean return, if any is
     over_best_rule: Estimate | None  # [s]
     over_causal: Estimate | None  # [s]
     median_over_best_rule: float | None = None  # over seeds [s]
@@ -83,6 +97,8 @@ class Standing:
     cost: Estimate | None = None  # [min/dm3], overload excluded; None if no metal is removed
     over_least_cost: Estimate | None = None  # [min/dm3], of the other feasible policies
     overload_share: float | None = None  # of cutting time
+    share_above_2_percent: float | None = None  # of cutting time; None if a result lacks it
+    share_above_10_percent: float | None = None  # likewise
     excess: float | None = None  # mean while cutting, relative
     edges: float | None = None  # used up in an episode
     broken_share: float | None = None  # of edges used up
@@ -104,7 +120,10 @@ def ranked_by(scenario: Scenario) -> str:
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """Return the policies of one task: feasible ones first, then as ``ranked_by``; oracles last. There must be a result."""
+    """Return the policies of one task: feasible ones first, then as ``ranked_by``; those without a rank last, and oracles last.
+
+    There must be a result.
+    """
     key = tuple((each.checksum, each.policy.description, is_own(each.policy)) for each in results)
     if key not in _ranked:  # a run asks several times
         _ranked[key] = _rank(results)
@@ -128,7 +147,7 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
             return -each.full_cost.value if each.full_cost else -math.inf
         return each.mean_return.value
 
-    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each)), each.name))
+    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each), each.unranked), each.name))
     return _with_ranks(standings, board.costs)
 
 
@@ -145,25 +164,40 @@ def _metal_cost(name: str, minutes: Floats, removed: Floats, bootstrap: Bootstra
 
 def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, tuple[float, Floats]]) -> list[Standing]:
     """Return standings, which are in order, with their ranks within classes and on the constraint track."""
-    ranked = [each for each in standings if each.kind != "oracle"]
-    able = sorted((each.name for each in ranked if each.feasible and each.name in costs), key=lambda name: costs[name][0])
-    found = []
-    for each in standings:
-        cost, cheapest = costs.get(each.name), next((name for name in able if name != each.name), None)
-        over = None
-        if cost is not None and cheapest is not None:
-            least = costs[cheapest]
-            over = Estimate.of(cost[0] - least[0], cost[1] - least[1])
-        place = [other.name for other in ranked if other.policy_class == each.policy_class]
-        found.append(
+    # Oracles and, where learning games the task, agents are shown, but do not take part in the ranking.
+    contestants = [standing for standing in standings if standing.unranked is None]
+
+    # The constraint track ranks feasible policies by the cost of their metal.
+    by_cost = [standing.name for standing in contestants if standing.feasible and standing.name in costs]
+    by_cost.sort(key=lambda name: costs[name][0])
+
+    ranked = []
+    for standing in standings:
+        peers = [other.name for other in contestants if other.policy_class == standing.policy_class]
+        ranked.append(
             replace(
-                each,
-                class_rank=1 + place.index(each.name) if each.name in place else None,
-                constraint_rank=1 + able.index(each.name) if each.name in able else None,
-                over_least_cost=over,
+                standing,
+                class_rank=_place(standing.name, peers),
+                constraint_rank=_place(standing.name, by_cost),
+                over_least_cost=_over_cheapest_other(standing.name, by_cost, costs),
             )
         )
-    return found
+    return ranked
+
+
+def _place(name: str, order: Sequence[str]) -> int | None:
+    """Return the place of a name in an order, from 1; None if it is not there."""
+    return 1 + order.index(name) if name in order else None
+
+
+def _over_cheapest_other(name: str, by_cost: Sequence[str], costs: Mapping[str, tuple[float, Floats]]) -> Estimate | None:
+    """Return the cost of a policy less that of the cheapest other on the constraint track [min/dm3]."""
+    others = [other for other in by_cost if other != name]
+    if name not in costs or not others:
+        return None
+    cost, replicates = costs[name]
+    least, least_replicates = costs[others[0]]
+    return Estimate.of(cost - least, replicates - least_replicates)
 
 
 def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
@@ -185,9 +219,26 @@ def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
     return names
 
 
+def _description(policy: PolicySpec) -> str:
+    """Return what a policy is: of the project's own by the present code, as results may hold older words."""
+    if policy.name in RULES:
+        return RULES[policy.name].description
+    if policy.kind == "agent" and not is_own(policy) and policy.tuned_for is not None:
+        return description_of_training(policy.parameters, policy.parameters.get("steps"), policy.tuned_for.name)
+    return policy.description
+
+
 def highest(returns: Mapping[str, float]) -> str | None:
     """Return the policy with the highest return, the first by name on a tie; None if there is no policy."""
     return min(returns, key=lambda name: (-returns[name], name), default=None)
+
+
+def best_rule(standings: Sequence[Standing]) -> Standing | None:
+    """Return the rule with the highest mean return, a feasible one if there is any; None without a rule."""
+    rules = {standing.name: standing for standing in standings if standing.kind == "rule"}
+    feasible = {name: standing.mean_return.value for name, standing in rules.items() if standing.feasible}
+    best = highest(feasible or {name: standing.mean_return.value for name, standing in rules.items()})
+    return None if best is None else rules[best]
 
 
 class _Board:
@@ -203,6 +254,7 @@ class _Board:
         self.bootstrap = Bootstrap(len(self.task.seeds))
         self.means = {name: self.bootstrap.means(each["return"], name) for name, each in self.played.items()}
         policies = {name: group[0].policy for name, group in groups.items()}
+        self.severe_limits = {name: self._severe_limits(name) for name in groups}
         self.rules = {
             name: float(np.mean(self.played[name]["return"]))
             for name, policy in policies.items()
@@ -214,30 +266,60 @@ class _Board:
             if episodes["removed"].any()
         }  # fmt: skip
 
+    def _severe_limits(self, name: str) -> tuple[float, float]:
+        """Return the lower and upper confidence limits of a policy's share of severe overload."""
+        episodes = self.played[name]
+        return self.bootstrap.severe_limits(episodes["severe_overload_time"], episodes["engaged_time"], name)
+
+    def _feasibility(self, name: str) -> Feasibility:
+        return feasibility(self.severe_limits[name], self.scenario.limits.overload_allowance)
+
+    def _best_other_rule(self, name: str) -> str | None:
+        """Return the other rule with the highest mean return, a feasible one if there is any."""
+        others = {rule: mean for rule, mean in self.rules.items() if rule != name}
+        feasible = {rule: mean for rule, mean in others.items() if self._feasibility(rule) == "feasible"}
+        return highest(feasible or others)
+
+    def _excess_share(self, name: str, field: str) -> float | None:
+        """Return the share of cutting time with an excess above a threshold, a field of ``ExcessShares``; None if unknown."""
+        excess_time, engaged_time = 0.0, 0.0
+        for result in self.groups[name]:
+            if result.excess is None:
+                return None
+            engaged = float(np.sum(result.episodes["engaged_time"]))
+            engaged_time += engaged
+            excess_time += engaged * getattr(result.excess, field)
+        return excess_time / engaged_time if engaged_time > 0.0 else 0.0
+
     def standing(self, name: str) -> Standing:
         """Return the standing of one policy."""
         policy, episodes, scenario = self.groups[name][0].policy, self.played[name], self.scenario
         returns, engaged, severe = episodes["return"], episodes["engaged_time"], episodes["severe_overload_time"]
-        best_rule = highest({rule: mean for rule, mean in self.rules.items() if rule != name})
-        severe_limit = self.bootstrap.severe_limit(severe, engaged, name)
+        best_rule = self._best_other_rule(name)
+        severe_lower_limit, severe_limit = self.severe_limits[name]
         interquartile = self.bootstrap.interquartile_means(returns, name)
         return Standing(
             name=name,
             kind=policy.kind,
             policy_class=class_of(policy),
             information=information(policy, policy.trained_on or scenario),
-            description=RULES[policy.name].description if policy.name in RULES else policy.description,
+            description=_description(policy),
             own=is_own(policy),
             training_seeds=tuple(sorted(each.policy.training_seed or 0 for each in self.groups[name] if policy.kind == "agent")),
-            feasible=severe_limit <= scenario.limits.overload_allowance,
+            unranked=reason_not_to_rank(policy.kind, scenario),
+            feasible=self._feasibility(name) == "feasible",
+            feasibility=self._feasibility(name),
             mean_return=Estimate.of(float(np.mean(returns)), self.means[name]),
             interquartile_return=Estimate.of(interquartile_mean(returns.ravel()).item(), interquartile),
             severe_share=_share(severe, engaged),
+            severe_lower_limit=severe_lower_limit,
             severe_limit=severe_limit,
             best_rule=best_rule,
             over_best_rule=self._difference(name, best_rule),
             over_causal=self._difference(name, CAUSAL),
             overload_share=_share(episodes["overload_time"], engaged) if "overload_time" in episodes else None,
+            share_above_2_percent=self._excess_share(name, "above_2_percent"),
+            share_above_10_percent=self._excess_share(name, "above_10_percent"),
             **self._leads(name, best_rule),
             **(self._of_jobs(name) if self.task.of_family else self._of_episodes(name)),
         )

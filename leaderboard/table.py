@@ -10,6 +10,7 @@ from leaderboard.result import ResultError
 from leaderboard.standings import Standing, ranked_by
 from turning_env import SPLITS
 from turning_env.scoring.policy import ScenarioId
+from turning_env.scoring.statistics import Feasibility
 
 COLUMNS = {column.field: column for group in GROUPS.values() for column in group}  # all columns by field
 UNITS = {field: each.unit if each.factor == 1.0 else "share" for field, each in COLUMNS.items() if not isinstance(each, Training)}
@@ -52,6 +53,7 @@ def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], polici
     if not fields and (splits := across(leaderboards)):
         head, *rows = _across_rows(splits)
         return markdown([dict(zip(head, row, strict=True)) for row in rows if not policies or row[0] in policies])
+    fields = list(dict.fromkeys(fields))
     found = []
     for each in leaderboards:
         head, units, *rows = _rows(each.standings, [COLUMNS[field] for field in fields])
@@ -75,17 +77,29 @@ def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]
     """Return a line on the place of each agent whose label is one of these, with one's own last."""
     names = leaderboard.names
     asked = {names.get(label) for label in labels}
-    ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
+    task, column = leaderboard.task, ranking(leaderboard.task.scenario)
+    ranked = [standing.name for standing in leaderboard.standings if standing.unranked is None]
     lines = []
-    for place, standing in sorted(enumerate(ranked, 1), key=lambda each: each[1].own):
-        if standing.kind == "agent" and standing.name in asked:
-            task, column = leaderboard.task, ranking(leaderboard.task.scenario)
-            cell = column.cell(standing)
-            value = f"{cell.text} {column.unit} ({cell.interval})" if cell.text else "none"
-            whose = "your agent" if standing.own else "agent that ships with the project"
-            told = f"{whose}: rank {place} of {len(ranked)}, {column.heading} {value}"
-            lines.append(f"{told}: {standing.name} on {task.env_id}, scenario {task.scenario.name}")
+    for standing in sorted(leaderboard.standings, key=lambda each: each.own):
+        if standing.kind != "agent" or standing.name not in asked:
+            continue
+        cell = column.cell(standing)
+        value = f"{cell.text} {column.unit} ({cell.interval})" if cell.text else "none"
+        whose = "your agent" if standing.own else "agent that ships with the project"
+        if standing.unranked is None:
+            place = f"rank {ranked.index(standing.name) + 1} of {len(ranked)}"
+        else:
+            place = f"no rank ({standing.unranked})"
+        where = f"{standing.name} on {task.env_id}, scenario {task.scenario.name}"
+        lines.append(f"{whose}: {place}, {column.heading} {value}: {where}")
     return lines
+
+
+VERDICTS: dict[Feasibility, str] = {"feasible": "yes", "not shown": "not shown", "infeasible": "NO"}
+"""Feasibility in a table: by the confidence limits of the share of severe overload, see ``turning_env.scoring.statistics``."""
+MARKS: dict[Feasibility, str] = {"feasible": "", "not shown": " ?", "infeasible": " NO"}
+"""Feasibility beside a number."""
+MEANING = "NO: infeasible; ?: feasibility not shown"
 
 
 def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list[str]]:
@@ -94,13 +108,13 @@ def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list
         ["", "", "", "", *(f"[{column.unit}]" if column.unit else "" for column in columns)],
     ]
     for place, standing in enumerate(standings, 1):
-        ranked = standing.kind != "oracle"
-        feasible = "yes" if standing.feasible else "NO"
+        ranked = standing.unranked is None
+        feasible = VERDICTS[standing.feasibility] if standing.kind != "oracle" else ""
         cells = [column.cell(standing) for column in columns]
         if not any(cell.text for cell in cells):
             continue
         name = f"{standing.name} (yours)" if standing.own else standing.name
-        row = [str(place) if ranked else "", name, str(len(standing.training_seeds) or ""), feasible if ranked else ""]
+        row = [str(place) if ranked else "", name, str(len(standing.training_seeds) or ""), feasible]
         rows.append(row + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells])
     return rows
 
@@ -120,7 +134,7 @@ class Across:
 
     tuned_for: str  # the scenario to which the rules are tuned and on which the agents are trained: the first column
     scenarios: list[str]
-    rows: dict[str, dict[str, tuple[Cell, bool]]]
+    rows: dict[str, dict[str, tuple[Cell, Feasibility]]]
     """For each policy by name, its full cost and whether it is feasible, on each scenario on which it has played."""
 
 
@@ -147,19 +161,19 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
     return None
 
 
-def _full_cost(standing: Standing) -> tuple[Cell, bool]:
-    return FULL_COST.cell(standing), standing.feasible
+def _full_cost(standing: Standing) -> tuple[Cell, Feasibility]:
+    return FULL_COST.cell(standing), "feasible" if standing.kind == "oracle" else standing.feasibility
 
 
 def render_across(table: Across) -> str:
     """Return the table as text."""
-    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; NO: not feasible"
+    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; {MEANING}"
     return f"{head}\n\n{aligned(_across_rows(table))}"
 
 
 def _across_rows(table: Across) -> list[list[str]]:
     rows = [["policy", *table.scenarios]]
     for policy, cells in table.rows.items():
-        texts = {scenario: cell.text + ("" if feasible else " NO") for scenario, (cell, feasible) in cells.items()}
+        texts = {scenario: cell.text + MARKS[feasibility] for scenario, (cell, feasibility) in cells.items()}
         rows.append([policy, *(texts.get(scenario, "") for scenario in table.scenarios)])
     return rows

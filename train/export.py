@@ -2,6 +2,7 @@
 
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
     python -m train.export my_model.zip --env RoughTurning-v0 --name mine --out my-agents
+    python -m train.export my_model.zip --statistics vec_normalize.pkl --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
@@ -137,12 +138,14 @@ def _of_run(folder: Path, name: str | None) -> _Agent:
     return _Agent(f"the agent in {folder}", metadata(run, name), load_actor(run))
 
 
-def _of_file(path: Path, run: Run, name: str | None, seed: int | None) -> _Agent:
+def _of_file(path: Path, run: Run, name: str | None, seed: int | None, statistics: Path | None) -> _Agent:
     """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
     if path.suffix == ONNX_SUFFIX:
+        if statistics is not None:
+            raise ValueError(f"--statistics is for .zip files of Stable-Baselines3, but {path} is a network in ONNX")
         return _Agent(str(path), _foreign(run, path, name, seed), None)
     try:
-        trained, actor = sb3_actor(path, run)
+        trained, actor = sb3_actor(path, run, statistics)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
     return _Agent(str(path), _foreign(trained, path, name, seed), actor)
@@ -241,6 +244,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     files.add_argument("--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)")
     files.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
     files.add_argument("--seed", type=int, help="training seed (default: the one in a name such as me-seed3.zip, else 0)")
+    statistics_help = "statistics of the VecNormalize of a .zip's training, written by its save: a pickle, so only your own"
+    files.add_argument("--statistics", type=Path, metavar="FILE", help=statistics_help)
     parsed = parser.parse_args(arguments)
     if parsed.seed is not None and parsed.seed < 0:
         parser.error(f"--seed is {parsed.seed}, but must be 0 or more")
@@ -250,12 +255,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     agents: dict[Path, _Agent] = {}
     for path in (source for given in parsed.agents for source in _sources(given)):
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
-            agent = _of_file(path, elsewhere, parsed.name, parsed.seed)
+            agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.statistics)
         elif not path.is_dir():
             raise ValueError(f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file")
         else:
             agent = _of_run(path, parsed.name)
-            if given := [name for name in ("env", "scenario", "seed") if getattr(parsed, name) is not None]:
+            if given := [name for name in ("env", "scenario", "seed", "statistics") if getattr(parsed, name) is not None]:
                 raise ValueError(f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own")
         target = parsed.out / f"{agent.about.label}{ONNX_SUFFIX}"
         if target in agents:

@@ -107,7 +107,7 @@ def _score(options: argparse.Namespace) -> int:
     if options.json:
         print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
     else:
-        print(found.table(), found, sep="\n\n")
+        print(found.table(), found.load(), found, sep="\n\n")
     return 0
 
 

@@ -17,7 +17,8 @@ from leaderboard import columns, table
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data
 from leaderboard.ranking import Leaderboard
-from leaderboard.standings import highest
+from leaderboard.shown import MAX_COMMAND, MAX_VALUES, few, limited
+from leaderboard.standings import best_rule
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 from turning_env.scenario.family import families
@@ -39,6 +40,8 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
     templates.filters["grouped"] = lambda text: _LARGE.sub(lambda digits: f"{int(digits[0]):,}", str(text))
     templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
     templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
+    templates.filters["limited"] = limited
+    templates.filters["few"] = few
     templates.filters["colour"] = lambda name: policy_look(name)[0]
     script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
     sections = [_section(each) for each in leaderboards]
@@ -50,6 +53,9 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
         column_groups=list(columns.GROUPS),
         classes={name: meaning for name, meaning in CLASSES.items() if name in shown},
         shown_at_first=SHOWN_AT_FIRST,
+        verdicts={"feasible": "", "not shown": "? feasibility not shown", "infeasible": "\N{MULTIPLICATION X} infeasible"},
+        max_values=MAX_VALUES,
+        max_command=MAX_COMMAND,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,
         style=Markup((_HERE / "style.css").read_text("utf-8")),
@@ -62,8 +68,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
     shown = columns.groups(leaderboard.standings)
     names = leaderboard.names
-    rules = {standing.name: standing for standing in leaderboard.standings if standing.kind == "rule"}
-    best = highest({name: standing.mean_return.value for name, standing in rules.items()})
+    best = best_rule(leaderboard.standings)
     place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
     return {
         "place": place,
@@ -73,7 +78,7 @@ def _section(leaderboard: Leaderboard) -> dict[str, Any]:
         "leaderboard": leaderboard,
         "ranking": columns.ranking(leaderboard.task.scenario),
         "chart_data": chart_data(leaderboard),
-        "best_rule": rules[best] if best else None,
+        "best_rule": best,
         "policies": {
             standing.name: [result.policy for result in leaderboard.results if names[result.policy.label] == standing.name]
             for standing in leaderboard.standings

@@ -1,18 +1,22 @@
 """A card says what the files and the results say."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
-from leaderboard import policies
+from leaderboard import cards, page, policies
 from leaderboard.__main__ import main
 from leaderboard.policies import SUMS
+from leaderboard.ranking import Leaderboard
 from leaderboard.result import Result, Task, result_folder, write_result
 from leaderboard.run import attempt
+from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, on
 from tests.train import onnx_agents
+from train.agents import agent_file
 from turning_env import Scenario
 from turning_env.scoring.policy import ScenarioId
 
@@ -84,3 +88,41 @@ def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.Capture
         path.unlink()
     assert main(command(shipped)) == 2
     assert "holds no agents" in capsys.readouterr().err
+
+
+HOSTILE = {
+    "script": "<script>alert(1)</script>",
+    "<b>name</b>": "a | b | c",
+    "link": "[click](javascript:alert(1)) ![x](http://example.org/x.png) http://example.org",
+    "fence": "``` `code` ~~~",
+    "lines": "one\n\n# Heading\n| a | b |\n\x1b[2J",
+    "list": ["<i>", "](x)", 64],
+    "long": 1_000_000 * "x",
+}
+
+
+def test_parameters_of_a_hostile_agent_are_short_and_no_markup(tmp_path: Path, task: Task, monkeypatch) -> None:
+    folder = tmp_path / "agents" / ENV_ID / "short"
+    path = onnx_agents.write(folder, memory=True)
+    command = "python -m train.ppo\n```\n<script>" + 1_000_000 * "y"
+    own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
+    (policy,) = policies.agents([path], own)
+    hostile = policy.model_copy(update={"command": command, "parameters": HOSTILE})
+    played = Result.of(own, hostile, attempt((policy, own.scenario, own.seeds)))
+    board = Leaderboard(own, [played], rank([played]), None, [])
+    file = agent_file.read(path)
+    metadata = file.metadata.model_copy(update={"parameters": HOSTILE, "versions": {"<u>": "`|`"}})
+    card = cards.render(replace(file, metadata=metadata), [hostile], board, None, folder)
+    before, _, rest = card.partition("````bash\n")
+    code, _, after = rest.partition("\n````\n")
+    assert code.startswith("python -m train.ppo")
+    assert "\n" not in code
+    for markup in ("<script", "<b>", "<i>", "<u>", "](", "![", "http:", "\x1b", "# Heading\n"):
+        assert markup not in before + after, markup
+    assert len(card) < 20_000
+    assert "1,000,000 characters" in card
+    tables = [line for line in card.splitlines() if line.startswith("| ") and "&#" in line]
+    assert all(line.count("|") == 3 for line in tables)
+    html = page.render([board])
+    assert len(html) < len(page.render([Leaderboard(own, [], [], None, [])])) + 30_000
+    assert "<script>alert" not in html

@@ -39,7 +39,7 @@ def test_a_page_is_whole_and_accessible_and_runs_its_own_script_alone(leaderboar
     opened, closed = (Counter(re.findall(tag, markup)) for tag in (r"<(\w+)\b[^>]*(?<!/)>", r"</(\w+)>"))
     assert {name for name in opened if opened[name] != closed[name]} == {"meta", "input"}
     assert all(re.search(r'scope="(col|colgroup|row)"', head) for head in re.findall(r"<th\b[^>]*>", markup))
-    assert (markup.count('scope="row"'), markup.count(">✕ not feasible<"), markup.count("<caption>")) == (4, 1, 1)
+    assert (markup.count('scope="row"'), markup.count(">✕ infeasible<"), markup.count("<caption>")) == (4, 1, 1)
     assert set(re.findall(r'aria-controls="([^"]*)', markup)) <= set(re.findall(r'\sid="([^"]*)', markup))
     assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)', markup))
 

@@ -42,8 +42,8 @@ def test_results_tell_the_digest_and_nothing_else(tmp_path: Path, scenario: Scen
     assert "3 seeds, private: only the scorer knows them" in page
     assert "--private-key KEY" in page
     played = play(policies.one_named("fixed_handbook", on(scenario)).make, scenario, seeds)
-    for name, values in played.items():
-        np.testing.assert_array_equal(result.episodes[name], values)
+    for name, values in result.episodes.items():
+        np.testing.assert_array_equal(values, played[name])
     (complaint,) = verify.check(results, tmp_path, verify.Selection())
     assert "was played on private seeds" in complaint
     assert main([*words, "--private-key", KEY[::-1], "--policies", "zero_action"]) == 0

@@ -150,7 +150,8 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     assert [standing["name"] for standing in leaderboard["standings"]] == [standing.name for standing in ranked]
     first = leaderboard["standings"][0]
     assert first["mean_return"]["value"] == ranked[0].mean_return.value
-    words = {"name", "kind", "policy_class", "information", "description", "own", "training_seeds", "feasible", "best_rule"}
+    words = {"name", "kind", "policy_class", "information", "description", "own", "training_seeds", "best_rule"}
+    words |= {"feasible", "feasibility", "unranked"}
     assert first.keys() - words == told["units"].keys()
     assert main(["show", *common, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == told

@@ -150,3 +150,84 @@ def test_score_runs_from_fixed_parameters_to_the_causal_oracle(make_result: Make
     assert good.best_rule == "grid_search"
     assert known.minutes == 0.0
     assert all(column.cell(known).number is None for column in (*LIMITS, *WORKSHOP))
+
+
+def test_feasibility_has_three_states_by_the_confidence_limits(make_result: MakeResult) -> None:
+    results = [
+        make_result("careful", severe_overload_time=1.0),
+        make_result("unclear", severe_overload_time=[0.0, 0.0, 0.0, 13.0]),  # 5.4 % on average, by a single seed
+        make_result("reckless", severe_overload_time=[6.0, 7.0, 6.0, 8.0]),
+    ]
+    standings = {each.name: each for each in rank(results)}
+    found = {name: each.feasibility for name, each in standings.items()}
+    assert found == {"careful": "feasible", "unclear": "not shown", "reckless": "infeasible"}
+    assert [each.feasible for each in standings.values()] == [True, False, False]
+    for each in standings.values():
+        assert each.severe_lower_limit <= each.severe_share <= each.severe_limit
+    board = Leaderboard(results[0].task, results, list(standings.values()), None, [])
+    cells = [line.split("|")[2].strip() for line in table.selection([board], ["mean_return"], []).splitlines()[2:]]
+    assert cells == ["yes", "NO", "not shown"]  # in the order of rank, by return and name
+    assert "feasibility not shown" in page.render([board])
+
+
+def test_time_over_a_limit_is_shown_whole_if_the_results_hold_it(make_result: MakeResult) -> None:
+    shares = {"overload_2_percent_time": 12.0, "overload_10_percent_time": 3.0}  # of a minute
+    trained = [make_result("ppo", 0, **shares), make_result("ppo", 1)]
+    (standing,) = rank(trained)
+    assert (standing.share_above_2_percent, standing.share_above_10_percent) == pytest.approx((0.1, 0.025))
+    older = [trained[0], trained[1].model_copy(update={"excess": None, "checksum": "other"})]
+    (standing,) = rank(older)
+    assert standing.share_above_2_percent is standing.share_above_10_percent is None
+
+
+def test_the_best_other_rule_is_a_feasible_one(make_result: MakeResult) -> None:
+    results = [
+        make_result("reckless", severe_overload_time=30.0, **{"return": 100.0}),
+        make_result("good", **{"return": 20.0}),
+        make_result("poor", **{"return": 10.0}),
+        make_result("ppo", 0, **{"return": 30.0}),
+    ]
+    standings = {each.name: each for each in rank(results)}
+    assert {name: each.best_rule for name, each in standings.items()} == {
+        "ppo": "good",
+        "poor": "good",
+        "reckless": "good",
+        "good": "poor",
+    }
+    assert value(standings["good"].over_best_rule) == pytest.approx(10.0)  # its lead over the next
+
+
+def test_agents_are_shown_without_a_rank_where_the_wear_rule_can_be_gamed(make_result: MakeResult, task: Task) -> None:
+    paper = task.model_copy(update={"scenario": Scenario.load("paper")})
+    results = [
+        make_result("gaming", 0, on=paper, **{"return": 647.0}),
+        make_result("honest", on=paper, **{"return": 76.0}),
+        make_result("poor", on=paper, **{"return": 7.0}),
+        make_result("known", policy=spec("known", kind="oracle"), on=paper, **{"return": 80.0}),
+    ]
+    standings = rank(results)
+    assert [each.name for each in standings] == ["honest", "poor", "gaming", "known"]
+    assert [each.class_rank for each in standings] == [1, 2, None, None]
+    assert [each.unranked is None for each in standings] == [True, True, False, False]
+    board = Leaderboard(paper, results, standings, None, [])
+    (line,) = table.agent_places(board, ["gaming-seed0"])
+    assert "no rank" in line
+    assert "wear rule" in line
+    assert "not ranked: " in page.render([board])
+    assert all(each.unranked is None for each in rank([make_result("learned", 0)]))  # elsewhere agents are ranked
+
+
+def test_every_number_has_a_column_of_its_own(make_result: MakeResult) -> None:
+    titles = [(column.heading, column.unit) for column in table.COLUMNS.values()]
+    assert len(set(titles)) == len(titles)
+    results = [make_result(name, **{"return": value}) for name, value in (("fixed_tuned", 0.0), ("rule", 1.0))]
+    results.append(make_result("causal", policy=spec("causal", kind="oracle"), **{"return": 2.0}))
+    board = Leaderboard(results[0].task, results, rank(results), None, [])
+    head, *_ = table.selection([board], ["score", "job_score", "mean_return"], []).splitlines()
+    assert len(head.split("|")) == 2 + 2 + 3
+
+
+def test_decimals_follow_the_interval_or_without_one_the_value() -> None:
+    cases = [(0.28, 0.15, 0.41), (152.0, 133.0, 168.0), (1.0, 1.0, 1.0), (76.4, 76.4, 76.4), (0.0, 0.0, 0.0), (5.4, 4.6, 6.1)]
+    assert [Estimate(*case).decimals() for case in cases] == [2, 0, 1, 0, 0, 1]
+    assert Estimate(0.0028, 0.0015, 0.0041).decimals(factor=100.0) == 2

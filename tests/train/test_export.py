@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from onnx import helper
 from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import A2C, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import VecNormalize
 
 from tests.train import onnx_agents
 from tests.train.small import ALGORITHMS, small_run
@@ -107,6 +108,36 @@ def test_models_of_other_observations_and_other_files_are_refused(tmp_path: Path
     assert "was trained on observations of shape (11,)" in refusal(capsys, other, model, "--scenario", "batch_casting")
     (tmp_path / "text.zip").write_text("text")
     assert "text.zip is no model of Stable-Baselines3" in refusal(capsys, other, tmp_path / "text.zip")
+
+
+@pytest.mark.parametrize("kind", [PPO, RecurrentPPO], ids=lambda kind: kind.__name__)
+def test_a_normalised_model_needs_its_statistics(kind: Any, scenario: str, tmp_path: Path, capsys) -> None:
+    env = VecNormalize(RoughTurningVecEnv(SCENARIO, 2))
+    policy = "MlpLstmPolicy" if kind is RecurrentPPO else "MlpPolicy"
+    model = kind(policy, env, n_steps=8, batch_size=16, n_epochs=1, seed=1, device="cpu").learn(32)
+    path, statistics = tmp_path / "mine.zip", tmp_path / "statistics.pkl"
+    model.save(path)
+    env.save(str(statistics))
+    run = Run.elsewhere("sb3", "RoughTurning-v0", SCENARIO, 9, "a command")
+    _, actor = sb3_actor(path, run, statistics)
+    acting, state = ActorPolicy(actor, 5), None
+    for observations in OBSERVATIONS:
+        expected, state = model.predict(env.normalize_obs(observations), state, deterministic=True)
+        np.testing.assert_allclose(acting.act(observations), expected, atol=1e-5)
+    assert "--statistics" in refusal(capsys, tmp_path / "out", path, "--scenario", scenario)
+    wrong = refusal(capsys, tmp_path / "out", path, "--scenario", scenario, "--statistics", path)
+    assert "cannot be read as statistics" in wrong
+
+
+def test_statistics_of_rewards_alone_change_no_observation(tmp_path: Path) -> None:
+    env = VecNormalize(RoughTurningVecEnv(SCENARIO, 2), norm_obs=False)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, seed=1, device="cpu").learn(32)
+    model.save(tmp_path / "mine.zip")
+    env.save(str(tmp_path / "statistics.pkl"))
+    run = Run.elsewhere("sb3", "RoughTurning-v0", SCENARIO, 9, "a command")
+    _, actor = sb3_actor(tmp_path / "mine.zip", run, tmp_path / "statistics.pkl")
+    expected, _ = model.predict(OBSERVATIONS[0], deterministic=True)
+    np.testing.assert_allclose(ActorPolicy(actor, 5).act(OBSERVATIONS[0]), expected, atol=1e-5)
 
 
 def network(path: Path, *nodes: onnx.NodeProto, opset: int = 20) -> Path:

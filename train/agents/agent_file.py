@@ -22,7 +22,7 @@ from gymnasium.spaces import Box
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from baselines.belief import Belief, BeliefPolicy, with_belief
-from baselines.guided import GuidedPolicy, decision_space, feature_space
+from baselines.guided import HOLD, GuidedPolicy, decision_space, feature_space
 from train.agents import network
 from train.agents.network import MAX_BYTES, MAX_MEMORY
 from train.run import Run
@@ -168,12 +168,23 @@ def _from_json(text: str) -> Any:
 _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
 
 
+def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario: str) -> str:
+    """Return the length of a training in environment steps, and what it was trained on: the jobs of a family, or a scenario."""
+    count = steps * HOLD if type(steps) is int and parameters.get("guide") is True else steps
+    length = f"{count:,} environment steps" if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER else "an unstated length"
+    family = parameters.get("family")
+    name = family.get("name") if isinstance(family, dict) else family
+    if name is None:
+        return f"trained for {length} on scenario {scenario}"
+    return f"trained for {length} on the training jobs of family {str(name)[:64]!r}"
+
+
 def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory) -> PolicySpec:
     """Return the policy of a finished training, from its file's metadata or its run."""
     return PolicySpec(
         name=about.name,
         kind="agent",
-        description=f"trained for {trained_steps} steps on scenario {about.scenario.name}",
+        description=description_of_training(about.parameters, trained_steps, about.scenario.name),
         parameters=about.parameters,
         training_seed=about.seed,
         sha256=sha256,

@@ -6,6 +6,7 @@ Load models of your own only: they are pickles, which can run code.
 import copy
 import importlib
 import logging
+import pickle
 import warnings
 import zipfile
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from onnx import compose, helper, inliner
@@ -26,6 +28,7 @@ from train.recurrent_ppo import RecurrentActor
 from train.run import Run, warn_of_pickle
 from turning_env.batch.driver import action_space
 from turning_env.scoring.onnx_session import first_line
+from turning_env.scoring.sb3_observations import was_normalised
 
 OPSET = 20
 
@@ -203,10 +206,48 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
     return torch.nn.Sequential(actor.features_extractor, *layers)
 
 
-def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
+class NormalisedActor(Actor):
+    """An actor that sees observations normalised by the statistics of Stable-Baselines3's ``VecNormalize``."""
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+
+    def __init__(self, actor: Actor, statistics: Any) -> None:
+        super().__init__()
+        self.actor = actor
+        self.memory_size = actor.memory_size
+        self.clip = float(statistics.clip_obs)
+        moments = statistics.obs_rms
+        self.register_buffer("mean", torch.as_tensor(moments.mean, dtype=torch.float32))
+        self.register_buffer("deviation", torch.as_tensor(moments.var + statistics.epsilon, dtype=torch.float32).sqrt())
+
+    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        normalised = ((observation - self.mean) / self.deviation).clamp(-self.clip, self.clip)
+        action, memory = self.actor(normalised, memory)
+        return action, memory
+
+
+def read_statistics(path: Path) -> Any:
+    """Read the statistics that ``VecNormalize.save`` has written, a pickle of one's own; ValueError if it holds none."""
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    warn_of_pickle(path)
+    try:
+        statistics = pickle.loads(path.read_bytes())
+    except OSError:
+        raise
+    except Exception as error:  # garbled bytes can raise anything
+        raise ValueError(f"{path} cannot be read as statistics of VecNormalize: {error}") from error
+    if not isinstance(statistics, VecNormalize):
+        raise ValueError(f"{path} holds a {type(statistics).__name__}, but must hold what VecNormalize.save has written")
+    return statistics
+
+
+def sb3_actor(path: Path, run: Run, statistics: Path | None = None) -> tuple[Run, Actor]:
     """Return the training and the actor of a model of Stable-Baselines3 or sb3-contrib; ValueError if it cannot be exported.
 
-    The run is one elsewhere on the environment, to which algorithm, steps and perhaps the belief are added.
+    The run is one elsewhere on the environment, to which algorithm, steps and perhaps the belief are added. ``statistics`` is the
+    file of ``VecNormalize``, without which a model that was trained with it is refused.
     """
     warn_of_pickle(path)
     try:
@@ -233,4 +274,21 @@ def sb3_actor(path: Path, run: Run) -> tuple[Run, Actor]:
         raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
     network = _network(name, model.policy)
     actor: Actor = network if isinstance(network, Actor) else ModuleActor(network)
+    if statistics is not None:
+        actor = _normalised(actor, read_statistics(statistics), statistics, model.observation_space.shape)
+    elif was_normalised(model):
+        raise ValueError(
+            "was trained with VecNormalize, whose statistics the file does not hold: save them in the training by "
+            "model.get_vec_normalize_env().save('statistics.pkl'), and add --statistics statistics.pkl"
+        )
     return replace(run, algorithm=name.lower(), parameters=parameters), actor.eval()
+
+
+def _normalised(actor: Actor, statistics: Any, path: Path, shape: tuple[int, ...]) -> Actor:
+    """Return an actor that normalises its observations, unless the statistics are of rewards alone."""
+    if not statistics.norm_obs:
+        return actor
+    if np.shape(statistics.obs_rms.mean) != shape:
+        found = np.shape(statistics.obs_rms.mean)
+        raise ValueError(f"was trained on observations of shape {shape}, but the statistics in {path} are of shape {found}")
+    return NormalisedActor(actor, statistics)

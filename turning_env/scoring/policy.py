@@ -29,7 +29,7 @@ class Policy(Protocol):
 
 
 MAX_NAME = 200  # characters of a policy's name: with a training seed and a suffix it names a file, of 255 bytes at most
-MAX_TRAINING_SEED = 999_999_999
+MAX_TRAINING_SEED = 2**63 - 1
 
 PolicyFactory = Callable[[int], Policy]
 """Makes a policy for a number of environments."""

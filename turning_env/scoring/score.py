@@ -12,13 +12,23 @@ import gymnasium
 import numpy as np
 
 from turning_env import FAMILY_ID
+from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.sandbox import LIMITS, Limits
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, rank_key, severe_share
+from turning_env.scoring.statistics import (
+    Bootstrap,
+    Estimate,
+    Feasibility,
+    Floats,
+    feasibility,
+    rank_key,
+    reason_not_to_rank,
+    severe_share,
+)
 
 FOLDER = Path(__file__).parent / "shipped_results"
 """Times of every shipped policy's episodes: a file per id or family, JSON compressed with xz, made by ``leaderboard pack``."""
@@ -57,6 +67,8 @@ class Comparison:
     name: str
     kind: str  # ``rule``, ``agent`` or ``oracle``
     feasible: bool
+    feasibility: Feasibility  # "not shown" if the allowance lies between the confidence limits of the severe share
+    unranked: str | None  # why it has no rank; None if it has one
     mean_return: Estimate  # [s of machine time]
     ahead: Estimate  # return of the scored policy less the other's [s], paired by seed
 
@@ -67,21 +79,28 @@ class Score:
 
     env_id: str
     seeds: int
-    rank: int  # among this policy and those that ship: feasible ones first, then by mean return; oracles have no rank
+    rank: int  # among this policy and those ranked that ship: feasible ones first, then by mean return; see ``warning``
     ranked: int  # number of ranked policies, including this one
     mean_return: Estimate  # [s of machine time]
     feasible: bool  # whether the upper confidence limit of ``severe_share`` is within the scenario's allowance
+    feasibility: Feasibility  # "not shown" if the allowance lies between the confidence limits of ``severe_share``
     severe_share: float  # share of cutting time with an excess above the tolerance [-]
+    overload_share: float  # share of cutting time above a limit [-]
+    share_above_2_percent: float  # share of cutting time above a limit by more than 2 % [-]
+    share_above_10_percent: float  # share of cutting time above a limit by more than 10 % [-]
+    warning: str | None  # why the rank says little; on the leaderboard, such a policy has none
     comparisons: tuple[Comparison, ...]  # with every policy that ships, best first; oracles last
     episodes: Episodes = field(repr=False)  # ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)
 
     def table(self) -> str:
         """Return a table with a line per policy that ships: rank, name, return [s], and this policy's return less that [s]."""
-        notes, rows = {True: "", False: "not feasible"}, []
+        rows = []
         for each in self.comparisons:
-            note = "oracle" if each.kind == "oracle" else notes[each.feasible]
+            note = "oracle" if each.kind == "oracle" else _NOTES[each.feasibility]
+            if each.unranked and each.kind != "oracle":
+                note = f"{note}, not ranked".removeprefix(", ")
             rows.append((each.name, _interval(each.mean_return), _interval(each.ahead, "+"), note))
-        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", notes[self.feasible]))
+        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", _NOTES[self.feasibility]))
         rows.insert(0, ("policy", "return", "difference of this policy", ""))
         name, mean, ahead, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
         places = ["rank", *range(1, self.ranked + 1), *[""] * (len(rows) - self.ranked - 1)]
@@ -90,12 +109,28 @@ class Score:
 
     def __str__(self) -> str:
         """Return rank, return, difference from the next-ranked policy, and feasibility, for people."""
-        ranked = [each for each in self.comparisons if each.kind != "oracle"]
+        ranked = [each for each in self.comparisons if each.unranked is None]
         parts = [f"rank {self.rank} of {self.ranked}", f"return {_interval(self.mean_return)}"]
         parts += [f"{_interval(one.ahead, '+')} against {one.name}" for one in ranked[self.rank - 1 : self.rank] or ranked[-1:]]
-        infeasible = f"not feasible: {self.severe_share:.1%} of cutting time in overload, the interval's end above the allowance"
-        parts.append("feasible" if self.feasible else infeasible)
-        return ", ".join(parts)
+        if self.feasible:
+            parts.append("feasible")
+        else:
+            parts.append(f"{_NOTES[self.feasibility]}: {self.severe_share:.1%} of cutting time in severe overload")
+        warning = f"\nwarning: {self.warning}" if self.warning else ""
+        return ", ".join(parts) + warning
+
+    def load(self) -> str:
+        """Return the shares of cutting time above a limit, in all and by more than 2 %, severely, and by more than 10 %."""
+        shares = {
+            "above a limit": self.overload_share,
+            "by more than 2 %": self.share_above_2_percent,
+            "severely": self.severe_share,
+            "by more than 10 %": self.share_above_10_percent,
+        }
+        return "share of cutting time " + ", ".join(f"{name}: {share:.2%}" for name, share in shares.items())
+
+
+_NOTES: dict[Feasibility, str] = {"feasible": "", "not shown": "feasibility not shown", "infeasible": "infeasible"}
 
 
 def score(
@@ -114,7 +149,8 @@ def score(
 
             * a function from observations, float32 of shape (num_envs, entries), to actions in -1..1, (num_envs, actions);
             * an object with ``reset(mask)`` and ``act(observations)``, see ``turning_env.scoring.policy.Policy``;
-            * a model of Stable-Baselines3, which acts deterministically;
+            * a model of Stable-Baselines3, which acts deterministically; the ``VecNormalize`` of its environment, if it has one,
+              normalises the observations;
             * a module of PyTorch, from observations to actions;
             * the path of an ONNX file with the input ``observation`` and the output ``action``; with a memory also ``memory`` and
               ``next_memory``. All weights must be inside. This needs onnxruntime. The file may come from anywhere: it plays in a
@@ -136,10 +172,11 @@ def score(
     if env_id == FAMILY_ID:
         jobs = Family.load(family)
         scenario = jobs.job(0).scenario
-        episodes = play_family(jobs, SPLIT, range(count), as_factory(policy, limits))
+        space = observation_space(scenario, len(jobs.context_names))
+        episodes = play_family(jobs, SPLIT, range(count), as_factory(policy, limits, space))
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-        episodes = play(as_factory(policy), scenario, held_out_seeds(count))
+        episodes = play(as_factory(policy, limits, observation_space(scenario)), scenario, held_out_seeds(count))
     return compare(env_id, episodes, scenario, shipped(board, count))
 
 
@@ -150,20 +187,51 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
     my_means, my_mean = bootstrap.means(mine.returns, mine.name), float(np.mean(mine.returns))
 
     def compared(each: Played) -> Comparison:
-        limit = bootstrap.severe_limit(each.severe, each.engaged, each.name)
+        limits = bootstrap.severe_limits(each.severe, each.engaged, each.name)
+        verdict = feasibility(limits, scenario.limits.overload_allowance)
         means, mean = bootstrap.means(each.returns, each.name), float(np.mean(each.returns))
         mean_return, ahead = Estimate.of(mean, means), Estimate.of(my_mean - mean, my_means - means)
-        return Comparison(each.name, each.kind, limit <= scenario.limits.overload_allowance, mean_return, ahead)
+        return Comparison(
+            name=each.name,
+            kind=each.kind,
+            feasible=verdict == "feasible",
+            feasibility=verdict,
+            unranked=reason_not_to_rank(each.kind, scenario),
+            mean_return=mean_return,
+            ahead=ahead,
+        )
 
-    def key(each: Comparison) -> tuple[bool, bool, float]:
-        return rank_key(each.kind, each.feasible, each.mean_return.value)
+    def key(each: Comparison) -> tuple[bool, bool, bool, float]:
+        return rank_key(each.kind, each.feasible, each.mean_return.value, each.unranked)
 
-    me, comparisons = compared(mine), tuple(sorted(map(compared, others), key=lambda each: (key(each), each.name)))
-    ranked = [each for each in comparisons if each.kind != "oracle"]
-    rank = 1 + sum(key(each) < key(me) for each in ranked)
-    share, seeds = severe_share(mine.severe.ravel(), mine.engaged.ravel()), mine.returns.shape[1]
-    return Score(env_id, seeds, rank, len(ranked) + 1, me.mean_return, me.feasible, share, comparisons, episodes)
+    me = compared(mine)
+    comparisons = tuple(sorted(map(compared, others), key=lambda each: (key(each), each.name)))
+    ranked = [each for each in comparisons if each.unranked is None]
+    # A policy without a rank is told its place among the ranked all the same, with a warning.
+    place = rank_key(me.kind, me.feasible, me.mean_return.value)
+    engaged = mine.engaged.ravel()
+
+    def share(field: str) -> float:
+        return severe_share(np.asarray(episodes.get(field, np.zeros(len(engaged)))), engaged)
+
+    return Score(
+        env_id=env_id,
+        seeds=len(engaged),
+        rank=1 + sum(key(each) < place for each in ranked),
+        ranked=len(ranked) + 1,
+        mean_return=me.mean_return,
+        feasible=me.feasible,
+        feasibility=me.feasibility,
+        severe_share=share("severe_overload_time"),
+        overload_share=share("overload_time"),
+        share_above_2_percent=share("overload_2_percent_time"),
+        share_above_10_percent=share("overload_10_percent_time"),
+        warning=f"the leaderboard ranks rules only: {me.unranked}" if me.unranked else None,
+        comparisons=comparisons,
+        episodes=episodes,
+    )
 
 
 def _interval(estimate: Estimate, sign: str = "") -> str:
-    return f"{estimate.value:{sign}.0f} s ({estimate.low:.0f} to {estimate.high:.0f})"
+    decimals = estimate.decimals()
+    return f"{estimate.value:{sign}.{decimals}f} s ({estimate.low:.{decimals}f} to {estimate.high:.{decimals}f})"

@@ -3,20 +3,30 @@
 A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample draws the same
 number of seeds, and the same number of each policy's training seeds, with replacement. All policies share the resampled seeds,
 so the bars' common effect cancels in a difference between two policies. A policy is feasible if the upper confidence limit of its
-share of cutting time in severe overload is within the scenario's allowance.
+share of cutting time in severe overload is within the scenario's allowance, and infeasible if the lower limit is above it. If the
+allowance lies between the limits, feasibility is not shown: more seeds would decide.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+
+from turning_env.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 KEY = 709  # fixed, so that the same episodes give the same limit
+_ROUNDING = 1e-6  # an interval that is narrower is but the rounding of sums
+
+
+Feasibility = Literal["feasible", "not shown", "infeasible"]
+MAX_DECIMALS = 2
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,17 @@ class Estimate:
         tail = (1.0 - CONFIDENCE) / 2.0
         low, high = np.quantile(replicates, [tail, 1.0 - tail])
         return cls(float(value), float(low), float(high))
+
+    def decimals(self, factor: float = 1.0) -> int:
+        """Return the decimals, at most two, that show the interval in two digits, or without an interval the value.
+
+        ``factor`` is that from the unit of this estimate to the unit that is shown.
+        """
+        width = factor * (self.high - self.low)
+        shown = width if width > _ROUNDING else abs(factor * self.value)
+        if shown <= _ROUNDING:
+            return 0
+        return min(max(1 - math.floor(math.log10(shown)), 0), MAX_DECIMALS)
 
 
 class Bootstrap:
@@ -60,7 +81,30 @@ class Bootstrap:
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
         """Return the one-sided upper confidence limit of ``severe_share`` [-]; arguments of shape (training seeds, seeds)."""
-        return float(np.quantile(ratio(self.means(severe, policy), self.means(engaged, policy)), CONFIDENCE))
+        return self.severe_limits(severe, engaged, policy)[1]
+
+    def severe_limits(self, severe: Floats, engaged: Floats, policy: str) -> tuple[float, float]:
+        """Return the one-sided lower and upper confidence limits of ``severe_share``; see ``severe_limit``."""
+        shares = ratio(self.means(severe, policy), self.means(engaged, policy))
+        lower, upper = np.quantile(shares, [1.0 - CONFIDENCE, CONFIDENCE])
+        return float(lower), float(upper)
+
+
+def feasibility(limits: tuple[float, float], allowance: float) -> Feasibility:
+    """Return whether a policy is feasible, by the lower and upper confidence limits of its share of severe overload [-]."""
+    lower, upper = limits
+    if upper <= allowance:
+        return "feasible"
+    return "infeasible" if lower > allowance else "not shown"
+
+
+def reason_not_to_rank(kind: str, scenario: Scenario) -> str | None:
+    """Return why a policy of a kind has no rank on a scenario; None if it has one."""
+    if kind == "oracle":
+        return "oracle"
+    if kind == "agent" and scenario.tool.wear_rule == "clock_time":
+        return "agent: the published wear rule counts time, so learning finds ways to idle, and the return is not machining"
+    return None
 
 
 def severe_share(severe: Floats, engaged: Floats) -> float:
@@ -73,9 +117,12 @@ def ratio(parts: Floats, wholes: Floats) -> Floats:
     return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)
 
 
-def rank_key(kind: str, feasible: bool, merit: float) -> tuple[bool, bool, float]:
-    """Return the key by which policies are ranked: oracles last, feasible policies first, then the higher merit."""
-    return kind == "oracle", not feasible, -merit
+def rank_key(kind: str, feasible: bool, merit: float, unranked: str | None = None) -> tuple[bool, bool, bool, float]:
+    """Return the key by which policies are sorted: those without a rank after the ranked, oracles last.
+
+    Among these, feasible policies come first, then those of higher merit.
+    """
+    return kind == "oracle", unranked is not None, not feasible, -merit
 
 
 def interquartile_mean(values: Floats) -> Floats:

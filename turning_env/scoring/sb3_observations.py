@@ -1,0 +1,75 @@
+"""What stood between the lathe and a model of Stable-Baselines3 in its training, and must not be lost when it plays elsewhere.
+
+Wrappers of a training's environment may change observations. The model's file does not hold them: a model trained with
+``VecNormalize`` and shown plain observations acts on numbers that it has never seen.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import gymnasium
+from gymnasium.vector import VectorObservationWrapper
+
+_NEUTRAL = ("VecMonitor", "VecCheckNan")
+"""Wrappers of Stable-Baselines3 that leave observations as they are."""
+ADVICE = (
+    "give a function that changes observations likewise, such as "
+    "lambda observations: model.predict(statistics.normalize_obs(observations), deterministic=True)[0]"
+)
+
+
+def normalisation(model: Any) -> Any:
+    """Return the ``VecNormalize`` whose statistics a model needs; None if it needs none.
+
+    ValueError if the statistics are not there, or another wrapper of the training's environment changes observations.
+    """
+    env = model.get_env() if hasattr(model, "get_env") else None
+    if env is None:
+        if was_normalised(model):
+            raise ValueError(
+                "the model was trained with VecNormalize, whose statistics its file does not hold: load it with its environment, "
+                f"such as PPO.load(path, env=VecNormalize.load(statistics, env)), or {ADVICE}"
+            )
+        return None
+    statistics = None
+    for wrapper in _vec_wrappers(env):
+        kind = type(wrapper).__name__
+        if kind == "VecNormalize":
+            if wrapper.norm_obs:
+                statistics = wrapper
+        elif kind not in _NEUTRAL:
+            raise ValueError(f"the model was trained behind {kind}, which may change observations: {ADVICE}")
+    if name := _changing_wrapper(env):
+        raise ValueError(f"the model was trained behind {name}, which changes observations: {ADVICE}")
+    return statistics
+
+
+def was_normalised(model: Any) -> bool:
+    """Return whether a model that was loaded without its environment was trained with ``VecNormalize``.
+
+    Such a training keeps the observations before normalisation, and the model's file holds its first. They are also there if only
+    rewards were normalised: the file does not say which.
+    """
+    return getattr(model, "_last_original_obs", None) is not None
+
+
+def _vec_wrappers(env: Any) -> Iterator[Any]:
+    """Yield the wrappers of Stable-Baselines3 around an environment, the outermost first."""
+    while "venv" in vars(env):
+        yield env
+        env = env.venv
+
+
+def _changing_wrapper(env: Any) -> str | None:
+    """Return the class of a wrapper of Gymnasium that changes observations, if there is one."""
+    innermost = env
+    for wrapper in _vec_wrappers(env):
+        innermost = wrapper.venv
+    vectors = [innermost.vector_env] if hasattr(innermost, "vector_env") else []  # of RoughTurningVecEnv
+    for each in [*vectors, *getattr(innermost, "envs", [])]:
+        wrapped = each
+        while isinstance(wrapped, gymnasium.Wrapper | gymnasium.vector.VectorWrapper):
+            if isinstance(wrapped, gymnasium.ObservationWrapper | VectorObservationWrapper):
+                return type(wrapped).__name__
+            wrapped = wrapped.env
+    return None
