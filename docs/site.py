@@ -16,6 +16,7 @@ from mkdocs.structure.files import File, Files
 import turning_env
 from leaderboard import page
 from leaderboard.ranking import Leaderboard, read_leaderboards
+from leaderboard.table import VERDICTS
 from turning_env.physics.quantities import INFO, OBSERVATION, layout
 
 ROOT = Path(__file__).parents[1]
@@ -125,6 +126,7 @@ def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
             continue
         yield f"## {leaderboard.task.env_id}\n\n| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
         for standing in leaderboard.standings[:5]:
-            mean, feasible = standing.mean_return, "yes" if standing.feasible else "no"
+            mean = standing.mean_return
+            feasible = VERDICTS[standing.feasibility].lower()
             yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {feasible} |"
         yield ""

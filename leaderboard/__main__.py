@@ -19,7 +19,7 @@ from leaderboard.ranking import Leaderboard, read_leaderboard, read_leaderboards
 from leaderboard.result import MANIFEST_FILE, RESULTS, ResultError, Task, result_folder, start_results, write_whole
 from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
-from turning_env.console import DONE, FAILED, described, exits, print_json
+from turning_env.console import DONE, FAILED, described, exits, print_json, printable
 from turning_env.files import digest_of
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import WorkersError, workers
@@ -196,7 +196,7 @@ def _verify(options: argparse.Namespace) -> int:
         with workers(options.jobs, options.scheduler) as over:
             complaints = verify.verify(options.results, options.agents, selection, options.memory, options.seeds, over)
         passed = "every result came back" if options.seeds is None else "the shortest episodes of every result came back"
-    print(*complaints, f"{len(complaints)} complaints" if complaints else passed, sep="\n")
+    print(*map(printable, complaints), f"{len(complaints)} complaints" if complaints else passed, sep="\n")
     return FAILED if complaints else DONE
 
 
@@ -224,7 +224,7 @@ def _print(leaderboards: Sequence[Leaderboard], as_json: bool) -> None:
         if (across := table.across(leaderboards)) is not None:
             print(table.render_across(across) + "\n")
     if left_out := [str(path) for each in leaderboards for path in each.left_out]:
-        print(f"left out, as scenario values, seeds or versions differ: {', '.join(left_out)}", file=sys.stderr)
+        print(printable(f"left out, as scenario values, seeds or versions differ: {', '.join(left_out)}"), file=sys.stderr)
 
 
 def _write_page(leaderboards: Sequence[Leaderboard], path: Path) -> None:

@@ -46,7 +46,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
 }
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",
-    "guide of a rule": "trained likewise; at run time, a rule that has the nominal model acts within its limits",
+    "guiding agent": "trained likewise; at run time, a rule that has the nominal model acts within its limits",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
     "other agent": "its file does not state what training gave it",
     "rule": "a controller, tuned on tuning seeds; may know the nominal model",
@@ -73,7 +73,7 @@ def class_of(policy: PolicySpec) -> str:
         return "other agent"
     if not _given(algorithm, policy.parameters) <= _MODEL_FREE:
         return "privileged agent"
-    return "guide of a rule" if policy.parameters.get("guide") is True else "model-free agent"
+    return "guiding agent" if policy.parameters.get("guide") is True else "model-free agent"
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:

@@ -29,6 +29,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
 
 from turning_env import MODEL_VERSION
+from turning_env.console import printable
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario import PortableScenario
 from turning_env.scenario.family import Family
@@ -46,6 +47,7 @@ SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TI
 """The fields of an episode that results keep; of ``EXCESS_TIMES`` they keep sums alone, see ``ExcessShares``."""
 FAMILY_FIELDS = ("return", "reward_metal", "steps", "engaged_time", "overload_time", "severe_overload_time")
 """The fields of an episode that results on a family keep: volumes and edges of different jobs do not add up."""
+_FOLDER_NAME = "^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,127}$"
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
 
 
@@ -81,14 +83,14 @@ class FamilySplit(Part):
     """The split of a family whose jobs are played."""
 
     family: ScenarioId  # name, and SHA-256 of the values
-    split: str
+    split: str = Field(pattern=_FOLDER_NAME)
     loaded: Family | None = Field(default=None, exclude=True, repr=False)  # the family, unless it was read from a file
 
 
 class Task(Part):
     """The episodes that every policy of one leaderboard plays."""
 
-    env_id: str
+    env_id: str = Field(pattern=_FOLDER_NAME)  # also names a folder
     model_version: int = MODEL_VERSION
     scenario: PortableScenario  # scenario; for a family, the values that all jobs share, under the name of family and split
     seeds: Seeds
@@ -297,8 +299,8 @@ def write_result(result: Result, folder: Path) -> None:
 
 @cache
 def tell_once(text: str) -> None:
-    """Print a text on standard error, the first time that a process has it to say."""
-    print(text, file=sys.stderr)
+    """Print a text on standard error, the first time that a process has it to say. It may quote a file."""
+    print(printable(text), file=sys.stderr)
 
 
 def write_manifest(folder: Path, task: Task) -> None:

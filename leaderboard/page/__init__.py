@@ -13,6 +13,7 @@ from urllib.parse import quote
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from baselines.guided import HOLD
 from leaderboard import columns, table
 from leaderboard.information import CLASSES
 from leaderboard.page.charts import chart_data
@@ -55,6 +56,7 @@ def render(leaderboards: Sequence[Leaderboard]) -> str:
         shown_at_first=SHOWN_AT_FIRST,
         verdicts={"feasible": "", "not shown": "? feasibility not shown", "infeasible": "\N{MULTIPLICATION X} infeasible"},
         max_values=MAX_VALUES,
+        hold=HOLD,
         max_command=MAX_COMMAND,
         confidence=f"{100 * CONFIDENCE:g} %",
         resamples=RESAMPLES,

@@ -59,10 +59,10 @@ def test_terms_of_training_are_stated_and_count() -> None:
     assert "life price" not in (fewer.given or ())
 
 
-def test_a_guide_of_a_rule_is_no_model_free_agent_and_counts_steps_of_the_environment() -> None:
+def test_an_agent_that_guides_a_rule_is_no_model_free_agent_and_counts_steps_of_the_environment() -> None:
     parameters = {"guide": True, "steps": 1_500_000}
     guide = spec("mine", seed=0, command="python -m train.guided_ppo --seed 0", parameters=parameters)
-    assert class_of(guide) == "guide of a rule"
+    assert class_of(guide) == "guiding agent"
     assert told(guide.command, guide=True, steps=1_500_000).steps == 45_000_000
 
 

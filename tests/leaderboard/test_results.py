@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from leaderboard import verify
+from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard, read_leaderboards
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -79,6 +80,22 @@ def test_the_manifest_or_else_most_results_decide_which_task_is_ranked(make_resu
     assert (name, entry.return_, entry.sha256) == ("mine", 2.33333, only(mine).checksum)
     with pytest.raises(ResultError, match="holds no results on task"):
         read_leaderboard(folder, task.model_copy(update={"seeds": [5]}))
+
+
+def test_keys_and_texts_of_a_pack_cannot_command_the_terminal(make_result: MakeResult, task: Task, folder: Path, capsys) -> None:
+    path = written(make_result("rule"), folder)
+    write_manifest(folder, task)
+    document = json.loads(lzma.decompress(path.read_bytes()))
+    hostile = "\x1b[2Jforged\nline"
+    for content in (document | {hostile: 1}, document | {"schema": hostile}, {"task": {hostile: hostile}, "results": []}):
+        path.write_bytes(lzma.compress(json.dumps(content).encode()))
+        assert main(["verify", "--check", "--results", str(folder.parents[1]), "--agents", str(folder)]) == 1
+        assert main(["show", "--results", str(folder.parents[1])]) == 2
+        told = capsys.readouterr()
+        assert "\x1b" not in told.out + told.err
+        assert not any(line.startswith("line") for line in (told.out + told.err).splitlines())
+    with pytest.raises(ValueError, match="env_id"):
+        Task.model_validate(dict(task) | {"env_id": hostile})
 
 
 @pytest.mark.parametrize("name", ["broken.json.xz", "trajectories.json.xz", MANIFEST_FILE])

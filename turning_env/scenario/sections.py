@@ -291,5 +291,5 @@ class Limits(Section):
     """Spindle torque M [N m]."""
     roughness: FeedLimit = FeedLimit()
     """Height of the roughness, R_z [mm]."""
-    overload_tolerance: float = quantity(0.05, 0, 1, "-", "relative excess over a limit that counts as overload")
-    overload_allowance: float = quantity(0.05, 0, 1, "-", "share of cutting time in overload up to which a policy is feasible")
+    overload_tolerance: float = quantity(0.05, 0, 1, "-", "relative excess over a limit above which overload is severe")
+    overload_allowance: float = quantity(0.05, 0, 1, "-", "allowed share of cutting time in severe overload; decides feasibility")
