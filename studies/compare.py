@@ -311,14 +311,18 @@ class Row:
 
     def _verdict(self, scenario: str) -> str:
         """Return a remark if the variant is not feasible on a scenario; jobs of the family have limits of their own."""
-        return "" if scenario == FAMILY_ID or not self.rank_key(scenario)[1] else ", infeasible"
+        return "" if scenario == FAMILY_ID or self._is_feasible(scenario) else ", infeasible"
 
-    def rank_key(self, scenario: str) -> tuple[bool, bool, float]:
-        """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
+    def _is_feasible(self, scenario: str) -> bool:
         episodes = self.scenarios[scenario]
         limit = self._bootstrap.severe_limit(episodes["severe_overload_time"], episodes["engaged_time"], self.name)
+        return limit <= Scenario().limits.overload_allowance
+
+    def rank_key(self, scenario: str) -> tuple[bool, bool, bool, float]:
+        """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
+        episodes = self.scenarios[scenario]
         cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(episodes["removed"].sum(), 1e-9)
-        return rank_key("rule", limit <= Scenario().limits.overload_allowance, -cost)
+        return rank_key("rule", self._is_feasible(scenario), -cost)
 
 
 def _text(estimate: Estimate) -> str:
