@@ -42,7 +42,7 @@ from turning_env.files import digest_of, replace_file
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, rank_key
+from turning_env.scoring.statistics import Bootstrap, Estimate, RankKey, rank_key
 from turning_env.scoring.workers import spread, workers
 
 FOLDER = Path(__file__).parent
@@ -318,7 +318,7 @@ class Row:
         limit = self._bootstrap.severe_limit(episodes["severe_overload_time"], episodes["engaged_time"], self.name)
         return limit <= Scenario().limits.overload_allowance
 
-    def rank_key(self, scenario: str) -> tuple[bool, bool, bool, float]:
+    def rank_key(self, scenario: str) -> RankKey:
         """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
         episodes = self.scenarios[scenario]
         cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(episodes["removed"].sum(), 1e-9)
@@ -343,7 +343,7 @@ def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
 
 def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
     """Yield the cells of each scenario: how its ranking of the variants differs from that of the first."""
-    home: dict[str, tuple[bool, bool, float]] = {}
+    home: dict[str, RankKey] = {}
     for scenario in rows[0].scenarios:
         keys = {row.name: row.rank_key(scenario) for row in rows}
         home = home or keys
@@ -353,7 +353,9 @@ def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
             "Scenario": f"`{scenario}`",
             "Kendall's tau": f"{1.0 - 4.0 * len(swapped) / max(len(order) * (len(order) - 1), 1):.2f}",
             "First": f"`{order[0]}`",
-            "No longer feasible": ", ".join(f"`{name}`" for name in order if keys[name][1] and not home[name][1]),
+            "No longer feasible": ", ".join(
+                f"`{name}`" for name in order if keys[name].is_not_feasible and not home[name].is_not_feasible
+            ),
             "Pairs that change order": ", ".join(f"`{better}` before `{worse}`" for better, worse in swapped),
         }
 

@@ -24,6 +24,7 @@ from turning_env.scoring.statistics import (
     Estimate,
     Feasibility,
     Floats,
+    RankKey,
     feasibility,
     rank_key,
     reason_not_to_rank,
@@ -201,7 +202,7 @@ def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequenc
             ahead=ahead,
         )
 
-    def key(each: Comparison) -> tuple[bool, bool, bool, float]:
+    def key(each: Comparison) -> RankKey:
         return rank_key(each.kind, each.feasible, each.mean_return.value, each.unranked)
 
     me = compared(mine)

@@ -9,7 +9,7 @@ allowance lies between the limits, feasibility is not shown: more seeds would de
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -117,12 +117,26 @@ def ratio(parts: Floats, wholes: Floats) -> Floats:
     return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)
 
 
-def rank_key(kind: str, feasible: bool, merit: float, unranked: str | None = None) -> tuple[bool, bool, bool, float]:
+class RankKey(NamedTuple):
+    """The key by which policies are sorted, the lowest first."""
+
+    is_oracle: bool
+    has_no_rank: bool
+    is_not_feasible: bool
+    demerit: float
+
+
+def rank_key(kind: str, feasible: bool, merit: float, unranked: str | None = None) -> RankKey:
     """Return the key by which policies are sorted: those without a rank after the ranked, oracles last.
 
     Among these, feasible policies come first, then those of higher merit.
     """
-    return kind == "oracle", unranked is not None, not feasible, -merit
+    return RankKey(
+        is_oracle=kind == "oracle",
+        has_no_rank=unranked is not None,
+        is_not_feasible=not feasible,
+        demerit=-merit,
+    )
 
 
 def interquartile_mean(values: Floats) -> Floats:
