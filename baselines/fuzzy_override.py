@@ -11,8 +11,10 @@ override. All are shares; the paper states per cent, with O_m = 200 %.
 The first form, (1) to (4), has k = p = 1 and d = 0. The modified form, (5) to (7), has k = p = 0.1 and d = 25 %, to reduce
 over-regulation.
 
-The paper does not say which branch holds for M_a = M_z. Here it is (4), which keeps the override. It needs nothing of the nominal
-model.
+The paper does not say which branch holds for M_a = M_z. Here it is (4), which keeps the override. The paper calls O_n continuous,
+but it jumps at M_z: just below, (1) and (3) still raise the override, by exp(-5) = 0.67 % of its distance from O_m.
+
+Uses nothing from the nominal model.
 """
 
 import numpy as np
@@ -27,12 +29,31 @@ FIRST_FORM = {"k": 1.0, "p": 1.0, "d": 0.0}  # published values [-]
 MODIFIED_FORM = {"k": 0.1, "p": 0.1, "d": 0.25}  # likewise
 
 
+def rising_correction(load: Array, target: float, k: float) -> Array:
+    """Return W_k [-] below the target load, by equations (1) and (5)."""
+    return np.asarray(k * exp(-5.0 * (load / target) ** 2))
+
+
+def falling_correction(load: Array, target: float, p: float) -> Array:
+    """Return W_k [-] from the target load on, by equations (2) and (6)."""
+    headroom = max(1.0 - target, MIN_HEADROOM)
+    return np.asarray(p * exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p)
+
+
+def disjunction(override: Array, correction: Array, override_max: float) -> Array:
+    """Return the raised override [-], by equation (3)."""
+    return override + correction * (override_max - override)
+
+
+def conjunction(override: Array, correction: Array, d: float) -> Array:
+    """Return the lowered override [-], by equations (4) and (7)."""
+    return correction * (override - d) + d
+
+
 def new_override(override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float) -> Array:
     """Return the new override [-] by equations (1) to (7), for the present override and load [-], all of shape (num_envs,)."""
-    rising = k * exp(-5.0 * (load / target) ** 2)
-    headroom = max(1.0 - target, MIN_HEADROOM)
-    falling = p * exp(-10.0 / headroom * (load - target) ** 2) + 1.0 - p
-    raised, lowered = override + rising * (override_max - override), falling * (override - d) + d
+    raised = disjunction(override, rising_correction(load, target, k), override_max)
+    lowered = conjunction(override, falling_correction(load, target, p), d)
     return np.asarray(np.where(load < target, raised, lowered))
 
 

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from papers.catalogue import FIGURES, PAPERS, Paper
-from papers.figures import blanks, life, minutes, override, roughness, servo
+from papers.figures import blanks, fuzzy, life, minutes, override, roughness, servo
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_render import plot_style as style
@@ -34,6 +34,10 @@ DRAW: dict[str, Callable[[], Figure]] = {
     "grid_search_11": life.draw_responses,
     "grid_search_12": life.draw_pairs,
     "grid_search_13": life.draw_rivals,
+    "fuzzy_01": fuzzy.draw_correction,
+    "fuzzy_02": fuzzy.draw_aggregation,
+    "fuzzy_03": fuzzy.draw_override,
+    "fuzzy_06": fuzzy.draw_conjunction,
     "override_steps": override.draw,
     "roughness_control": roughness.draw_control,
     "part_programming_psi": blanks.draw_gains,

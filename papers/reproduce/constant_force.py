@@ -32,7 +32,8 @@ NUM_SEEDS = 8
 SHOWN = (1, 3)  # the simulations that the text shows
 SETTLED = 2.0  # time after which the control has settled [s]: half a second of air, then some servo time constants
 
-FORCE_CHANGE = 0.1  # largest random change of the force that the text states [-]
+ROUGHNESS_TOLERANCE = 0.05  # of Ra by (5) at the printed force [-] (assumption)
+TOO_LOW = (1, 2, 3)  # simulations whose printed Ra lies farther below (5) at the printed force
 FORCE_TOLERANCE, FEED_TOLERANCE = 0.08, 0.015
 """Tolerances of force [-] and feed [mm/rev]: force over feed is 3080 to 2680 N per mm/rev in the table, and 2850 here."""
 
@@ -114,8 +115,15 @@ def simulation_checks() -> Iterator[Check]:
         yield claim(f"{name}control brings Ra nearer the reference", controlled.deviation < 0.5 * uncontrolled.deviation)
         if on_command is not None:
             yield at_least(f"{name}on the command before, Ra swings: times as far", 3.0, on_command.spread / controlled.spread)
-        printed, less = (0.2401 * float(np.exp(0.0034 * share * row.force)) for share in (1.0, 1.0 - FORCE_CHANGE))
-        yield Check(f"{name}Ra of the printed force within 10 %, (5) [um]", row.roughness, printed, printed - less)
+        by_equation = 0.2401 * float(np.exp(0.0034 * row.force))
+        reason = "the printed Ra of simulations 1 to 3 lie 14, 10 and 8.5 % below (5) at the printed force"
+        yield Check(
+            f"{name}Ra by (5) at the printed force [um]",
+            row.roughness,
+            by_equation,
+            ROUGHNESS_TOLERANCE * by_equation,
+            not_reproduced=reason if row.number in TOO_LOW else "",
+        )
 
 
 def reference_force() -> tuple[float, float]:

@@ -23,6 +23,7 @@ from turning_env.scoring.policy import Policy
 
 FORMS = {"first form": FIRST_FORM, "modified form": MODIFIED_FORM}
 TARGET = 0.6  # M_z of the paper's test [-]
+OVERRIDE_MAX = 2.0  # O_m of the paper [-]
 DEEP = 3.0  # depth of cut at which the load is held [mm]
 PERIODS = (0.25, 0.35, 0.5, 0.7, 1.0, 2.0, 4.0, 10.0)  # periods of the ripple [s]
 TRANSIENT = 5.0  # time after which the override has settled on a bar of one depth [s]
@@ -91,6 +92,23 @@ def saved_at_rest(overrides: Sequence[float], lengths: Sequence[float]) -> float
     return 100.0 * (1.0 - sum(times) / sum(lengths))
 
 
+def largest_jump() -> float:
+    """Return the largest change of the first form's new override across the target load [%]."""
+    present = np.linspace(0.0, OVERRIDE_MAX, 201)
+    below = new_override(present, np.full(201, TARGET - 1e-9), TARGET, OVERRIDE_MAX, **FIRST_FORM)
+    at_target = new_override(present, np.full(201, TARGET), TARGET, OVERRIDE_MAX, **FIRST_FORM)
+    return 100.0 * float(np.abs(below - at_target).max())
+
+
+def value_checks() -> Iterator[Check]:
+    """Yield the checks of the statement on Figure 3: continuous functions of the load, with values in (0, 200 %]."""
+    reason = "just below the target, (1) and (3) raise the override by 0.67 % of its distance from 200 %, and (4) keeps it"
+    yield at_most("override over load: largest jump, at the target [%]; continuous", 0.001, largest_jump(), reason)
+    present, load = np.meshgrid(np.linspace(0.01, OVERRIDE_MAX, 200), np.linspace(0.0, 1.0, 201))
+    values = new_override(present, load, TARGET, OVERRIDE_MAX, **FIRST_FORM)
+    yield claim("override over load: above 0 and at most 200 %", (values > 0.0) & (values <= OVERRIDE_MAX))
+
+
 def checks() -> Iterator[Check]:
     """Yield the checks of the paper."""
     shallow = stepped("programmed feed").at_depth(1.0, 1.0)
@@ -109,6 +127,7 @@ def checks() -> Iterator[Check]:
     raised = float(new_override(np.array([1.45]), np.array([highest]), TARGET, 2.0, **FIRST_FORM)[0])
     yield claim("first form: no rest at 145 % and 1 mm, where the load is 36 % at most", highest < TARGET and raised > 1.45)
     yield Check("first form: time saved on three equal sections [%]", 20.0, saved("first form"), 1.0)
+    yield from value_checks()
     worst = worst_swing("first form", STRONG)
     yield at_most("wheel lathe: swing of the first form on a drive of twice the torque [%]", asked_for(), worst)
 

@@ -19,7 +19,7 @@ The gain is the paper's psi = (Q_0/Q_a - 1) 100 %, uncorrected over corrected co
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -38,6 +38,13 @@ NOT_NECESSARY = ("PT", "MT")  # likewise
 SOURCES = ("handbook", "experience", "literature")  # the slides' sources of dispersions
 WORTH_HAVING = 1.0  # least psi that counts as an improvement [%] (assumption)
 SLACK = 2.0  # limits that a rule does not name, over their value in the common cut [-]
+
+READINGS = {"punching": (0.084, 1.1), "rolling": (2.1, 1.05, 0.21, 0.0), "welding": (1.06, 0.06)}
+"""Spatial deviations [mm] that the handbooks' garbled cells can be read as, by kind of blank; the first is the one in use.
+
+The copy has "0.084, 1 Q, 1.1" for punched blanks, "2.1" in the next column for rolled ones, and "0.06 *, 1.06" for welded ones.
+The values 1.05 and 0.21 stand for a reading of half and a tenth of 2.1, and 0 for none.
+"""
 
 RETURN_TIME = 0.1  # [min] per pass
 MAX_PASSES = 8
@@ -135,6 +142,13 @@ def gain(rule: str, blank: Blank, slack: float = SLACK) -> tuple[int, float]:
     return 1 + int(np.argmin(uncorrected)), 100.0 * (min(uncorrected) / corrected - 1.0)
 
 
+def gain_by_reading(rule: str, kind: str, spatial_deviation: float) -> float:
+    """Return psi [%] of a kind of blank with the handbooks' dispersion and another spatial deviation [mm]."""
+    blank = next(blank for blank in blanks() if (blank.name, blank.source) == (kind, "handbook"))
+    in_use, *_ = READINGS[kind]
+    return gain(rule, replace(blank, least=blank.least - in_use + spatial_deviation))[1]
+
+
 def gains(rule: str, source: str, slack: float = SLACK) -> dict[str, float]:
     """Return psi [%] of the kinds of blank of a source."""
     return {blank.name: gain(rule, blank, slack)[1] for blank in blanks() if blank.source == source}
@@ -150,6 +164,14 @@ def tables() -> Iterator[str]:
         kinds["mean of its kinds"] = np.mean([*kinds.values()], axis=0).tolist()
         lines += [[f"{source}, {kind}", *(f"{value:.1f}" for value in values)] for kind, values in kinds.items()]
     yield from table(("source of dispersion, blank", *(f"[{rule}]" for rule in found["handbook"])), lines)
+    yield ""
+    yield "Gain psi by reading of the handbooks' spatial deviations [%]; the first of each kind is in use."
+    lines = []
+    for kind, deviations in READINGS.items():
+        for deviation in deviations:
+            values = [gain_by_reading(rule, kind, deviation) for rule in found["handbook"]]
+            lines.append([f"{kind}, {deviation:g} mm", *(f"{value:.1f}" for value in values)])
+    yield from table(("blank, spatial deviation", *(f"[{rule}]" for rule in found["handbook"])), lines)
 
 
 def checks() -> Iterator[Check]:

@@ -89,3 +89,14 @@ def test_the_claims_on_the_correction_hold_with_every_slack() -> None:
             gains = {rule: np.mean([*part_programming.gains(rule, source, slack).values()]) for rule in TWO_LIMITS}
             assert min(gains[rule] for rule in part_programming.IMPROVED) >= part_programming.WORTH_HAVING
             assert max(gains[rule] for rule in part_programming.NOT_NECESSARY) <= part_programming.WORTH_HAVING
+
+
+@pytest.mark.slow
+def test_what_rolled_blanks_gain_rests_on_a_garbled_number_and_the_conclusions_do_not() -> None:
+    in_use, *others = (part_programming.gain_by_reading("PV", "rolling", each) for each in part_programming.READINGS["rolling"])
+    assert in_use > 5.0
+    assert min(others) < part_programming.WORTH_HAVING
+    smallest = {kind: min(readings) for kind, readings in part_programming.READINGS.items()}
+    for rule in part_programming.IMPROVED:
+        found = [part_programming.gain_by_reading(rule, kind, deviation) for kind, deviation in smallest.items()]
+        assert max(found) >= part_programming.WORTH_HAVING

@@ -14,8 +14,11 @@ from turning_env.numerics.functions import expm1
 from turning_env.scenario.sections import MAX_DELAY
 
 
-def lag_share(time: float, time_constant: Any) -> Any:
-    """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (both in the same unit)."""
+def lag_share(time: Any, time_constant: Any) -> Any:
+    """Return the share of the distance to a constant target that a first-order lag covers in ``time`` (both in the same unit).
+
+    Either may be an array.
+    """
     if np.ndim(time_constant):
         return np.array([lag_share(time, each) for each in time_constant])
     return 1.0 if time_constant == 0 else -expm1(-time / time_constant)
