@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, tool_life
+from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, spindle_speed, tool_life
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import change_wear
 from turning_nc.expression import number_text
@@ -298,7 +298,7 @@ class _Cuts:
         s, cuts = self._search.situation, self.cuts
         slices, on = s.removal.slices, s.engaged[cuts]
         around = 2.0 * math.pi * np.maximum(slices.radius[cuts], 1e-6) / 1000.0
-        turns = np.minimum(np.where(s.constant_speed[cuts], speeds / around, speeds), s.max_spindle[cuts])
+        turns = spindle_speed(s, speeds, cuts)
         speed = turns * around
         depth = np.where(on, slices.depth[cuts], 1.0)
         high = s.feed_range[1]

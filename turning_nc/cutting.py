@@ -22,6 +22,7 @@ from turning_shop.whatif import NO_LIMIT
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
 
+MIN_ACROSS = 1e-3  # change of the radius over a slice below which it counts as constant [mm]
 FINISHING_DEPTH = 0.5  # depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)
 
 
@@ -107,12 +108,37 @@ def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, V
     """Return time [s], cutting speed [m/min], feed [mm/rev] and spindle speed [rev/min] of the slices."""
     s = situation
     around = 2.0 * math.pi * np.maximum(s.removal.slices.radius, 1e-6) / 1000.0  # [m/rev]
-    turns = np.minimum(np.where(s.constant_speed, speed / around, speed), s.max_spindle)
-    turns = np.where(s.fed, np.maximum(turns, 1e-9), 0.0)
+    turns = np.where(s.fed, np.maximum(spindle_speed(s, speed), 1e-9), 0.0)
     per_turn = np.where(s.per_revolution, feed, feed / np.where(s.fed, turns, 1.0))
     velocity = np.where(s.fed, per_turn * turns, 1.0)
     time = s.other_time + np.where(s.fed, 60.0 * s.removal.slices.length / velocity, 0.0)
     return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
+
+
+def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)) -> Values:
+    """Return the spindle speed that takes the time of each slice [rev/min], for speeds as programmed.
+
+    At a constant cutting speed a turn takes longer at a larger radius, but never less than at the spindle's limit. A slice in
+    air may be as long as its move, so the time of a turn is averaged over the slice.
+    """
+    least = 1.0 / situation.max_spindle[slices]  # time of a turn [min]
+    per_radius = 2.0 * math.pi / (1000.0 * np.maximum(speed, 1e-9))  # [min/mm]
+    begin = situation.removal.slices.start[slices, 1]
+    end = situation.removal.slices.end[slices, 1]
+    knee = least / per_radius  # radius below which the spindle is at its limit [mm]
+
+    def integral(radius: Values) -> Values:
+        """Return the time of a turn, integrated from the axis to a radius [min mm]."""
+        beyond = np.maximum(abs(radius), knee)
+        total = least * np.minimum(abs(radius), knee) + 0.5 * per_radius * (beyond**2 - knee**2)
+        return np.asarray(np.sign(radius) * total)
+
+    middle = np.maximum(per_radius * 0.5 * abs(begin + end), least)
+    across = end - begin
+    small = abs(across) < MIN_ACROSS
+    mean = np.where(small, middle, (integral(end) - integral(begin)) / np.where(small, 1.0, across))
+    turns = np.where(situation.constant_speed[slices], 1.0 / mean, speed)
+    return np.minimum(turns, situation.max_spindle[slices])
 
 
 def play(situation: Situation, wear: Values | float, feed: Values | None = None, speed: Values | None = None) -> Play:

@@ -182,6 +182,21 @@ def test_a_constant_cutting_speed_ends_at_the_limit_of_the_spindle() -> None:
     assert time[fed].sum() == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.parametrize("stock", ["bar:100x60+2", "bar:100x60"])  # through the face, and through air before it
+@pytest.mark.parametrize("end", [0.0, -1.6, 30.0, 60.0])
+def test_the_time_of_a_move_across_the_limit_of_the_spindle_is_exact(stock: str, end: float) -> None:
+    situation = situated(f"G99 G50 S1000\nG96 S150 M3\nG0 X102. Z1.\nG1 X{end} F0.2", stock)
+    time, speed, _, turns = motion(situation, situation.feed, situation.speed)
+    fed = situation.fed
+    reached = 150_000.0 / (2.0 * math.pi * 1000.0)  # radius at which the spindle is at its limit [mm]
+    least = 0.5 * end
+    constant = math.pi * (51.0**2 - max(least, reached) ** 2) / 150_000.0  # turns at 150 m/min [min mm]
+    limited = max(reached - least, 0.0) / 1000.0
+    assert time[fed].sum() == pytest.approx(60.0 * (constant + limited) / 0.2, rel=1e-5)
+    assert turns[fed].max() <= 1000.0 * (1.0 + 1e-9)
+    assert speed[fed].max() <= 150.0 * (1.0 + 1e-4)
+
+
 # The command.
 
 
