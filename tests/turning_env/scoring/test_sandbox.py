@@ -13,6 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from tests.turning_env.scoring import hostile_child
 from tests.walking import ROOT
+from turning_env.__main__ import main
 from turning_env.scoring import sandbox
 from turning_env.scoring.sandbox import AgentFileError, Limits, Sandbox, TooSlow
 from turning_env.scoring.sandbox_child import Outline
@@ -112,18 +113,31 @@ def test_a_plain_network_plays(tmp_path: Path) -> None:
     np.testing.assert_array_equal(acted(path), np.full((2, 2), 0.5, np.float32))
 
 
-@pytest.mark.slow
-def test_a_loop_without_end_is_stopped(tmp_path: Path) -> None:
+def endless(folder: Path) -> Path:
+    """Write a network with a loop that never ends, and return its path."""
     count = helper.make_tensor_value_info("count", TensorProto.INT64, [])
     going, on = (helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in ("going", "on"))
     value, after = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2]) for name in ("value", "after"))
     nodes = [helper.make_node("Identity", ["going"], ["on"]), helper.make_node("Identity", ["value"], ["after"])]
     body = helper.make_graph(nodes, "body", [count, going, value], [on, after])
-    path = written(tmp_path, FIRST + "action = Loop(, yes, first)", {"action": body}, yes=np.array(True), **PLACES)
+    return written(folder, FIRST + "action = Loop(, yes, first)", {"action": body}, yes=np.array(True), **PLACES)
+
+
+@pytest.mark.slow
+def test_a_loop_without_end_is_stopped(tmp_path: Path) -> None:
+    path = endless(tmp_path)
     with pytest.raises(TooSlow, match="gives no answer within 1 s"):
         acted(path, Limits(answer=1.0))
     with pytest.raises(TooSlow, match="needs more than the 1 s of processor time"):
         acted(path, Limits(computing=1))
+
+
+@pytest.mark.slow
+@linux
+def test_the_command_stops_a_loop_without_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = endless(tmp_path)
+    assert main(["score", str(path), "--seeds", "2", "--agent-time", "1"]) == 2
+    assert "needs more than the 1 s of processor time that it may have" in capsys.readouterr().err
 
 
 @linux
