@@ -43,7 +43,14 @@ def program(options: argparse.Namespace) -> int:
     _check_out(options)
     text = read_program_file(options.program, DIALECTS.get(options.dialect))
     with naming(options.program):
-        run = moves.run(text, moves.Reading(options.go_on, options.unit, dict(options.side or ())))
+        reading = moves.Reading(
+            go_on=options.go_on,
+            unit=options.unit,
+            steps=options.steps,
+            radius=options.radius,
+            sides=dict(options.side or ()),
+        )
+        run = moves.run(text, reading)
     tools = dict(options.tool or ())
     notes = list(run.notes)
     polygon, guessed = (stock.read_stock(options.stock), "") if options.stock else stock.guessed_stock(run, tools)
@@ -123,8 +130,11 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     sides = "side that the G71, G72 or CYCLE95 in a line turns: outside or inside (default: as a control); can be repeated"
     add("--side", action="append", type=_side, metavar="LINE=SIDE", help=sides)
     add("--unit", choices=("mm", "inch"), help="unit of a program that states none (default: mm, with a note)")
+    steps = "numbers without a decimal point count 0.001 mm or 0.0001 inch; F and S stay (default: mm or inch)"
+    add("--steps", action="store_true", help=steps)
+    add("--radius", action="store_true", help="X is a radius, if the program does not state it (default: a diameter)")
     add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
-    add("--go-on", action="store_true", help="leave out lines that are not understood, instead of refusing the program")
+    add("--go-on", action="store_true", help="leave out words that are not understood, instead of refusing the program")
     add("--adapt", choices=("words", "blocks"), help="adapt feeds and speeds in the program's own words, or in every block")
     for option, default, low, high, unit, text in (
         ("--wear", None, 0.001, 10.0, "mm",

@@ -138,7 +138,7 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
     small = abs(across) < MIN_ACROSS
     mean = np.where(small, middle, (integral(end) - integral(begin)) / np.where(small, 1.0, across))
     turns = np.where(situation.constant_speed[slices], 1.0 / mean, speed)
-    return np.minimum(turns, situation.max_spindle[slices])
+    return np.asarray(np.minimum(turns, situation.max_spindle[slices]))
 
 
 def play(situation: Situation, wear: Values | float, feed: Values | None = None, speed: Values | None = None) -> Play:

@@ -13,6 +13,8 @@ MAX_REACH = 1e5  # largest distance of the tool from the zero point along an axi
 MIN_RATE, MAX_RATE = 1e-6, 1e6  # of feeds and speeds, in any unit; a control's are far within
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 _COORDINATES = "X", "Z", "U", "W"
+STEP_MM, STEP_INCH = 0.001, 0.0001  # least increments of a control, in units of the program
+MIN_LARGE = 1000.0  # coordinate without a decimal point from which it looks like steps
 MIN_STEPS = 20
 """Whole number in cycles from which a program counts steps of 0.001 mm or 0.0001 inch, if its coordinates have decimal points."""
 
@@ -32,6 +34,8 @@ class Modal:
 
     program: PartProgram
     unit: str | None = None  # unit of a program that states none: mm or inch
+    steps: bool = False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    radius: bool = False  # whether X is a radius in a program that does not state it
     notes: dict[str, list[int]] = field(default_factory=dict)  # lines of each note
     z: float = HOME[0]
     x: float = HOME[1]
@@ -47,6 +51,8 @@ class Modal:
     max_spindle_speed: float = math.inf
     spindle_on: bool = False
     tool: str = "T0"
+    large_numbers: dict[int, float] = field(default_factory=dict)
+    """Largest coordinate without a decimal point in each line that has one of ``MIN_LARGE`` or more."""
     motion: int | None = None  # G function of the moves, or of the box cycle, in force
     line: Line = field(default_factory=lambda: Line(0, "", (), 0))
 
@@ -68,9 +74,8 @@ class Modal:
         if self.linuxcnc and not codes & self.dialect.feed_modes.keys():
             self.per_revolution = False
             self.note("neither G94 nor G95 states the kind of feed: feeds are per minute, as in LinuxCNC (assumption)")
-        if not (codes & {7, 8} if self.fanuc else any(word.address in DIAMETERS for word in words)):
-            why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
-            self.note(f"X is taken as a diameter, {why} (assumption)")
+        states_diameter = bool(codes & {7, 8}) if self.fanuc else any(word.address in DIAMETERS for word in words)
+        self._take_diameter(states_diameter)
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
         increments = any({91} == line.codes & {91, 28, 30} for line in lines)
         self.system_a = self.dialect is FANUC and not (feeds or self.linuxcnc or increments)
@@ -78,13 +83,25 @@ class Modal:
         cycles = [line for line in lines if line.codes & self.dialect.cycles.keys()]
         sizes = [word for line in cycles for word in line.words if word.address in {*"UWRDIK"}]
         whole = [abs(word.value or 0.0) for word in sizes if "." not in word.text]
-        self.counts_steps = all("." in word.text for word in lengths) and max(whole, default=0.0) >= MIN_STEPS
+        with_points = all("." in word.text for word in lengths)
+        self.counts_steps = self.steps or (with_points and max(whole, default=0.0) >= MIN_STEPS)
         sign = foreign_sign(self.program.text) if self.fanuc else None
         self.tried = f" ({sign.found}; it is read as Fanuc's, with Fanuc's cycles)" if sign else ""
         if self.tried:
             self.note(self.tried.strip(" ()"))
         if self.dialect.system in ("B", "C"):
             self.note(f"it is read in G code system {self.dialect.system}; --dialect sets another")
+
+    def _take_diameter(self, stated: bool) -> None:
+        """Set whether X is a diameter before the program's first word."""
+        if stated and self.radius:
+            self.note("the program states whether X is a radius, so --radius has no effect")
+        elif self.radius:
+            self.diameter = "DIAMOF"
+            self.note("X is taken as a radius, as --radius says")
+        elif not stated:
+            why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
+            self.note(f"X is taken as a diameter, {why} (assumption); --radius sets a radius")
 
     @property
     def here(self) -> Point:
@@ -200,6 +217,13 @@ class Modal:
                 elif word.value not in _KNOWN_M:
                     self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
 
+    def in_units(self, word: Word) -> float:
+        """Return a length as it is written, in mm or inch; a number without a decimal point may count steps."""
+        value = word.value or 0.0
+        if not (self.fanuc and self.steps) or "." in word.text:
+            return value
+        return value * (STEP_INCH if self.length_scale == INCH else STEP_MM)
+
     def scaled_x(self, value: float, incremental: bool) -> float:
         """Return a value of X as a radius in mm."""
         halved = self.diameter == "DIAMON" or (self.diameter == "DIAM90" and not incremental)
@@ -213,7 +237,7 @@ class Modal:
             return word.value * self.length_scale
         inch = self.length_scale == INCH
         self.note(f"a cycle's words without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}")
-        return word.value * (0.0001 * INCH if inch else 0.001)
+        return word.value * (STEP_INCH * INCH if inch else STEP_MM)
 
     def target(self, line: Line, start: Point | None = None) -> Point:
         """Return the point to which a block's coordinates lead, by default from the tool's position."""
@@ -222,15 +246,13 @@ class Modal:
         for word in line.words:
             if word.value is None or word.address not in _COORDINATES:
                 continue
-            if self.fanuc and "." not in word.text and word.value:
-                unit = "mm" if self.length_scale == 1.0 else "inch"
-                self.note(f"coordinates without a decimal point are read as {unit}, not as steps of 0.001")
+            self._note_whole(word)
             incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
             given.add("X" if word.address in ("X", "U") else "Z")
             if word.address in ("X", "U"):
-                x = self.scaled_x(word.value, incremental) + (self.x if incremental else 0.0)
+                x = self.scaled_x(self.in_units(word), incremental) + (self.x if incremental else 0.0)
             else:
-                z = word.value * self.length_scale + (self.z if incremental else 0.0)
+                z = self.in_units(word) * self.length_scale + (self.z if incremental else 0.0)
         angle = line.number_of("A", ",A", "ANG") if len(given) == 1 else None
         if angle is not None:  # of the move, from the Z axis: it gives the other coordinate
             slope = math.tan(math.radians(angle))
@@ -238,7 +260,24 @@ class Modal:
                 x = here[1] + (z - here[0]) * slope
             elif abs(slope) > 1e-9:
                 z = here[0] + (x - here[1]) / slope
-        return within_reach((z, x))
+        try:
+            return within_reach((z, x))
+        except Problem as problem:
+            hint = "; are its numbers steps of 0.001, --steps?" if self.line.number in self.large_numbers else ""
+            raise Problem(f"{problem}{hint}") from None
+
+    def _note_whole(self, word: Word) -> None:
+        """Note how a coordinate without a decimal point is read."""
+        if not self.fanuc or "." in word.text or not word.value:
+            return
+        inch = self.length_scale == INCH
+        if self.steps:
+            self.note(f"coordinates without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}")
+            return
+        self.note(f"coordinates without a decimal point are read as {'inch' if inch else 'mm'}, not as steps of 0.001")
+        if abs(word.value) >= MIN_LARGE:
+            number = self.line.number
+            self.large_numbers[number] = max(abs(word.value), self.large_numbers.get(number, 0.0))
 
 
 def within_reach(point: Point) -> Point:

@@ -51,6 +51,8 @@ class Reading:
 
     go_on: bool = False  # whether words that are not understood are left out, and named in the notes
     unit: str | None = None  # mm or inch, if the program states none
+    steps: bool = False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    radius: bool = False  # whether X is a radius, if the program does not state it
     sides: Mapping[int, str] = field(default_factory=dict)
     """Sides that roughing cycles turn, outside or inside, by their lines; by default those that a control takes."""
 
@@ -66,6 +68,7 @@ class Moves:
     notes: tuple[str, ...]  # assumptions, and words that are not understood but do not change the tool's path, with lines
     states_unit: bool  # whether the program or the caller states the unit
     sides: dict[int, Side]  # sides that roughing cycles turn, by their lines
+    large_numbers: dict[int, float]  # largest coordinates that look like steps but are read as mm or inch, by lines
 
 
 class _End(Exception):
@@ -90,7 +93,14 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
     Raises:
         NcError: blocks are not understood, and are not left out; names each with its line.
     """
-    control = Control(program, reading.unit, given_sides=reading.sides, go_on=reading.go_on)
+    control = Control(
+        program,
+        unit=reading.unit,
+        steps=reading.steps,
+        radius=reading.radius,
+        given_sides=reading.sides,
+        go_on=reading.go_on,
+    )
     with contextlib.suppress(_End):
         control.run_lines(program.parts[program.main])
     control.end_corner()
@@ -108,7 +118,7 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
             control.notes.setdefault(note, []).append(line)
     named = tuple(f"{at_lines(lines)}: {note}" for note, lines in sorted(control.notes.items(), key=lambda item: min(item[1])))
     stated = control.states_unit or reading.unit is not None
-    return Moves(program, reading, tuple(control.moves), control.law, named, stated, control.sides)
+    return Moves(program, reading, tuple(control.moves), control.law, named, stated, control.sides, control.large_numbers)
 
 
 def _listed(control: "Control") -> list[str]:
@@ -473,7 +483,7 @@ class Control(Modal):
             seconds *= 60.0 / self.spindle_speed()
         elif word.address == "P" and self.linuxcnc:
             self.note("P of G4 is in seconds, as in LinuxCNC")
-        elif word.address == "P" and "." not in word.text:
+        elif "." not in word.text and (word.address == "P" or (self.steps and word.address in ("X", "U"))):
             seconds /= 1000.0
         if seconds < 0.0:
             raise Problem(f"the dwell is {seconds:g} s, but must not be below 0")
@@ -527,14 +537,16 @@ class Control(Modal):
         if word is not None and word.value:
             if self.motion != 1 or word.value < 0.0:
                 raise Problem("a chamfer or a radius needs a size above 0, and straight moves at feed, G1")
-            return Corner(self.dialect.corners[word.address], word.value * self.length_scale, line.number)
+            size = self.in_units(word) * self.length_scale
+            return Corner(self.dialect.corners[word.address], size, line.number)
         modal = self.rounding > 0.0 and self.motion in (1, 2, 3)
         return Corner("radius", self.rounding, line.number, modal=True) if modal else None
 
     def _arc(self, line: Line, end: Point) -> Path:
         start, clockwise = self.here, self.motion == 2
-        if (radius := line.number_of(self.dialect.arc_radius)) is not None:
-            return arc_of_radius(start, end, radius * self.length_scale, clockwise)
+        radius = line.first(self.dialect.arc_radius)
+        if radius is not None and radius.value is not None:
+            return arc_of_radius(start, end, self.in_units(radius) * self.length_scale, clockwise)
         i, k = line.first("I"), line.first("K")
         if not (i or k):
             if self.fanuc and not line.codes & {2, 3}:
@@ -543,14 +555,30 @@ class Control(Modal):
             raise Problem(f"G{self.motion} needs a centre or a radius: I and K, or {'R' if self.fanuc else 'CR='}")
         if any(word is not None and word.mode == "AC" for word in (i, k)):
             raise Problem("a centre in absolute coordinates, I=AC or K=AC, is not understood")
-        dx, dz = ((word.value or 0.0) * self.length_scale if word else 0.0 for word in (i, k))
+        dx = self.in_units(i) * self.length_scale if i else 0.0
+        dz = self.in_units(k) * self.length_scale if k else 0.0
         centre = start[0] + dz, start[1] + dx
         first, last = math.dist(start, centre), math.dist(end, centre)
         if first > MAX_RADIUS:
             raise Problem(f"an arc of radius {first:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?")
         if abs(first - last) > max(0.01, 1e-3 * first):
-            raise Problem(f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end")
+            hint = self._hint_at_radius(start, end, (dz, dx))
+            raise Problem(f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end{hint}")
         return Path(start, end, centre, clockwise)
+
+    def _hint_at_radius(self, start: Point, end: Point, to_centre: Point) -> str:
+        """Return a hint if an arc closes with X read the other way, as a radius or as a diameter."""
+        as_diameter = self.diameter == "DIAMON"
+        factor = 2.0 if as_diameter else 0.5
+        begin = start[0], factor * start[1]
+        centre = begin[0] + to_centre[0], begin[1] + to_centre[1]
+        first = math.dist(begin, centre)
+        last = math.dist((end[0], factor * end[1]), centre)
+        if abs(first - last) > max(0.01, 1e-3 * first):
+            return ""
+        if as_diameter:
+            return "; with X as a radius it closes: is the machine set so, --radius?"
+        return "; with X as a diameter it closes: is X a radius here?"
 
     def _go_home(self, what: str, line: Line) -> None:
         self.note(f"{what} are not in the program: Z{HOME[0]:g} X{2 * HOME[1]:g} is taken")

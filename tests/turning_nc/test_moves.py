@@ -64,7 +64,10 @@ def test_both_dialects_are_told_from_the_text() -> None:
     assert divide(ISO, SINUMERIK).dialect == SINUMERIK
 
 
-@pytest.mark.parametrize(("text", "notes"), [(ISO, ("line 3: X is taken as a diameter, as usual (assumption)",)), (SIEMENS, ())])
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [(ISO, ("line 3: X is taken as a diameter, as usual (assumption); --radius sets a radius",)), (SIEMENS, ())],
+)
 def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: str, notes: tuple[str, ...]) -> None:
     made = moves(text)
     assert made.notes == notes
