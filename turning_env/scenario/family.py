@@ -230,7 +230,7 @@ class Family(Section):
             raise ValueError(f"{place}: {self._no_field(name)}")
         usual = self._base[name]
         if not isinstance(usual, bool | int | float):
-            raise ValueError(f"{place}: only numbers are drawn, but this field has {usual!r}: set it in a scenario for ``base``")
+            raise ValueError(f"{place}: only numbers are drawn, but this field has {usual!r}: set it in the base")
         if isinstance(usual, bool) != isinstance(value, bool):
             allowed = "true or false" if isinstance(usual, bool) else "a number or a formula"
             raise ValueError(f"{place}: {value!r} is not allowed: it must be {allowed}")
