@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.extras import needed
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, spindle_speed, tool_life
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import change_wear
@@ -22,6 +23,9 @@ from turning_nc.moves import run
 from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
 from turning_shop.whatif import CHANGES
+
+with needed():
+    from tqdm import tqdm
 
 FEED_DECIMALS, FEED_DECIMALS_INCH = 3, 5
 _LIFE_MARGIN = 0.998  # share of the allowed life that is planned for, as words are rounded
@@ -86,7 +90,8 @@ def adapt(
         return float(found.time.sum()) + 1e6 * excess, search, values
 
     best = planned(first.max())
-    for highest in CHANGES[::-1] * situation.scenario.tool.wear_criterion if wear is None else ():
+    earlier = CHANGES[::-1] * situation.scenario.tool.wear_criterion if wear is None else ()
+    for highest in tqdm(earlier, "adapting", unit="wear", leave=False, disable=None):
         if highest < first.max():
             found = planned(highest)
             if found[0] >= best[0]:

@@ -101,12 +101,7 @@ def _merged(lengths: Values, depths: Values, limits: Values) -> tuple[Values, Va
     tolerance = 0.02
     starts: list[int] = []
     while not starts or (len(starts) > MAX_DEPTHS and tolerance <= 2.0):
-        starts = [0]
-        for k in range(1, len(depths)):
-            group = depths[starts[-1] : k]
-            apart = abs(depths[k] - np.average(group, weights=lengths[starts[-1] : k])) > tolerance * depths.max()
-            if apart or ((depths[k] > 0.0) != (group[-1] > 0.0) and tolerance < 0.3) or limits[k] < limits[starts[-1]] / 1.3:
-                starts.append(k)
+        starts = _starts(lengths, depths, limits, tolerance)
         tolerance *= 1.3
     if len(starts) > MAX_DEPTHS:
         starts = np.linspace(0, len(depths), MAX_DEPTHS, endpoint=False).astype(int).tolist()
@@ -114,6 +109,24 @@ def _merged(lengths: Values, depths: Values, limits: Values) -> tuple[Values, Va
     mean = np.add.reduceat(lengths * depths, starts) / total
     mean = np.where(mean < _MIN_SECTION, 0.0, mean)
     return total, mean, np.minimum.reduceat(limits, starts)
+
+
+def _starts(lengths: Values, depths: Values, limits: Values, tolerance: float) -> list[int]:
+    """Return where sections begin, so that depths differ from their section's mean by less than a share of the largest depth."""
+    starts = [0]
+    apart = tolerance * float(depths.max())
+    length, area = float(lengths[0]), float(lengths[0] * depths[0])  # of the section up to here
+    cuts = (depths > 0.0).tolist()
+    for k, (next_length, depth, limit) in enumerate(zip(lengths.tolist(), depths.tolist(), limits.tolist(), strict=True)):
+        if k == 0:
+            continue
+        into_metal = cuts[k] != cuts[k - 1] and tolerance < 0.3
+        if abs(depth - area / max(length, 1e-12)) > apart or into_metal or limit < limits[starts[-1]] / 1.3:
+            starts.append(k)
+            length = area = 0.0
+        length += next_length
+        area += next_length * depth
+    return starts
 
 
 class ProgramEnv(RoughTurningEnv):

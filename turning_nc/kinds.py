@@ -15,6 +15,7 @@ with needed():
     import shapely
 
 MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assumption)
+MAX_TOOLS = 200  # of a program; a turret has about twelve
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 DRILL = "drill"
 MARGIN = 0.5  # length around a cut in which a hole is looked for [mm]
@@ -29,12 +30,14 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
     others, one that returns nearer to the axis than it cut turns inside.
 
     Raises:
-        NcError: a given tool is not in the program.
+        NcError: a given tool is not in the program, or the program has too many tools.
     """
     habits = _habits(moves)
     for name in given:
         if name not in habits:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(habits)}")
+    if len(habits) > MAX_TOOLS:
+        raise NcError(f"the program uses {len(habits)} tools, but {MAX_TOOLS} at most are played: are its T words tools?")
     return {tool: given.get(tool) or seen.kind() for tool, seen in habits.items()}
 
 
