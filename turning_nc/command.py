@@ -21,8 +21,9 @@ MARK = ".simulated"
 def program(options: argparse.Namespace) -> int:
     """Play a part program on a stock: depth of cut, load, wear and time of every block; adapt its feeds and speeds.
 
-    The program is Fanuc's (ISO) or SINUMERIK's. An error names lines that are not understood. Loads are nominal, with edges
-    worn as at their change. Edges are changed after as many parts as 97.5 % of them last. Limits count as in `advise`.
+    The program is Fanuc's (ISO) or SINUMERIK's. An error names words that are not understood, with their lines. Loads are
+    nominal, with edges worn as at their change. Edges are changed after as many parts as 97.5 % of them last. Limits count as
+    in `advise`.
 
     --adapt changes only F and S words, so that the program takes least time within the scenario's limits and without using
     more edges. The adapted program is simulation output. Do not run it on a machine without review.
@@ -133,7 +134,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     steps = "numbers without a decimal point count 0.001 mm or 0.0001 inch; F and S stay (default: mm or inch)"
     add("--steps", action="store_true", help=steps)
     add("--radius", action="store_true", help="X is a radius, if the program does not state it (default: a diameter)")
-    add("--dialect", choices=tuple(DIALECTS), help="default: by the program's own words")
+    add("--dialect", choices=tuple(DIALECTS), help="control (default: by the program's own words)")
     add("--go-on", action="store_true", help="leave out words that are not understood, instead of refusing the program")
     add("--adapt", choices=("words", "blocks"), help="adapt feeds and speeds in the program's own words, or in every block")
     for option, default, low, high, unit, text in (
