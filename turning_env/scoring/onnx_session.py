@@ -33,8 +33,11 @@ class OnnxPolicy:
         try:
             results = self._session.run(None, {"observation": observations} | ({"memory": memory} if memory.shape[1] else {}))
         except Exception as error:  # ONNX Runtime's errors have no common type
+            reason = first_line(error)
+            if "allocate" in reason:
+                raise ValueError(f"needs more memory than it may have: {reason}") from error
             entries = f"{observations.shape[1]} entries (`leaderboard run` adds a belief)"
-            raise ValueError(f"cannot act on {entries}: {first_line(error)}") from error
+            raise ValueError(f"cannot act on {entries}: {reason}") from error
         found = dict(zip((output.name for output in self._session.get_outputs()), results, strict=True))
         action: Floats = found["action"]
         remembered: Floats = found.get("next_memory", memory)
