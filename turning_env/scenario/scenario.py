@@ -5,7 +5,7 @@ import os
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
@@ -22,6 +22,9 @@ from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.validation import complaints
 
 _SOURCE, _CALIBRATION = "_source", "_calibration"  # beside the fields, as Pydantic would compare a private attribute
+_STATED_START = "_stated_start"  # likewise: which fields of the start the files or the dict state
+START = ("initial_cutting_speed", "initial_feed")
+"""Fields of ``control`` that move into the machine's range if no file states them."""
 _ALL_PRESETS = "python -m turning_env presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
@@ -151,8 +154,9 @@ class Scenario(Section):
 
         A TOML file or a dict states only the values that differ from the defaults or, with ``base``, from that preset or TOML
         file. The path of a base is relative to the file's folder. Without a ``name``, a file's scenario gets the file's name,
-        with "_" for characters that are not allowed; a dict's scenario is called "custom". TypeError if ``source`` is none of
-        the four; ScenarioError names file, field, value and what is allowed.
+        with "_" for characters that are not allowed; a dict's scenario is called "custom". A start speed or feed that only a
+        preset states moves to the nearest value in the machine's range. TypeError if ``source`` is none of the four;
+        ScenarioError names file, field, value and what is allowed.
 
             Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
         """
@@ -181,6 +185,8 @@ class Scenario(Section):
     def _from_values(cls, source: str, values: dict[str, Any], folder: Path) -> "Scenario":
         """Return the scenario of a table. A base's path is relative to ``folder``."""
         base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
+        control = values.get("control", {})
+        stated_start = {name for name in START if not isinstance(control, dict) or name in control}
         if base is not None:
             if not isinstance(base, str) or (base not in _PRESETS and not base.endswith(".toml")):
                 instead = names_instead(base if isinstance(base, str) else "", _PRESETS, _ALL_PRESETS)
@@ -191,9 +197,12 @@ class Scenario(Section):
                 raise ScenarioError(f"{source}: base: {error}") from error
             values = merged(above.model_dump(exclude={"name"}), values)
             calibration = above.calibration if calibration is None else calibration
+            if base not in _PRESETS:
+                stated_start |= vars(above)[_STATED_START]
         try:
-            loaded = cls.model_validate(values)
+            loaded = cls.model_validate(start_in_range(values, stated_start))
             vars(loaded)[_CALIBRATION] = calibration
+            vars(loaded)[_STATED_START] = stated_start
             return loaded
         except ValidationError as error:
             raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
@@ -307,6 +316,36 @@ def name_of_file(path: Path) -> str:
     """Return the name for a file that states none: the file's, without accents, "_" for characters that are not allowed."""
     letters = [letter for letter in unicodedata.normalize("NFKD", path.stem) if not unicodedata.combining(letter)]
     return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
+
+
+def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str, Any]:
+    """Return a scenario's values with a start that is not stated moved to the nearest value in the machine's range.
+
+    Values that are not valid come back as they are: the scenario's own validation names the fault.
+    """
+    try:
+        machine = sections.Machine.model_validate(values.get("machine", {}))
+        spindle = sections.Spindle.model_validate(values.get("spindle", {}))
+        work = sections.Workpiece.model_validate(values.get("workpiece", {}))
+        control = sections.Control.model_validate(values.get("control", {}))
+    except ValidationError:
+        return values
+    fastest = machine.cutting_speed_max
+    if spindle.max_speed > 0.0:
+        fastest = min(fastest, math.pi * work.diameter / 1000.0 * spindle.max_speed)
+    highest_feed = machine.feed_max
+    if control.action == "override":
+        highest_feed /= control.override_max  # an override of 100 % is the start
+    ranges = {
+        "initial_cutting_speed": (machine.cutting_speed_min, fastest),
+        "initial_feed": (machine.feed_min, highest_feed),
+    }
+    moved = {}
+    for name, (low, high) in ranges.items():
+        start = getattr(control, name)
+        if name not in stated and low <= high and not low <= start <= high:
+            moved[name] = min(max(start, low), high)
+    return merged(values, {"control": moved}) if moved else values
 
 
 def table_of(source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str) -> tuple[str, dict[str, Any]]:

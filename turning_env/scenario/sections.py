@@ -48,6 +48,7 @@ class Tool(Section):
         2690, 1, 1e6, "N", "median thrust force that breaks an edge (assumption: read while T9 collapsed)"
     )
     edge_strength_spread: float = quantity(0.12, 0, 1, "-", "log standard deviation of the edge strength (assumption)")
+    nose_radius: float = quantity(0, 0, 100, "mm", "nose radius, which bounds the feed that is advised; 0: unknown")
 
 
 class EdgeFailure(Section):
