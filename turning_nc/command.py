@@ -13,7 +13,6 @@ from turning_nc.dialects import DIALECTS
 from turning_nc.words import NcError, naming, read_program_file
 from turning_shop import refuse_existing
 
-FEED_PER_NOSE = 0.5  # highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
 
@@ -36,9 +35,10 @@ def program(options: argparse.Namespace) -> int:
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
         from turning_render import plot_style
+    from turning_shop.allowed import FEED_PER_NOSE
     from turning_shop.provenance import OF_PROGRAMS, load
 
-    scenario, evidence = load(options.scenario, OF_PROGRAMS)
+    scenario, evidence = load(options.scenario, OF_PROGRAMS, options.nose_radius, is_simulated=False)
     if (options.wear or 0.0) > scenario.tool.wear_criterion:
         raise NcError(f"--wear is {options.wear:g} mm, but at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
@@ -59,7 +59,8 @@ def program(options: argparse.Namespace) -> int:
     with naming(options.program):
         removal = stock.remove(run, polygon, tools)
     notes += removal.notes
-    max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * (options.nose_radius or math.inf))
+    nose_radius = scenario.tool.nose_radius or None
+    max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * (nose_radius or math.inf))
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
     situation = cutting.Situation(scenario, machine, run, removal, evidence)
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
@@ -93,7 +94,7 @@ def program(options: argparse.Namespace) -> int:
     print(report.table(situation, rows), "", *totals.lines(), *report.findings(rows), *turned, *warned, sep="\n")
     print(*(f"note: {note}" for note in notes), sep="\n", end="\n" * bool(notes))
     if adapted:
-        changed = report.changes(adapted.changes, options.nose_radius)
+        changed = report.changes(adapted.changes, nose_radius)
         print("", f"adapted ({WARNING}): {len(adapted.changes)} words", *changed, *report.comparison(totals, after), sep="\n")
     for path in filter(None, (options.figure, options.out)):
         print(path)
@@ -145,7 +146,7 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
         ("--tool-change", 2.0, 0.0, 1e3, "s", "time to change a tool [s] (default: %(default)g)"),
         ("--life", 1.0, 0.01, 100.0, "", "edges that the adapted program may use, over those before (default: %(default)g)"),
         ("--max-feed", None, 0.001, 10.0, "mm/rev", "highest feed of the inserts [mm/rev] (default: the scenario's)"),
-        ("--nose-radius", None, 0.05, 10.0, "mm", "nose radius of the inserts [mm]: it limits the feed to half of it"),
+        ("--nose-radius", None, 0.05, 10.0, "mm", "nose radius of the inserts [mm]: the feed is at most half of it"),
         ("--finishing", 0.5, 0.0, 100.0, "mm",
          "feeds up to this depth of cut stay: they make the surface [mm] (default: %(default)g)"),
     ):  # fmt: skip

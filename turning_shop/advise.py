@@ -2,7 +2,7 @@
 
 All numbers refer to one policy: the edge is changed after a fixed number of whole parts, which 97.5 % of edges last. If fewer
 edges last a part, it is changed after a fixed share of one. Loads keep their limits up to the flank wear that no more than 2.5 %
-of edges exceed at the change, at nominal depth and hardness. ``advise_play.py`` plays the advice on bars that vary.
+of edges exceed at the change, with the margins of ``allowed.py`` for bars that vary. ``advise_play.py`` plays the advice.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,6 +13,7 @@ import numpy as np
 
 from turning_env.scenario import Scenario
 from turning_shop import Values, WorkshopError, aligned
+from turning_shop.allowed import NO_STRENGTH, Allowed, allowed_loads, feed_range, needed_nose_radius
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, records, what_if
@@ -130,10 +131,10 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
     if scenario.control.action == "part":
         raise WorkshopError('control.action is "part": advise covers bars at one depth, not whole parts of several passes')
     tried = plan(scenario, evidence, *settings(scenario))
-    if not tried.cuts.within_limits.any():
+    if not allowed_loads(scenario).keeps(scenario, tried.cuts).any():
         raise WorkshopError(
-            f"no speed and feed keep limits.thrust_force, {scenario.limits.thrust_force:g} N, and limits.power, "
-            f"{scenario.limits.power:g} kW, with an edge worn to {tried.cuts.wear.min():g} mm: reduce workpiece.depth_of_cut"
+            f"no speed and feed keep {_loads_kept(scenario)} with an edge worn to {tried.cuts.wear.min():g} mm: "
+            "reduce workpiece.depth_of_cut"
         )
     found: list[Advice] = []
     for aim in AIMS:
@@ -150,7 +151,8 @@ def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
     if scenario.control.action == "override":
         speeds = np.array([scenario.control.initial_cutting_speed])
     wears = CHANGES * scenario.tool.wear_criterion
-    return speeds, round_numbers(machine.feed_min, machine.feed_max, FEEDS)[:, np.newaxis], wears[:, np.newaxis, np.newaxis]
+    feeds = round_numbers(*feed_range(scenario), FEEDS)
+    return speeds, feeds[:, np.newaxis], wears[:, np.newaxis, np.newaxis]
 
 
 def round_numbers(low: float, high: float, count: int) -> Values:
@@ -168,30 +170,72 @@ def _aimed(tried: Plan, aim: str) -> Any:
 
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
-    possible = tried.cuts.within_limits & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
+    possible = allowed_loads(scenario).keeps(scenario, tried.cuts) & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
     if not possible.any():
         return None
     index = np.where(possible, _aimed(tried, aim), np.inf).argmin()
     return plan(scenario, evidence, *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")))
 
 
+class _Lift(NamedTuple):
+    """A limit or an end of a range, and its value when it is lifted or moved."""
+
+    section: str
+    name: str
+    unit: str
+    moved: float
+    is_load: bool
+
+
+def _lifts(scenario: Scenario) -> Iterator[_Lift]:
+    """Yield the limits of load, which are lifted, and the ends of ranges, which are moved by ``WIDER``."""
+    machine, spindle, tool, swarf = scenario.machine, scenario.spindle, scenario.tool, scenario.swarf
+    yield _Lift("limits", "power", "kW", NO_LIMIT["power"], is_load=True)
+    yield _Lift("limits", "thrust_force", "N", NO_LIMIT["thrust_force"], is_load=True)
+    yield _Lift("tool", "edge_strength", "N", NO_STRENGTH, is_load=True)
+    wider, lower = 1.0 + WIDER, 1.0 - WIDER
+    yield _Lift("spindle", "max_speed", "rev/min", wider * spindle.max_speed, is_load=False)
+    yield _Lift("machine", "cutting_speed_min", "m/min", lower * machine.cutting_speed_min, is_load=False)
+    yield _Lift("machine", "cutting_speed_max", "m/min", wider * machine.cutting_speed_max, is_load=False)
+    yield _Lift("machine", "feed_min", "mm/rev", lower * machine.feed_min, is_load=False)
+    yield _Lift("machine", "feed_max", "mm/rev", wider * machine.feed_max, is_load=False)
+    yield _Lift("tool", "nose_radius", "mm", wider * tool.nose_radius, is_load=False)
+    if swarf.tangle_rate > 0.0:
+        yield _Lift("swarf", "chip_feed_min", "mm/rev", lower * swarf.chip_feed_min, is_load=False)
+        yield _Lift("swarf", "chip_feed_max", "mm/rev", wider * swarf.chip_feed_max, is_load=False)
+
+
 def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Iterator[Bound]:
     """Yield the limits that an aim gains from lifting, and the ends of the machine's range that it gains from moving."""
-    machine, high = scenario.machine, scenario.cutting_speed_max * (1 + 1e-9)
-    for section, name, unit in (
-        *(("limits", "power", "kW"), ("limits", "thrust_force", "N"), ("spindle", "max_speed", "rev/min")),
-        *(("machine", "cutting_speed_min", "m/min"), ("machine", "cutting_speed_max", "m/min")),
-        *(("machine", "feed_min", "mm/rev"), ("machine", "feed_max", "mm/rev")),
-    ):
-        values = getattr(scenario, section)
-        moved = NO_LIMIT.get(name, getattr(values, name) * (1.0 - WIDER if name.endswith("min") else 1.0 + WIDER))
-        lifted = scenario.model_copy(update={section: values.model_copy(update={name: moved})})
+    machine, fastest = scenario.machine, scenario.cutting_speed_max * (1 + 1e-9)
+    lowest_feed, highest_feed = feed_range(scenario)
+    for lift in _lifts(scenario):
+        section = getattr(scenario, lift.section)
+        lifted = scenario.model_copy(update={lift.section: section.model_copy(update={lift.name: lift.moved})})
         better = _best(lifted, evidence, plan(lifted, evidence, *settings(lifted)), aim)
-        if better and _aimed(best, aim) - _aimed(better, aim) > BINDS * abs(_aimed(best, aim)):
-            in_range = machine.cutting_speed_min <= better.cuts.cutting_speed <= high
-            law = f"its law was {'not ' * (name not in evidence.laws)}measured" if section == "limits" else ""
-            if law or not (in_range and machine.feed_min <= better.cuts.feed <= machine.feed_max):  # not just other round numbers
-                yield Bound(f"{section}.{name}, {getattr(values, name):g} {unit}", law, better)
+        if not better or _aimed(best, aim) - _aimed(better, aim) <= BINDS * abs(_aimed(best, aim)):
+            continue
+        in_range = machine.cutting_speed_min <= better.cuts.cutting_speed <= fastest
+        in_range = in_range and lowest_feed <= better.cuts.feed <= highest_feed * (1 + 1e-9)
+        if in_range and not lift.is_load:
+            continue  # better only by other round numbers
+        law = "thrust_force" if lift.name == "edge_strength" else lift.name
+        known = f"its law was {'not ' * (law not in evidence.laws)}measured" if lift.is_load else ""
+        limit = f"{lift.section}.{lift.name}, {getattr(section, lift.name):g} {lift.unit}"
+        yield Bound(limit, known, better)
+
+
+def _loads_kept(scenario: Scenario) -> str:
+    """Return the limits of load that are on, for people."""
+    limits, tool = scenario.limits, scenario.tool
+    named = []
+    if limits.thrust_force < NO_LIMIT["thrust_force"]:
+        named.append(f"limits.thrust_force, {limits.thrust_force:g} N,")
+    if limits.power < NO_LIMIT["power"]:
+        named.append(f"limits.power, {limits.power:g} kW,")
+    if tool.edge_strength < NO_STRENGTH:
+        named.append(f"tool.edge_strength, {tool.edge_strength:g} N,")
+    return " and ".join(named)
 
 
 def life_spread(scenario: Scenario) -> float:
@@ -229,15 +273,33 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
         values = best.cuts._asdict()
         beyond = (f"{name} {values[name]:.3g}, but measured at {at}" for name, at, out in outside(evidence, values) if out)
         yield f"* outside what was measured: {'; '.join(beyond)}"
-    force, tool = float(best.cuts.thrust_force), scenario.tool
-    if force > tool.edge_strength * np.exp(-2 * tool.edge_strength_spread):
-        yield f"edges may break: thrust is {force:.0f} N, and half of them break at {tool.edge_strength:g} N, tool.edge_strength"
+    yield from _margins(allowed_loads(scenario), scenario)
     for bound in bounds:
         there = bound.without
         moved = f", and {bound.law}; without it" if bound.law else f"; with a range {100 * WIDER:g} % wider"
         yield f"{bound.limit}, rules out a cheaper cut{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
     if not bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
+    if not scenario.tool.nose_radius:
+        radius = needed_nose_radius(float(best.cuts.feed))
+        yield (
+            f"{best.cuts.feed:.4g} mm/rev needs a nose radius of {radius:.2g} mm or more, "
+            "but none is stated: set tool.nose_radius or --nose-radius"
+        )
+
+
+def _margins(allowed: Allowed, scenario: Scenario) -> Iterator[str]:
+    """Yield sentences on how far loads stay below what the scenario states, so that bars and edges may vary."""
+    below = [f"{100 * factor:.0f} % of limits.{name}" for name, factor in allowed.overload_factors.items() if factor < 0.995]
+    if below:
+        share = 100 * scenario.limits.overload_allowance
+        kept = " and ".join(below)
+        yield f"loads of a nominal bar stay below {kept}: bars vary, and {share:g} % of the time may be in overload"
+    if allowed.by_strength:
+        yield (
+            f"thrust of a nominal bar stays below {allowed.thrust_force:.0f} N: "
+            f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength, and bars and edges vary"
+        )
 
 
 def money(value: float) -> str:

@@ -3,7 +3,7 @@
 import argparse
 import csv
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from turning_env.console import FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
 from turning_shop import WorkshopError, refuse_existing, whatif
-from turning_shop.headers import COLUMNS, EDGE
+from turning_shop.headers import COLUMNS, EDGE, named_column
 from turning_shop.measurements import read_measurements
 
 if TYPE_CHECKING:
@@ -33,11 +33,17 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
     base = "preset or TOML file for everything that is not fitted (default: %(default)s)"
     add("--base", default="rough_turning", metavar="SCENARIO", help=base)
+    columns_help = "header of a column where the sheet does not tell, such as Fc=Fx Ff=Fz Fp=Fy; NAME is a column or its symbol"
+    add("--columns", nargs="+", type=_column, default=[], metavar="NAME=HEADER", help=columns_help)
     add("--force", action="store_true", help="go on with rows and laws that cannot be true")
     add("--overwrite", **overwrite)
 
     table = command(_whatif, "predict force, power, wear and tool life")
     several: dict[str, Any] = {"nargs": "+", "metavar": "X"}
+    radius = number_within(0.05, 10.0, "mm")
+    nose_help = "nose radius of the inserts [mm]: the feed is at most half of it (default: tool.nose_radius)"
+    nose_radius: dict[str, Any] = {"type": radius, "metavar": "X", "help": nose_help}
+    table.add_argument("--nose-radius", **nose_radius)
     for option, column, default in (
         ("--cutting-speed", "cutting_speed", None),
         ("--feed", "feed", None),
@@ -57,10 +63,12 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     add("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
     add("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
     add("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)")
+    add("--nose-radius", **nose_radius)
     add("--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix")
     add("--overwrite", **overwrite)
 
     add = command(_advise, "advise speed, feed and edge changes, in parts and money").add_argument
+    add("--nose-radius", **nose_radius)
     agent = "ONNX file or module:object to compare with fixed parameters; may be repeated"
     add("--agent", action="append", default=[], metavar="POLICY", help=agent)
     add("--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)")
@@ -73,6 +81,16 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
 def _number(column: str) -> Callable[[str], float]:
     """Return an argparse type for one number within a column's range."""
     return number_within(COLUMNS[column].low, COLUMNS[column].high, COLUMNS[column].unit)
+
+
+def _column(text: str) -> tuple[str, str]:
+    """Return a column and the header that it has in a sheet, as an argparse type."""
+    name, _, header = text.partition("=")
+    column = named_column(name)
+    if column is None or not header:
+        allowed = f"NAME=HEADER, such as Fc=Fx, where NAME is {', '.join(COLUMNS)} or the symbol of one"
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: {allowed}")
+    return column, header
 
 
 def _count(text: str) -> int:
@@ -99,7 +117,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     base = Scenario.load(options.base)
     try:
-        found = calibrate(read_measurements(options.measurements), base, options.force)
+        found = calibrate(read_measurements(options.measurements, dict(options.columns)), base, options.force)
     except Implausible as error:
         print(*(f"implausible: {problem}" for problem in error.problems), sep="\n", file=sys.stderr)
         print("error: nothing was written: correct the rows above; --force goes on with them", file=sys.stderr)
@@ -120,22 +138,22 @@ def _whatif(options: argparse.Namespace) -> int:
 
     python -m turning_env whatif rough_turning --cutting-speed 120 150 180 --feed 0.2 0.3 0.4 --wear 0.2
     """
+    from turning_shop.allowed import allowed_loads
     from turning_shop.prediction import outside, predict
 
-    scenario, evidence = _warned(options.scenario)
-    machine, ages = scenario.machine, options.time or options.wear
+    scenario, evidence = _warned(options)
+    ages = options.time or options.wear
     depths, hardnesses = options.depth or [scenario.workpiece.depth_of_cut], options.hardness or [1.0]
     axes = (depths, hardnesses, ages, options.cutting_speed, options.feed)
-    for option, unit, values, low, high in (
-        ("--cutting-speed", "m/min", axes[3], machine.cutting_speed_min, machine.cutting_speed_max),
-        ("--feed", "mm/rev", axes[4], machine.feed_min, machine.feed_max),
-    ):
-        if beyond := [value for value in values if not low <= value <= high]:
-            print(f"warning: {option} {beyond[-1]:g} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
+    _warn_of_settings(scenario, options.cutting_speed, options.feed)
     depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
     given = {"time": age} if options.time else {"wear": age}
     cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
     prediction = predict(scenario, evidence, cuts, of_wear=options.time is None) if evidence.laws else None
+    allowed = allowed_loads(scenario)
+    if allowed.by_strength and np.any(cuts.thrust_force > allowed.thrust_force):
+        above = f"thrust above {allowed.thrust_force:.0f} N, at a tool.edge_strength of {scenario.tool.edge_strength:g} N"
+        print(f"warning: edges may break: {above}", file=sys.stderr)
     if options.json:
         print_json(whatif.records(cuts, prediction))
     elif options.csv:
@@ -151,11 +169,28 @@ def _whatif(options: argparse.Namespace) -> int:
     return 0
 
 
-def _warned(source: str) -> "tuple[Scenario, Evidence]":
+def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequence[float]) -> None:
+    """Print a warning if a cutting speed or a feed is outside the machine's range, or a feed above that of the nose radius."""
+    from turning_shop.allowed import feed_range
+
+    machine = scenario.machine
+    for option, unit, values, low, high in (
+        ("--cutting-speed", "m/min", speeds, machine.cutting_speed_min, machine.cutting_speed_max),
+        ("--feed", "mm/rev", feeds, machine.feed_min, machine.feed_max),
+    ):
+        if beyond := [value for value in values if not low <= value <= high]:
+            print(f"warning: {option} {beyond[-1]:g} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
+    highest = feed_range(scenario)[1]
+    if highest < max(feeds) <= machine.feed_max:
+        why = "half of tool.nose_radius, or the end of the chip breaker's window"
+        print(f"warning: --feed {max(feeds):g} is above {highest:g} mm/rev: {why}", file=sys.stderr)
+
+
+def _warned(options: argparse.Namespace) -> "tuple[Scenario, Evidence]":
     """Load a scenario for advice, and print its warnings."""
     from turning_shop.provenance import load
 
-    scenario, evidence = load(source)
+    scenario, evidence = load(options.scenario, nose_radius=options.nose_radius)
     for warning in evidence.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return scenario, evidence
@@ -167,7 +202,7 @@ def _map(options: argparse.Namespace) -> int:
     python -m turning_env map rough_turning --wear 0.2 --out map.png
     """
     refuse_existing(options.overwrite, options.out)
-    scenario, evidence = _warned(options.scenario)
+    scenario, evidence = _warned(options)
     criterion = scenario.tool.wear_criterion
     if options.wear > criterion:
         raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
@@ -190,28 +225,30 @@ def _advise(options: argparse.Namespace) -> int:
     python -m turning_env advise my_tool.toml
     python -m turning_env advise my_tool.toml --agent my_agent.onnx
     """
-    from turning_shop.advise import advise, summary
+    from turning_shop.advise import advise, headline, summary
     from turning_shop.advise_play import play_all
 
     refuse_existing(options.overwrite, options.sheet, options.page)
-    scenario, evidence = _warned(options.scenario)
+    scenario, evidence = _warned(options)
     found = advise(scenario, evidence)
+    played, simulated = None, []
+    if options.seeds:
+        on_play = partial(print, "playing", file=sys.stderr, flush=True)
+        played = play_all(scenario, found[0].plan, options.agent, options.seeds, on_play)
+        simulated = list(played.headline())
     if options.sheet:
         from turning_render import plot_style
         from turning_shop import plots
 
-        plot_style.save(plots.draw_sheet(scenario, evidence, found), options.sheet)
+        plot_style.save(plots.draw_sheet(scenario, evidence, found, simulated), options.sheet)
     if options.page:
         from turning_shop.page import render
 
-        text = render(scenario, evidence, found)
+        text = render(scenario, evidence, found, simulated)
         replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
-    played = None
-    if options.seeds:
-        on_play = partial(print, "playing", file=sys.stderr, flush=True)
-        played = play_all(scenario, evidence, found[0].plan, options.agent, options.seeds, on_play)
     if options.json:
-        print_json({"advice": [each.as_record() for each in found], "played": played})
+        said = {"headline": list(headline(scenario, evidence, found)), "warnings": evidence.warnings}
+        print_json({"advice": [each.as_record() for each in found], "played": played} | said)
         return 0
     print(*summary(scenario, evidence, found), sep="\n")
     if played:

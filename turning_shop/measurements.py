@@ -10,16 +10,17 @@ import itertools
 import os
 import re
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import missing
 from turning_shop import WorkshopError, regular_file
-from turning_shop.headers import COLUMNS, EDGE, NAMES, Column, Heading, is_unit, read_heading
+from turning_shop.headers import COLUMNS, EDGE, NAMES, SIZES, Column, Heading, is_header, is_unit, read_heading
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
 MAX_BYTES = 50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
@@ -51,10 +52,11 @@ class Measurements:
     readings: tuple[str, ...] = ()  # how each column of the file was read
 
 
-def read_measurements(path: str | os.PathLike[str]) -> Measurements:
+def read_measurements(path: str | os.PathLike[str], told: Mapping[str, str] = MappingProxyType({})) -> Measurements:
     """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
 
-    Headers are names or symbols in English or German, with units or without (``headers.py``). Decimals have a point, or a comma
+    Headers are names or symbols in English or German, with units or without (``headers.py``). ``told`` are headers by the
+    columns that they are, where headers do not tell. Decimals have a point, or a comma
     where text cells are not separated by commas. Text is UTF-8 or UTF-16 with a byte order mark, else Windows-1252.
 
     Raises:
@@ -64,10 +66,10 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
     try:
         data = regular_file(Path(path), MAX_BYTES).read_bytes()
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
-            return _parse(_rows_of_workbook(data), str(path), False)
+            return _parse(_rows_of_workbook(data), str(path), False, told)
         text = _decoded(data)
         separator = max(_SEPARATORS, key=lambda mark: _most_understood(_rows(text, mark)))
-        return _parse(_rows(text, separator), str(path), separator != ",")
+        return _parse(_rows(text, separator), str(path), separator != ",", told)
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -132,7 +134,7 @@ def _most_understood(rows: Iterator[Row]) -> int:
         return 0
 
 
-def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measurements:
+def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mapping[str, str]) -> Measurements:
     found = list(itertools.islice(rows, MAX_ROWS + 2))
     if len(found) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
@@ -150,7 +152,7 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool) -> Measureme
             f"{text} [{unit}]" if is_unit(unit) and text.strip()[-1:] not in tuple("])}>") else text
             for text, unit in zip(header, below, strict=True)
         ]
-    headings = _read_header(header, source)
+    headings = _read_header(header, source, told, table)
     if summed := [line for line, row in table if _sums_up(row)]:
         notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}")
         table = [each for each in table if each[0] not in summed]
@@ -210,14 +212,22 @@ def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:
         yield "power [kW] as main_force times cutting_speed"
 
 
-def _read_header(header: list[str], source: str) -> list[Heading]:
-    """Return how each column is read; raise an error if one is missing or occurs twice."""
+def _read_header(header: list[str], source: str, told: Mapping[str, str], table: Sequence[Row]) -> list[Heading]:
+    """Return how each column is read; raise an error if one is missing, occurs twice or cannot be told from another."""
     if not header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
+    said = _told_columns(header, told, source)
     try:
-        headings = [read_heading(cell) for cell in header]
+        headings = [read_heading(cell, said.get(index)) for index, cell in enumerate(header)]
+        for index, heading in enumerate(headings):
+            if heading.unlike:
+                others = {each.column for each in headings if each is not heading and not each.unlike}
+                headings[index] = _by_size(heading, others, [row[index] for _, row in table if len(row) > index])
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
+    for index, heading in enumerate(headings):
+        if heading.column in told and index not in said:  # the user says that it is another column
+            headings[index] = Heading(heading.text, None)
     names = [heading.column for heading in headings]
     if missing := [name for name in REQUIRED if name not in names]:
         present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (", ..." if len(names) > 20 else "")
@@ -227,9 +237,78 @@ def _read_header(header: list[str], source: str) -> list[Heading]:
         )
     for name in (*COLUMNS, EDGE):
         if names.count(name) > 1:
-            twice = " and ".join(repr(heading.text) for heading in headings if heading.column == name)
-            raise WorkshopError(f"{source}: there is more than one column {name}: {twice}")
+            twice = [heading.text for heading in headings if heading.column == name]
+            listed = " and ".join(map(repr, twice))
+            example = f"say which, as --columns {name}={twice[0]}"
+            raise WorkshopError(f"{source}: there is more than one column {name}: {listed}; {example}")
+    _ask_for_axes(headings, source, told, table)
     return headings
+
+
+def _told_columns(header: list[str], told: Mapping[str, str], source: str) -> dict[int, str]:
+    """Return the columns that the user told, by their place in the header."""
+    said: dict[int, str] = {}
+    for column, name in told.items():
+        places = [index for index, text in enumerate(header) if name.strip() == text.strip()]
+        places = places or [index for index, text in enumerate(header) if is_header(name, text)]
+        if len(places) != 1:
+            present = ", ".join(repr(text.strip()[:40]) for text in header[:20])
+            count = "no column" if not places else "more than one column"
+            raise WorkshopError(f"{source}: --columns {column}={name}: {count} is headed {name!r}; there are {present}")
+        if places[0] in said:
+            raise WorkshopError(f"{source}: --columns: {name!r} cannot be both {said[places[0]]} and {column}")
+        said[places[0]] = column
+    return said
+
+
+def _by_size(heading: Heading, others: Collection[str | None], cells: Sequence[str]) -> Heading:
+    """Return how a header is read that states no unit and has two meanings, such as F, T and P.
+
+    If another header names the column, this one has its other meaning and is not read. Otherwise, the size of the numbers tells.
+
+    Raises:
+        WorkshopError: It does not.
+    """
+    column = str(heading.column)
+    if column in others:
+        return Heading(heading.text, None, unlike=heading.unlike)
+    numbers = _sizes_of(cells)
+    if not numbers or max(numbers) <= SIZES[column]:
+        return heading
+    if column == "feed" and min(numbers) > SIZES[column]:
+        return Heading(heading.text, None, unlike=heading.unlike)
+    unit = COLUMNS[column].unit
+    raise WorkshopError(
+        f"column {heading.text!r} has numbers up to {max(numbers):g}: is it {column} or {heading.unlike}? Write a unit into the "
+        f"header, as in '{heading.text} [{unit}]', or say --columns {column}={heading.text}"
+    )
+
+
+def _sizes_of(cells: Sequence[str]) -> list[float]:
+    """Return the absolute values of the numbers in cells."""
+    return [abs(float(cell.strip().replace(",", "."))) for cell in cells if _is_number(cell)]
+
+
+def _ask_for_axes(headings: Sequence[Heading], source: str, told: Mapping[str, str], table: Sequence[Row]) -> None:
+    """Raise an error if forces are missing that columns along unknown axes may hold, and the user has not told any."""
+    axes = [(index, heading.text) for index, heading in enumerate(headings) if heading.is_force]
+    present = {heading.column for heading in headings}
+    has_thrust = "thrust_force" in present or {"feed_force", "back_force"} <= present
+    has_power = bool({"power", "main_force"} & present)
+    if not axes or (has_thrust and has_power) or set(told) & {"main_force", "feed_force", "back_force", "thrust_force"}:
+        return
+    sizes = {}
+    for index, text in axes:
+        numbers = _sizes_of([row[index] for _, row in table if len(row) > index])
+        sizes[text] = float(np.median(numbers)) if numbers else 0.0
+    largest = max(sizes, key=lambda text: sizes[text])
+    names = ", ".join(repr(text) for _, text in axes)
+    symbols = dict(zip(sorted(sizes, key=lambda text: -sizes[text]), ("Fc", "Ff", "Fp"), strict=False))
+    example = " ".join(f"{symbol}={text!r}" if " " in text else f"{symbol}={text}" for text, symbol in symbols.items())
+    raise WorkshopError(
+        f"{source}: {names}: which is the main (cutting) force Fc, the feed force Ff and the back force Fp depends on how the "
+        f"dynamometer was mounted: say it, for example --columns {example}; the largest here, {largest!r}, usually is Fc"
+    )
 
 
 def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
@@ -250,6 +329,8 @@ def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
     if not _NUMBER.fullmatch(cell):
         raise ValueError(f"{shown} is not a number; allowed is {allowed}, or nothing")
     value = float(cell) * factor
+    if value == 0.0 and column.may_be_zero:
+        return value
     if not column.low <= value <= column.high:
         scaled = "" if factor == 1.0 else f", which is {value:.4g} {column.unit},"
         raise ValueError(f"{cell[:40]}{scaled} is outside the allowed range {allowed}")

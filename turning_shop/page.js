@@ -35,11 +35,18 @@ function cut(at) {
   const loads = { thrust_force: respond(force, at), power: respond(power, at) + data.idle_power_per_speed * speed };
   const over = (load, limit) => limit === null ? 0 : load / limit; // null: no limit is stated
   const shares = [over(loads.thrust_force, data.limits.thrust_force), over(loads.power / capacity, data.limits.power)];
+  // The loads that advice allows keep margins for bars and edges that vary: allowed_loads of allowed.py.
+  const strains = {
+    thrust_force: over(loads.thrust_force, data.allowed.thrust_force),
+    power: over(loads.power / capacity, data.allowed.power),
+  };
   return {
     ...loads,
     thrust_force_share: shares[0],
     power_share: shares[1],
-    worst: Math.max(...shares),
+    thrust_force_strain: strains.thrust_force,
+    power_strain: strains.power,
+    worst: Math.max(strains.thrust_force, strains.power),
     time: (at.wear / afterMinute) ** (1 / wear.time),
     tool_life: (data.criterion / afterMinute) ** (1 / wear.time),
     removal_rate: speed * feed * depth,
@@ -198,7 +205,7 @@ function drawMap(best) {
         labels.push({ place, made: element('text', { class: 'life', x: place, y: y(feeds[row]), 'text-anchor': 'middle' },
           String(Number((digit * 10 ** decade).toPrecision(1)))) });
     }
-  for (const [name, look] of [['thrust_force_share', 'force'], ['power_share', 'power']])
+  for (const [name, look] of [['thrust_force_strain', 'force'], ['power_strain', 'power']])
     drawn.push(element('path', { class: `line ${look}`, d: contour(of(name), 1, x, y).line }));
   const box = measured();
   document.getElementById('measured').hidden = !box;
@@ -249,11 +256,11 @@ function update() {
   const { values, intervals, extrapolated } = results(settings);
   const { unit } = prices(settings);
   const best = cheapest();
-  const over = [['thrust force', values.thrust_force_share], ['power', values.power_share]].filter(([, share]) => share > 1);
+  const over = [['thrust force', values.thrust_force_strain], ['power', values.power_strain]].filter(([, strain]) => strain > 1);
   const verdict = document.getElementById('verdict');
   const costless = settings.insert_price && unit === 'min';
   const cost = costless ? 'set an hourly rate for costs' : `${money(values.cost)} ${unit} a part`;
-  verdict.textContent = `${over.length ? `Above the limit: ${over.map(([name]) => name).join(', ')}` : 'Within limits'}`
+  verdict.textContent = `${over.length ? `Above what is allowed: ${over.map(([name]) => name).join(', ')}` : 'Within limits'}`
     + ` · change after ${shown(values.parts)} parts · ${cost}${extrapolated ? ' · * extrapolated: not measured there' : ''}`;
   verdict.className = over.length ? 'bad' : '';
   const percent = (name) => data.limits[name] === null ? '' : `, ${Math.round(100 * values[`${name}_share`])} % of limit`;

@@ -6,6 +6,7 @@
 import hashlib
 import html
 import json
+import math
 from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,14 +16,18 @@ from typing import Any
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_shop.advise import Advice, headline, life_spread, settings
+from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.prediction import BEYOND, Evidence
 from turning_shop.whatif import NO_LIMIT
 
 _HERE = Path(__file__).parent
 
 
-def render(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> str:
-    """Return the page as HTML, which needs no other file and no network; it begins with the first advice."""
+def render(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()) -> str:
+    """Return the page as HTML, which needs no other file and no network; it begins with the first advice.
+
+    ``simulated`` are sentences on what the simulation said of the advice.
+    """
     script = (_HERE / "page.js").read_text("utf-8")
     data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
     work = scenario.workpiece
@@ -31,7 +36,7 @@ def render(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> str:
         work=html.escape(f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long"),
         criterion=f"{scenario.tool.wear_criterion:g}",
         warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
-        headline="".join(f"<p>{html.escape(line)}</p>" for line in headline(scenario, evidence, advice)),
+        headline="".join(f"<p>{html.escape(line)}</p>" for line in (*headline(scenario, evidence, advice), *simulated)),
         data=data.replace("<", "\\u003c"),
         script=script,
         # No script but this one runs, whatever a scenario is called.
@@ -50,6 +55,9 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
     ]
     best = chosen[0]
     limits = {name: getattr(scenario.limits, name) for name in NO_LIMIT}
+    allowed = allowed_loads(scenario)
+    loads = {"thrust_force": allowed.thrust_force, "power": allowed.power}
+    lowest_feed, highest_feed = feed_range(scenario)
     criterion, depth, edges = scenario.tool.wear_criterion, work.depth_of_cut, economics.edges_per_insert
 
     def priced(name: str, label: str, unit: str, least: float) -> tuple[Any, ...]:
@@ -58,7 +66,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
 
     sliders = (
         ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, scenario.cutting_speed_max, best["cutting_speed"]),
-        ("feed", "feed", "mm/rev", machine.feed_min, machine.feed_max, best["feed"]),
+        ("feed", "feed", "mm/rev", lowest_feed, highest_feed, best["feed"]),
         ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
         ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best["wear"]),
         ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
@@ -78,6 +86,7 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "beyond": BEYOND,
         "life_spread": life_spread(scenario),
         "criterion": criterion,
+        "allowed": {name: None if math.isinf(load) else load for name, load in loads.items()},
         "limits": {name: None if limit == NO_LIMIT[name] else limit for name, limit in limits.items()},
         "speeds": speeds.ravel().tolist(),
         "feeds": feeds.ravel().tolist(),

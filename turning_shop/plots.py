@@ -1,7 +1,8 @@
 """Draw operating maps and a page to pin to the machine."""
 
 import textwrap
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,10 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator
+from numpy.typing import NDArray
 
 from turning_env.scenario import Scenario
 from turning_render.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_shop.advise import Advice, Plan, headline, summary
+from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
@@ -21,6 +24,9 @@ from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 GRID = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
 FRESH = 0.3  # wear of the fresh edge's map over the wear criterion [-]: at no wear, the laws of force and power are 0
 A4 = 11.69, 8.27  # size of the page [inch]
+SHARES = 1.2, 1.0  # heights of the maps and of the text
+SHEET_WIDTH = 190  # of a line of the sheet [letters]
+LEADING = 1.2  # distance of lines over the size of letters [-]
 RULED = (
     "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, at nominal depth and hardness. "
     "A simulation's output: try each change carefully."
@@ -55,9 +61,10 @@ def draw_map_on(
     """Draw the map on axes, and return the handles of its legend: see ``draw_map``. Mark the advised cut, or most metal."""
     machine, limits = scenario.machine, scenario.limits
     speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID)
-    feeds = np.linspace(machine.feed_min, machine.feed_max, GRID)
+    feeds = np.linspace(*feed_range(scenario), GRID)
     cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
-    _fill_allowed(axes, cuts)
+    kept = _kept(scenario, cuts)
+    _fill_allowed(axes, cuts, kept)
     unmeasured = sum(law.extrapolates({name: getattr(cuts, name) for name in SETTINGS}) for law in evidence.laws.values())
     if np.any(unmeasured):
         dots = axes.contourf(speeds, feeds, unmeasured, levels=(0.5, 9.5), colors="none", hatches=["."])
@@ -78,8 +85,15 @@ def draw_map_on(
         if share.min() < 1.0 < share.max():
             axes.contour(speeds, feeds, share, levels=(1.0,), colors=colour, linewidths=2.2, linestyles=[dashes])
         handles.append(Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=limit))
+    allowed = allowed_loads(scenario)
+    if allowed.by_strength:
+        share = cuts.thrust_force / allowed.thrust_force
+        if share.min() < 1.0 < share.max():
+            axes.contour(speeds, feeds, share, levels=(1.0,), colors=VERMILLION, linewidths=2.2, linestyles="-.")
+        broken = f"edges may break above {allowed.thrust_force:.0f} N"
+        handles.append(Line2D([], [], color=VERMILLION, linewidth=2.2, linestyle="-.", label=broken))
     extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
-    _mark(axes, cuts, extrapolated, advised)
+    _mark(axes, cuts, kept, extrapolated, advised)
     axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
     bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
     title = f"{scenario.name}: depth of cut {cuts.depth_of_cut.flat[0]:g} mm, {bar}, {_worn(evidence, wear)}"
@@ -94,26 +108,55 @@ def draw_map_on(
     return handles
 
 
-def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Figure:
-    """Draw the page, A4 across, with maps, advice and warnings."""
-    criterion = scenario.tool.wear_criterion
+def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()) -> Figure:
+    """Draw the page, A4 across, with maps, advice, what the simulation said of it, and warnings."""
+    at_change = float(advice[0].plan.cuts.wear)
+    fresh = min(FRESH * scenario.tool.wear_criterion, at_change)
     figure = Figure(figsize=A4, layout="constrained")
-    pages: Any = figure.subfigures(2, 1, height_ratios=(1.35, 1.0))
+    pages: Any = figure.subfigures(2, 1, height_ratios=SHARES)
     maps, rest = pages
-    for axes, wear in zip(maps.subplots(1, 2), (FRESH * criterion, criterion), strict=True):
+    for axes, wear in zip(maps.subplots(1, 2), (fresh, at_change), strict=True):
         handles = draw_map_on(axes, scenario, evidence, wear, advised=advice[0].plan)
-        axes.set_title(_worn(evidence, wear), loc="left", fontsize="medium")
+        when = ", at the change" * (wear == at_change)
+        axes.set_title(_worn(evidence, wear) + when, loc="left", fontsize="medium")
     maps.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     maps.suptitle(f"{scenario.name}: {scenario.workpiece.depth_of_cut:g} mm deep", fontsize="large")
     first, *others = headline(scenario, evidence, advice)
     lines = list(summary(scenario, evidence, advice))
-    rest.text(0.02, 0.97, first, fontsize=13, fontweight="bold", verticalalignment="top")
-    rest.text(0.02, 0.87, "\n".join(others), fontsize=8, verticalalignment="top")
     table = [*lines[:2], *lines[lines.index("", 3) + 1 :]]
-    rest.text(0.02, 0.64, "\n".join(table), family="monospace", fontsize=7, verticalalignment="top")
-    rest.text(0.02, 0.34, "\n".join(_wrapped(evidence, 175)), fontsize=7, color=VERMILLION, verticalalignment="top")
-    rest.text(0.02, 0.02, RULED, fontsize=8, verticalalignment="bottom")
+    said = [line for text in (*others, *simulated) for line in textwrap.wrap(text, SHEET_WIDTH)]
+    _write(rest, [
+        Block([first], size=11, weight="bold"),
+        Block(said, size=7),
+        Block(table, size=6.5, family="monospace"),
+        Block(_wrapped(evidence, SHEET_WIDTH), size=7, color=VERMILLION),
+        Block(textwrap.wrap(RULED, SHEET_WIDTH), size=7),
+    ])  # fmt: skip
     return _plain(figure)
+
+
+class Block(NamedTuple):
+    """Lines of one look on the sheet."""
+
+    lines: list[str]
+    size: float  # [pt]
+    weight: str = "normal"
+    family: str = "sans-serif"
+    color: str = "black"
+
+
+def _write(page: Any, blocks: list[Block]) -> None:
+    """Write blocks one below the other, smaller if they do not fit."""
+    height = A4[1] * 72.0 * SHARES[1] / sum(SHARES)  # [pt]
+    wanted = sum(LEADING * block.size * (len(block.lines) + 0.6) for block in blocks if block.lines)
+    scale = min(1.0, 0.97 * height / wanted)
+    top = 0.99
+    for block in blocks:
+        if not block.lines:
+            continue
+        look = {"fontsize": scale * block.size, "fontweight": block.weight, "family": block.family, "color": block.color}
+        page.text(0.02, top, "\n".join(block.lines), verticalalignment="top", linespacing=LEADING, **look)
+        top -= scale * LEADING * block.size * (len(block.lines) + 0.6) / height
 
 
 def _worn(evidence: Evidence, wear: float) -> str:
@@ -133,10 +176,17 @@ def _plain(figure: Figure) -> Figure:
     return figure
 
 
-def _fill_allowed(axes: Axes, cuts: Cuts) -> None:
+def _kept(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
+    """Return which cuts are within the limits, and below the force at which edges may break if their strength is stated."""
+    allowed = allowed_loads(scenario)
+    unbroken = cuts.thrust_force <= (allowed.thrust_force if allowed.by_strength else np.inf)
+    return np.asarray(cuts.within_limits & unbroken)
+
+
+def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
     axes.set_facecolor(LIGHT)
-    if cuts.within_limits.any():
-        axes.contourf(cuts.cutting_speed, cuts.feed, cuts.within_limits.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
+    if kept.any():
+        axes.contourf(cuts.cutting_speed, cuts.feed, kept.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
@@ -163,12 +213,12 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
 
 
-def _mark(axes: Axes, cuts: Cuts, extrapolated: Any, advised: Plan | None) -> None:
+def _mark(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_], extrapolated: Any, advised: Plan | None) -> None:
     """Mark the advised cut, or the highest removal rate within limits, if there is any, with a star if it extrapolates."""
-    if not cuts.within_limits.any():
+    if not kept.any():
         axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
         return
-    index = np.where(cuts.within_limits, cuts.removal_rate, 0.0).argmax()
+    index = np.where(kept, cuts.removal_rate, 0.0).argmax()
     marked = advised.cuts if advised else Cuts(*(np.asarray(values.flat[index]) for values in cuts))
     speed, feed = float(marked.cutting_speed), float(marked.feed)
     star = advised.mark if advised else " *" * bool(extrapolated.flat[index])

@@ -25,11 +25,12 @@ EVEN = {
     "tool": {"wear_factor_spread": 0.0, "edge_strength_spread": 0.0},
     "machine": {"feed_time_constant": 0.0, "spindle_time_constant": 0.0},
 }
+UNBREAKABLE = {"edge_strength": 1e6}
 MONEY = {"machine_rate": 60.0, "operator_rate": 30.0, "insert_price": 12.0, "edges_per_insert": 4.0, "currency": "CHF"}
 
 
 def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
-    scenario = Scenario.load({"economics": MONEY})
+    scenario = Scenario.load({"economics": MONEY, "workpiece": EVEN["workpiece"], "tool": UNBREAKABLE})
     cost, metal = advise(scenario, Evidence())
     assert (cost.aim, metal.aim) == (AIMS[0], AIMS[2])
     for _, best, _ in (cost, metal):
@@ -55,7 +56,8 @@ RANGES = ("feed_max", 0.3, 3.0), ("cutting_speed_max", 125.0, 0.1), ("cutting_sp
 @pytest.mark.parametrize(("name", "value", "edge_cost"), RANGES)
 def test_an_end_of_the_machines_range_that_binds_has_the_advice_of_a_wider_one(name: str, value: float, edge_cost: float) -> None:
     section, off = "spindle" if name == "max_speed" else "machine", {"power": 1e4, "thrust_force": 1e6}
-    found = advise(Scenario.load({"limits": off, section: {name: value}, "economics": {"edge_cost": edge_cost}}), Evidence())
+    changes = {"limits": off, "tool": UNBREAKABLE, section: {name: value}, "economics": {"edge_cost": edge_cost}}
+    found = advise(Scenario.load(changes), Evidence())
     bound = next(bound for bound in found[0].bounds if bound.limit.startswith(f"{section}.{name}, {value:g} "))
     assert bound.without.cost < 0.995 * found[0].plan.cost
     assert any("10 % wider" in line for line in headline(Scenario(), Evidence(), found))
@@ -111,6 +113,7 @@ def test_with_catalogue_laws_the_advice_lies_in_the_makers_range(kc, mc, start, 
     scenario = Scenario.load({
         "machine": {"cutting_speed_min": 60.0, "cutting_speed_max": 450.0, "feed_min": 0.1, "feed_max": feed},
         "limits": {"power": 20.0, "thrust_force": 1e6},
+        "tool": UNBREAKABLE,
         "workpiece": {"diameter": 80.0, "bar_length": 150.0, "depth_of_cut": 2.0},
         "economics": {"machine_rate": 55.0, "operator_rate": 30.0, "insert_price": 9.5, "edge_change_time": 1.5},
         "material": {"wear": wear, "power": power},
@@ -143,7 +146,7 @@ def test_the_best_rule_and_an_agent_are_compared_with_fixed_parameters() -> None
     best = advise(weaker, Evidence())[0].plan
 
     agent = str(ROOT / "agents" / "RoughTurning-v0" / "rough_turning" / "ppo-seed0.onnx")
-    fixed, *others = play_all(weaker, Evidence(), best, [agent], 2).results
+    fixed, *others = play_all(weaker, best, [agent], 2).results
     assert [each.name for each in others] == ["rule predictive", "agent ppo-seed0"]
     assert fixed.saved.value == 0
     for each in others:
@@ -151,7 +154,7 @@ def test_the_best_rule_and_an_agent_are_compared_with_fixed_parameters() -> None
     assert others[0].saved.low > 0
     other = str(ROOT / "agents" / "RoughTurning-Override-v1" / "override" / "ppo-seed0.onnx")
     with pytest.raises(WorkshopError, match=r"--agent .*ppo-seed0"):
-        play_all(weaker, Evidence(), best, [other], 2)
+        play_all(weaker, best, [other], 2)
 
 
 def test_an_override_gets_the_best_rule_that_is_tuned() -> None:

@@ -184,3 +184,60 @@ def test_edges_have_any_name(tmp_path: Path) -> None:
     assert read_measurements(reading(tmp_path, GOOD)).edges is None
     with pytest.raises(WorkshopError, match="more than one column edge"):
         read_measurements(reading(tmp_path, content.replace("feed", "edge").replace("edge,cutting", "edge,feed,cutting")))
+
+
+FORCES = "150;0.2;2;0.1;900;300;400;1030\n200;0.3;2;0.2;1300;450;600;1500\n"
+
+
+def test_letters_tell_a_feed_from_a_force(tmp_path: Path) -> None:
+    found = read_measurements(reading(tmp_path, "vc;f;ap;VB;Fc;Fp;Ff;F\n" + FORCES))
+    assert found.columns["feed"].tolist() == [0.2, 0.3]
+    assert found.columns["thrust_force"] == pytest.approx([500, 750])
+    capitals = read_measurements(reading(tmp_path, "VC;F;AP;vb;FC;FP;FF;F res\n" + FORCES))
+    assert {name: values.tolist() for name, values in capitals.columns.items()} == {
+        name: values.tolist() for name, values in found.columns.items()
+    }
+
+
+def test_forces_along_axes_are_asked_for(tmp_path: Path) -> None:
+    sheet = reading(tmp_path, "vc;f;ap;VB;Fx;Fy;Fz [N];F\n" + FORCES)
+    with pytest.raises(WorkshopError, match=r"'Fx', 'Fy', 'Fz \[N\]'.* --columns Fc=Fx"):
+        read_measurements(sheet)
+    found = read_measurements(sheet, {"main_force": "Fx", "back_force": "Fy", "feed_force": "Fz"})
+    assert found.columns["thrust_force"] == pytest.approx([500, 750])
+    assert found.columns["power"] == pytest.approx([900 * 150 / 60e3, 1300 * 200 / 60e3])
+    with pytest.raises(WorkshopError, match="no column is headed 'Fq'"):
+        read_measurements(sheet, {"main_force": "Fq"})
+
+
+@pytest.mark.parametrize(
+    ("header", "numbers", "column"),
+    [
+        ("P", (3.1, 5.2), "power"),
+        ("P [N]", (300, 450), "back_force"),
+        ("P [W]", (3100, 5200), "power"),
+        ("P", (300, 450), None),
+        ("T", (5, 9), "time"),
+        ("T [min]", (5, 9), "time"),
+        ("T", (620, 840), None),
+        ("T [\N{DEGREE SIGN}C]", (620, 840), "ignored"),
+        ("F [N]", (1030, 1500), "ignored"),
+    ],
+)
+def test_symbols_of_several_quantities(tmp_path: Path, header: str, numbers: tuple[float, float], column: str | None) -> None:
+    rows = "".join(f"150;0.{k + 2};2;0.{k + 1};{number}\n" for k, number in enumerate(numbers))
+    sheet = reading(tmp_path, f"vc;f;ap;VB;{header}\n{rows}")
+    if column is None:
+        with pytest.raises(WorkshopError, match=f"column '{header}' .*--columns"):
+            read_measurements(sheet)
+    elif column == "ignored":
+        assert read_measurements(sheet).ignored == (header,)
+    else:
+        assert column in read_measurements(sheet).columns
+
+
+def test_of_two_columns_of_one_name_the_user_says_which(tmp_path: Path) -> None:
+    sheet = reading(tmp_path, "Vc;vc;f;ap;VB;P\n100;150;0.3;2;0.1;4\n100;160;0.3;2;0.2;4\n")
+    with pytest.raises(WorkshopError, match=r"more than one column cutting_speed.*--columns cutting_speed="):
+        read_measurements(sheet)
+    assert read_measurements(sheet, {"cutting_speed": "vc"}).columns["cutting_speed"].tolist() == [150, 160]

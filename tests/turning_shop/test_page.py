@@ -44,7 +44,7 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
     (folder / "machine.toml").write_text(MACHINE)
     sheet = str(ROOT / "docs" / "examples" / "cuts.csv")
     assert main(["calibrate", sheet, "--base", str(folder / "machine.toml"), "--out", str(folder / "tool.toml")]) == 0
-    return Scenario.load(folder / "tool.toml")
+    return load(folder / "tool.toml")[0]
 
 
 @pytest.fixture
