@@ -6,12 +6,13 @@ The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is 
 import difflib
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from turning_env.files import replace_file
@@ -19,10 +20,12 @@ from turning_env.scenario import Scenario, presets
 from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
-from turning_shop.fit import FACTORS, Fit, complete_rows, fit, rows_correlate
+from turning_shop.copies import ROUNDING, without_copies
+from turning_shop.fit import FACTORS, Fit, complete_rows, fit, fresh_rows, rows_correlate, tells_no_edges
+from turning_shop.form import misfit
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
-from turning_shop.plausibility import law_problems, outliers, robust_fit, row_problems, unusual_edges
+from turning_shop.plausibility import law_problems, name_lines, outliers, robust_fit, row_problems, unusual_edges
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers, stated_by
 from turning_shop.whatif import NO_LIMIT
@@ -65,23 +68,24 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
         Implausible: A row, or a fitted law, cannot be true, and ``force`` is not set.
         WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
     """
-    problems = list(row_problems(measurements))
+    measurements, copied = without_copies(measurements)
+    notes = list(_notes_on_rows(measurements, copied))
+    problems = [*row_problems(measurements), *_contradictions(measurements)]
     fits: dict[str, Fit] = {}
     kept: dict[str, str] = {}
     for response in FACTORS:
         if complete_rows(response, measurements).any():
             try:
-                fits[response] = fit(response, measurements, getattr(base.material, response))
-                if response == "wear" and is_papers(base.material.wear):
-                    fits["wear"] = _with_taylor(fits["wear"], measurements, base)
+                fits[response], misfits = _fit_where_it_holds(response, measurements, base)
+                notes += misfits
             except WorkshopError as error:
                 if problems and not force:  # the likely reason
                     raise Implausible(problems) from error
+                if len(copied):
+                    raise WorkshopError(f"{error}; {notes[0]}") from error
                 raise
         else:
-            needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
-            absent = [name for name in needed if name not in measurements.columns]
-            kept[response] = f"there is no column {', '.join(absent)}" if absent else f"no row has all of {', '.join(needed)}"
+            kept[response] = _why_kept(response, measurements)
     if not fits:
         raise WorkshopError("no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items()))
     robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
@@ -96,8 +100,71 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
     except ValidationError as error:
         detail = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise WorkshopError(f"the fitted laws are no material: {detail}") from error
-    warnings = (*unusual_edges(fits, robust), *_warnings(fits, measurements))
+    warnings = (*notes, *unusual_edges(fits, robust), *_warnings(fits, measurements, base))
     return Calibration(fits, kept, material, tuple(problems), warnings, measurements.readings)
+
+
+def _notes_on_rows(measurements: Measurements, copied: NDArray[np.int64]) -> Iterator[str]:
+    """Yield warnings on rows that count as others or tell nothing."""
+    if len(copied):
+        rows = f"{len(copied)} row{'s repeat others' if len(copied) > 1 else ' repeats another'}"
+        yield f"{rows} to within {100 * ROUNDING:g} %, in {name_lines(copied)}: copies count as one reading"
+    wear, time = measurements.columns.get("wear"), measurements.columns.get("time")
+    if wear is not None and time is not None and (unread := (wear == 0.0) & (time > 0.0)).any():
+        lines = name_lines(measurements.lines[unread])
+        yield f"wear: 0 after some cutting time, in {lines}: too little to read, so not used for the law of wear"
+
+
+def _contradictions(measurements: Measurements) -> Iterator[str]:
+    """Yield a problem on rows whose edge is worn before it has cut."""
+    wear, time = measurements.columns.get("wear"), measurements.columns.get("time")
+    if wear is not None and time is not None and (early := (wear > 0.0) & (time == 0.0)).any():
+        lines = name_lines(measurements.lines[early])
+        yield f"wear is above 0 at a cutting time of 0, in {lines}: give the wear since the edge was fresh, or leave time empty"
+
+
+def _why_kept(response: str, measurements: Measurements) -> str:
+    """Return why a law has no rows."""
+    needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
+    if absent := [name for name in needed if name not in measurements.columns]:
+        return f"there is no column {', '.join(absent)}"
+    if response == "wear" and (measurements.columns["wear"] == 0.0).any():
+        return "all rows are of fresh edges, wear 0"
+    return f"no row has all of {', '.join(needed)}"
+
+
+def _fit_where_it_holds(response: str, measurements: Measurements, base: Scenario) -> tuple[Fit, list[str]]:
+    """Return a law fitted to the rows for which its form holds, and a warning if those are not all."""
+    fitted = _fit(response, measurements, base)
+    wrong = misfit(fitted)
+    if wrong is None:
+        return fitted, []
+    used = measurements.columns[response].copy()
+    used[np.isin(measurements.lines, fitted.lines[wrong.beyond])] = np.nan
+    column = COLUMNS[wrong.factor]
+    line = f"c (1 + {wrong.slope:.3g} {wrong.factor})"
+    reason = (
+        f"{response}: the law's form, c {wrong.factor}^x, does not fit near {wrong.factor} 0; "
+        f"{line} fits all rows with a scatter of {100 * wrong.scatter:.2g} %"
+    )
+    try:
+        refitted = _fit(response, replace(measurements, columns=measurements.columns | {response: used}), base)
+    except WorkshopError as error:
+        above = f"too few rows are left above {wrong.holds_from:.3g} {column.unit}, where it fits"
+        raise WorkshopError(f"{reason}; {above}: {error}") from error
+    return refitted, [
+        f"{reason}. It was fitted to {wrong.factor} from {wrong.holds_from:.3g} {column.unit} up, and holds only there: "
+        f"rows below were left out, in {name_lines(fitted.lines[wrong.beyond])}"
+    ]
+
+
+def _fit(response: str, measurements: Measurements, base: Scenario) -> Fit:
+    """Fit a law, with Taylor's n of catalogues if the sheet cannot tell it and the base has the paper's."""
+    edge_spread = base.tool.wear_factor_spread if response == "wear" else 0.0
+    fitted = fit(response, measurements, getattr(base.material, response), edge_spread=edge_spread)
+    if response == "wear" and is_papers(base.material.wear):
+        return _with_taylor(fitted, measurements, base)
+    return fitted
 
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
@@ -112,22 +179,32 @@ def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit
     else:
         return fitted
     reasons = {name: f"{assumed[name]}; {CATALOGUE}" for name in known}
-    return fit("wear", measurements, base.material.wear.model_copy(update=known), reasons)
+    law = base.material.wear.model_copy(update=known)
+    return fit("wear", measurements, law, reasons, edge_spread=base.tool.wear_factor_spread)
 
 
-def _warnings(fits: dict[str, Fit], measurements: Measurements) -> Iterator[str]:
+def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
     for name in measurements.ignored:
         likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
         yield f"column {name!r} is not understood and was ignored" + "".join(f"; is it {column}?" for column in likely)
-    unused = ~np.logical_or.reduce([complete_rows(response, measurements) for response in FACTORS])
+    counted = [complete_rows(response, measurements) | fresh_rows(response, measurements) for response in FACTORS]
+    if {"wear", "time"} <= measurements.columns.keys():
+        counted.append((measurements.columns["wear"] == 0.0) & (measurements.columns["time"] == 0.0))
+    unused = ~np.logical_or.reduce(counted)
     if unused.any():
         yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
     nominal = int(np.isnan(measurements.columns.get("hardness", np.ones(1))).sum())
     if nominal:
         yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
     for response, fitted in fits.items():
+        if fitted.fresh.any() and fitted.fresh.all():
+            yield f"{response}: all rows are of fresh edges: loads of worn edges are higher, so limits may not hold with them"
         if fitted.edges is None and measurements.edges is not None:
             yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
+        if response == "wear" and fitted.edges is None and tells_no_edges(measurements, fitted.factors):
+            spread = base.tool.wear_factor_spread
+            assumed = f"{100 * spread:g} % is assumed, tool.wear_factor_spread"
+            yield f"wear: too few edges or settings to tell how edges differ: {assumed}"
         if fitted.edges is None and rows_correlate(fitted):
             yield (
                 f"{response}: rows at the same settings deviate together, so intervals are too narrow: "
@@ -151,8 +228,28 @@ def summary(calibration: Calibration) -> Iterator[str]:
             yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
         for name, why in fitted.assumed.items():
             yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
+        if fitted.fresh.any():
+            yield f"  {_on_fresh_edges(fitted)}"
     for response, why in calibration.kept.items():
         yield f"{response}: as in the base, {why}"
+
+
+def _on_fresh_edges(fitted: Fit) -> str:
+    """Return what rows with a wear of 0 tell, for people; of a power also kc1.1 and mc (Kienzle)."""
+    level, mean = 1.0, 1.0
+    text = "all rows are of fresh edges: the law does not depend on wear"
+    if not fitted.fresh.all():
+        worn = fitted.factors["wear"][~fitted.fresh]
+        level, mean = fitted.fresh_level, float(np.exp(np.log(worn).mean()))
+        text = (
+            f"{fitted.fresh.sum()} rows of fresh edges, {level:.3g} times the law at {mean:.3g} mm, tell the exponents of "
+            f"speed, feed and depth; the law holds from {worn.min():.3g} mm of wear"
+        )
+    if fitted.response == "power":
+        speed = float(np.exp(np.log(fitted.factors["cutting_speed"]).mean()))
+        power = level * float(fitted.law(speed, 1.0, 1.0, wear=mean))
+        text += f"; kc1.1 {60e3 * power / speed:.4g} N/mm2, mc {1.0 - fitted.law.feed:.2f} at {speed:.3g} m/min"
+    return text
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:

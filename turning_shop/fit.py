@@ -36,6 +36,10 @@ MIN_SHARE = 0.1  # share of a factor's variance within edges that is needed to e
 MIN_KEPT = 1e-3  # lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished
 SIGNIFICANCE = 0.01  # probability of the F test below which rows at the same settings count as correlated [-]
 LEVEL = 0.95  # confidence level of all intervals [-]
+MIN_SCATTER = 1e-4  # lowest scatter of the rows [-]: that of rounding to four digits
+MIN_READING_SCATTER = 0.01  # lowest scatter of a reading of an edge that was not measured [-] (assumption)
+MIN_TOLD_APART = 0.05  # share of the difference of fresh and worn edges that settings must leave unexplained [-]
+MIN_SETTINGS = 3  # different settings below which rows without names of edges do not tell how edges differ
 MAX_LOG = 700.0  # largest logarithm of an end of the coefficient's interval; it keeps the end finite
 
 
@@ -52,7 +56,11 @@ class EdgeEffect:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law; arrays have the shape (rows,)."""
+    """A fitted law; arrays have the shape (rows,).
+
+    Rows of fresh edges, whose wear is 0, have a level of their own: they tell the exponents of speed, feed and depth. Their wear
+    in ``factors`` is the mean of the others. If all edges are fresh, the law does not depend on wear.
+    """
 
     response: str  # predicted quantity, a key of ``FACTORS``
     law: PowerLaw
@@ -65,6 +73,8 @@ class Fit:
     predicted: Values  # response by the law
     lines: NDArray[np.int64]  # of the file
     edges: EdgeEffect | None  # None if they are unknown
+    fresh: NDArray[np.bool_]  # rows of fresh edges
+    fresh_level: float  # response of a fresh edge over that of the law at the rows' mean wear [-]; NaN if not both were measured
 
     @property
     def exponents(self) -> list[str]:
@@ -74,7 +84,7 @@ class Fit:
     @property
     def degrees(self) -> int:
         """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
-        return len(self.lines) - len(self.estimates)
+        return len(self.lines) - len(self.estimates) - int(np.isfinite(self.fresh_level))
 
     @property
     def log_residuals(self) -> Values:
@@ -99,11 +109,18 @@ class Fit:
         return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
 
 
-def fit(response: str, measurements: Measurements, base: PowerLaw, given: Mapping[str, str] = MappingProxyType({})) -> Fit:
+def fit(
+    response: str,
+    measurements: Measurements,
+    base: PowerLaw,
+    given: Mapping[str, str] = MappingProxyType({}),
+    edge_spread: float = 0.0,
+) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
     Without a hardness column or value, hardness is nominal. Exponents that cannot be estimated, and those of ``given`` factors
-    with the reason, are the base's.
+    with the reason, are the base's. ``edge_spread`` is the log standard deviation of edges [-] that is assumed if the rows are of
+    too few to tell it.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
@@ -113,42 +130,114 @@ def fit(response: str, measurements: Measurements, base: PowerLaw, given: Mappin
     factors = {
         name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count) for name in FACTORS[response]
     }
+    fresh = fresh_rows(response, measurements)[present]
+    mixed = bool(fresh.any() and not fresh.all())
+    if mixed:
+        worn = factors["wear"][~fresh]
+        factors["wear"] = np.where(fresh, np.exp(np.log(worn).mean()), factors["wear"])
+    elif fresh.any():
+        factors["wear"] = np.ones(count)
+        base = base.model_copy(update={"wear": 0.0})
     logs = {name: np.log(values) for name, values in factors.items()}
     fitted, assumed = _identifiable(factors, {name: log for name, log in logs.items() if name not in given})
     assumed |= given
+    if fresh.any() and not mixed:
+        assumed["wear"] = "all rows are of fresh edges: the load of a worn edge is higher, and not known"
     if "hardness" not in columns:
         assumed["hardness"] = "there is no column hardness: nominal in all rows"
-    if count < len(fitted) + 2:
+    if count < len(fitted) + 2 + int(mixed):
         varying = [name for name, log in logs.items() if _variation(log) >= MIN_VARIATION]
         numbers = "the coefficient" + (f" and {len(varying)} exponents ({', '.join(varying)})" if varying else "")
+        numbers += " and the level of fresh edges" * mixed
         raise WorkshopError(
-            f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, but {len(varying) + 2} are needed: "
-            f"for {numbers}, and one more to estimate the scatter"
+            f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, "
+            f"but {len(varying) + 2 + int(mixed)} are needed: for {numbers}, and one more to estimate the scatter"
         )
     measured = columns[response][present]
     known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
     target = np.log(measured) - np.log(known(**factors))
     references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
     design = np.column_stack([np.ones(count), *(logs[name] - references.get(name, 0.0) for name in fitted)])
+    names = ("coefficient", *fitted)
+    if mixed:
+        design = np.column_stack([design, fresh.astype(float)])  # the level of fresh edges, the last parameter
     edges = None if measurements.edges is None else _edge_effect(target, design[:, 1:], measurements.edges[present])
     solution, covariance, within = _least_squares(target, design, edges)
-    names = ("coefficient", *fitted)
+    fresh_level = float(np.exp(solution[-1])) if mixed else np.nan
+    numbers_of_law = len(names)
+    degrees = edges.degrees if edges else (count - design.shape[1],) * numbers_of_law
+    solution, covariance = solution[:numbers_of_law], covariance[:numbers_of_law, :numbers_of_law]
     law = _validated(response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True)))
-    degrees = edges.degrees if edges else (count - len(names),) * len(names)
-    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, degrees)
+    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, degrees[:numbers_of_law])
     ends = np.column_stack([solution - margins, solution + margins])
     ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
     estimates = {name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)}
-    reading_scatter = float(np.hypot(within, edges.spread if edges else 0.0))
-    predicted, lines = np.asarray(law(**factors)), measurements.lines[present]
-    return Fit(response, law, estimates, assumed, covariance, reading_scatter, factors, measured, predicted, lines, edges)
+    spread = edges.spread if edges else 0.0
+    if edges is None and tells_no_edges(measurements, factors):
+        spread = edge_spread
+    return Fit(
+        response=response,
+        law=law,
+        estimates=estimates,
+        assumed=assumed,
+        covariance=covariance,
+        reading_scatter=max(float(np.hypot(within, spread)), MIN_READING_SCATTER),
+        factors=factors,
+        measured=measured,
+        predicted=np.asarray(law(**factors)) * np.where(fresh & mixed, fresh_level, 1.0),
+        lines=measurements.lines[present],
+        edges=edges,
+        fresh=fresh,
+        fresh_level=fresh_level,
+    )
+
+
+def tells_no_edges(measurements: Measurements, factors: Mapping[str, Values]) -> bool:
+    """Return whether rows cannot tell how edges differ: too few are named, or none is and the settings hardly differ."""
+    settings = np.round(np.log(np.stack([factors[name] for name in SETTINGS], axis=1)) / MIN_VARIATION)
+    return measurements.edges is not None or len(np.unique(settings, axis=0)) < MIN_SETTINGS
 
 
 def complete_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
-    """Return which rows have a response and all its factors, shape (rows,); hardness may be missing."""
+    """Return which rows have a response and all its factors, shape (rows,); hardness may be missing.
+
+    Rows of fresh edges count for force and power, unless their level cannot be told, and tell nothing of the law of wear.
+    """
+    complete = _filled_rows(response, measurements)
+    if response == "wear":  # its logarithm, and that of the time, are fitted
+        for name in ("wear", "time"):
+            if name in measurements.columns:
+                complete &= measurements.columns[name] > 0.0
+        return complete
+    fresh = fresh_rows(response, measurements)
+    if (complete & ~fresh).any() and not _told_apart(response, measurements, complete, fresh):
+        complete &= ~fresh
+    return complete
+
+
+def fresh_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
+    """Return which rows have a force or power of a fresh edge, whose wear is 0, shape (rows,)."""
+    nothing = np.zeros(len(measurements.lines), np.bool_)
+    if response == "wear" or "wear" not in measurements.columns:
+        return nothing
+    return np.asarray(_filled_rows(response, measurements) & (measurements.columns["wear"] == 0.0))
+
+
+def _filled_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
     absent = np.full(len(measurements.lines), np.nan)
     needed = [measurements.columns.get(name, absent) for name in (response, *FACTORS[response]) if name != "hardness"]
     return np.asarray(np.isfinite(needed).all(axis=0))
+
+
+def _told_apart(response: str, measurements: Measurements, rows: NDArray[np.bool_], fresh: NDArray[np.bool_]) -> bool:
+    """Return whether fresh edges were measured at settings that tell their level from the exponents of speed, feed and depth."""
+    if not fresh.any():
+        return True
+    logs = [np.log(measurements.columns[name][rows]) for name in SETTINGS if name in FACTORS[response] and name != "hardness"]
+    others = np.column_stack([np.ones(int(rows.sum())), *logs])
+    indicator = fresh[rows].astype(float)
+    rest = indicator - others @ np.linalg.lstsq(others, indicator, rcond=None)[0]
+    return bool(np.abs(rest).max() > MIN_TOLD_APART)
 
 
 def rows_correlate(fitted: Fit) -> bool:
@@ -239,6 +328,7 @@ def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> 
     inverse = np.linalg.pinv(design)
     solution = inverse @ target
     scatter = float(np.linalg.norm(target - design @ solution) / np.sqrt(len(target) - len(solution)))
+    scatter = max(scatter, MIN_SCATTER)
     return solution, inverse @ inverse.T * scatter**2, scatter
 
 

@@ -83,13 +83,16 @@ class Prediction(NamedTuple):
 
 def evidence_of(fitted: Fit) -> LawEvidence:
     """Return a fit's evidence for its law."""
+    measured = {name: (float(values.min()), float(values.max())) for name, values in fitted.factors.items()}
+    if fitted.fresh.all():
+        measured["wear"] = (0.0, 0.0)
     return LawEvidence(
         coefficient=fitted.law.coefficient,
         terms=tuple(fitted.exponents),
         covariance=tuple(tuple(row) for row in fitted.covariance.tolist()),
         degrees=min(fitted.edges.degrees) if fitted.edges else fitted.degrees,
         scatter=fitted.reading_scatter,
-        measured={name: (float(values.min()), float(values.max())) for name, values in fitted.factors.items()},
+        measured=measured,
     )
 
 
