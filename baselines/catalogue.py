@@ -1,14 +1,15 @@
 """The catalogue of all rule-based controllers by name; their edge changes, if a task commands them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from baselines import tuned
 from baselines.rule import Mask, Parameters, Range, Rule
-from turning_env import Scenario, read
+from turning_env import Family, Scenario, read
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
 RULES: dict[str, Rule] = {}  # all rules by name
@@ -25,6 +26,7 @@ for _file in (  # files that declare rules; a new one is added here
     "optimiser",
     "predictive",
     "self_tuning",
+    "contextual",
     "part_planning",
 ):
     RULES |= import_module(f"baselines.{_file}").RULES
@@ -53,8 +55,15 @@ class TimelyChanges(Policy):
 
 
 def names(scenario: Scenario) -> list[str]:
-    """Return the names of the controllers that can play a scenario."""
-    return [name for name, rule in RULES.items() if rule.plays(scenario)]
+    """Return the names of the controllers that can play a scenario by its nominal model alone."""
+    return [name for name, rule in RULES.items() if rule.plays(scenario) and not rule.needs_numbers]
+
+
+def names_on(family: Family) -> list[str]:
+    """Return the names of the controllers that can play the jobs of a family."""
+    scenario = family.job(0).scenario
+    by_numbers = [name for name, rule in RULES.items() if rule.needs_numbers and rule.plays(scenario)]
+    return names(scenario) + [name for name in by_numbers if tuned.on_family(family, name)]
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
@@ -74,12 +83,17 @@ def playable(name: str, scenario: Scenario) -> Rule:
 
 
 def spec(
-    name: str, scenario: Scenario | Sequence[Scenario], tuned_on: Scenario | None = None, own: Parameters | None = None
+    name: str,
+    scenario: Scenario | Sequence[Scenario],
+    tuned_on: Scenario | None = None,
+    own: Parameters | None = None,
+    numbers: Sequence[Mapping[str, float]] | None = None,
 ) -> PolicySpec:
     """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
 
     ``scenario``: one to play, or one for each environment if the rule plays them ``together``. ``tuned_on``: scenario on which
     its parameters were tuned; None: the one that it plays, or the first. ``own``: further parameters, which replace others.
+    ``numbers``: the catalogue's numbers of each scenario, for rules that need them.
 
     KeyError if there is no controller of this name; NotTuned if it has not been tuned on that scenario, in this version and these
     parameters; ValueError if it cannot play the scenario, or a file of tuned parameters is damaged.
@@ -89,6 +103,11 @@ def spec(
     rule = playable(name, first.nominal())
     if isinstance(nominal, list) and not rule.together:
         raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
+    inputs: dict[str, Any] = {}
+    if rule.needs_numbers:
+        if numbers is None:
+            raise ValueError(f"{name} needs the catalogue's numbers of a job: it plays jobs of a family only")
+        inputs["numbers"] = numbers
     found, command = tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
     parameters = rule.fixed | found | (own or {})
     return PolicySpec(
@@ -98,5 +117,5 @@ def spec(
         parameters=dict(parameters),
         command=command,
         tuned_for=None if tuned_on is None else ScenarioId.of(tuned_on),
-        make=lambda num_envs: rule.controller(nominal, num_envs, **parameters),
+        make=lambda num_envs: rule.controller(nominal, num_envs, **inputs, **parameters),
     )

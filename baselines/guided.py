@@ -1,7 +1,8 @@
-"""``self_tuning`` with a guide that has seen other lathes, and sets the highest speed and when edges are changed.
+"""``self_tuning`` with a guide, trained on other lathes, which sets the highest speed and when edges are changed.
 
-A guide, such as a network, sees ``features``: what the nominal model says of the job (its context), what the rule's filter
-believes, and what became of the edges before. A decision holds for ``HOLD`` steps; the rule does the rest.
+A guide, such as a network, sees ``features``: the context of the job (numbers of the nominal model, and those of the catalogue
+that the family shows), what the rule's filter believes, and what became of the edges before. A decision holds for ``HOLD``
+steps; the rule does the rest. ``contextual`` sets a highest speed once, by a regression on the catalogue's numbers.
 """
 
 from collections.abc import Sequence

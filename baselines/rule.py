@@ -37,6 +37,9 @@ class Rule:
     changes_edges: bool = False  # whether it decides when to change the edge, if edges are changed on command
     worth_tuning: bool = False
     """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
+    needs_numbers: bool = False
+    """Whether ``controller`` also takes the catalogue's numbers of each job (``Job.numbers``): it plays families alone, with
+    parameters that were tuned on them."""
     together: bool = False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
     tuned_on: str | None = None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
 

@@ -57,10 +57,19 @@ def contents(scenario: Scenario) -> dict[str, Any]:
 
 def on_family(family: Family, name: str) -> Parameters:
     """Return the parameters that a rule has on the jobs of this family alone."""
-    values = read(FOLDER / "families" / f"{family.name}.json")
-    digest = family.model_copy(update={"held_out_key": ""}).digest()  # whichever jobs are held out
-    own = values["rules"].get(name, {}) if values.get("family_digest") == digest else {}
+    values = read(family_path(family))
+    own = values["rules"].get(name, {}) if values.get("family_digest") == family_digest(family) else {}
     return dict(own.get("parameters", {}))
+
+
+def family_path(family: Family) -> Path:
+    """Return the path of the parameters that rules have on the jobs of a family that ships."""
+    return FOLDER / "families" / f"{family.name}.json"
+
+
+def family_digest(family: Family) -> str:
+    """Return the digest of a family's values, whichever jobs are held out."""
+    return family.model_copy(update={"held_out_key": ""}).digest()
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:

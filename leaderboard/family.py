@@ -80,7 +80,7 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
     elif name == CAUSAL:
         found = PolicySpec(name=CAUSAL, version=VERSION, kind="oracle")
     else:
-        found = spec(name, first, Scenario.load(family.base), own)
+        found = spec(name, first, Scenario.load(family.base), own, [family.job(0).numbers])
     right = "" if name == CAUSAL else _RIGHT[knows]
     plays = FamilyPlay(family if right is None else Truthful.of(family, right), _split(task), name, forgets, own)
     kind = found.kind if knows == "nominal" else "oracle"
@@ -149,7 +149,8 @@ class FamilyPlay:
             make = lambda num_envs: PerfectState(scenarios, num_envs)  # noqa: E731
         else:
             base = Scenario.load(self.family.base)
-            make = spec(self.policy, scenarios if RULES[self.policy].together else scenarios[0], base, self.own).make
+            played = scenarios if RULES[self.policy].together else scenarios[0]
+            make = spec(self.policy, played, base, self.own, [job.numbers for job in jobs]).make
         return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
 
     def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:

@@ -25,6 +25,7 @@ GIVEN = {
 }
 """Inputs of training beside observations, by name."""
 SEEN = {
+    "context": "is told numbers of the job: those of the nominal model, and those of the catalogue that its family shows",
     "memory": "remembers earlier observations",
     "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the observations",
     "rule": "sets two limits of the rule self_tuning, which knows the nominal model and does the rest",
@@ -88,6 +89,7 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
         given -= _PRICED  # the job ends before the edge: its life has the flat price
     gradient = given.isdisjoint(_REWARDS)
     has = {
+        "context": "context" in p and p.get("hides_context") is not True,
         "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
         "belief": p.get("belief") is True or p.get("guide") is True,
         "rule": p.get("guide") is True,

@@ -115,7 +115,7 @@ def named(
         ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
     """
     if task.of_family:
-        known = [*catalogue.names(family.family_of(task).job(0).scenario), NOMINAL_OPTIMUM, CAUSAL]
+        known = [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, CAUSAL]
         default: Sequence[str] = family.VARIED if forgets or knows != "nominal" else family.POLICIES
     else:
         default = known = [*catalogue.names(task.scenario), *(each.name for each in oracles(task.scenario))]

@@ -35,6 +35,7 @@ turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging 
 turning_env advise: nothing | batch_casting --seeds 0 | . --seeds 1 | forging --seeds -1
 turning_env map: nothing --wear 0.2 --out made.png | forging --wear 0.2 --out made.txt
 baselines.law_errors: nothing
+baselines.tune_contextual: nothing | shop --jobs 3 --out made.json | shop --jobs x
 turning_control: nothing
 turning_control shield: --env nothing | --episodes 0 | --target x
 turning_control demo: --scenario nothing
@@ -67,6 +68,7 @@ studies.clients: nothing | --write
 studies.exploits: --env nothing | --seeds 0 | --search -1
 studies.one_job: --agent nothing.onnx --out made.png
 train.guided_ppo: --env nothing
+studies.paired: ppo causal --scenarios nothing | ppo causal
 studies.headroom: --seeds 0 | --seeds 257
 studies.audit: nothing
 studies.soak: --kills 0 | --only nothing | --steps 1

@@ -11,14 +11,18 @@ from PIL import Image
 from leaderboard.__main__ import main as leaderboard
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import RESULTS
+from studies import paired
 from train import curves
 
 ROOT = Path(__file__).parents[1]
 PAGES = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8") for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))}
 COMMAND = r"(?:```bash\n|<!-- )python -m ({}[^\n]*?)(?:\n```| -->)\n\n"
-SHOW = re.compile(COMMAND.format(r"leaderboard show [^\n]*--markdown") + r"((?:\|.*\n)*)")
+TABLE = r"((?:\|.*\n)*)"
+SHOW = re.compile(COMMAND.format(r"leaderboard show [^\n]*--markdown") + TABLE)
+PAIRED = re.compile(COMMAND.format("studies.paired ") + TABLE)
 DRAW = re.compile(COMMAND.format(r"(?:leaderboard figure|train.curves)") + r"!\[[^]]*\]\((\S+?)\)")
 TABLES = [pytest.param(*found.groups(), id=page) for page, text in PAGES.items() for found in SHOW.finditer(text)]
+PAIRS = [pytest.param(*found.groups(), id=page) for page, text in PAGES.items() for found in PAIRED.finditer(text)]
 FIGURES = [pytest.param(*found.groups(), ROOT / page, id=page) for page, text in PAGES.items() for found in DRAW.finditer(text)]
 
 
@@ -26,6 +30,13 @@ FIGURES = [pytest.param(*found.groups(), ROOT / page, id=page) for page, text in
 def test_a_table_is_what_its_command_prints(command: str, table: str, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.chdir(ROOT)
     assert leaderboard(shlex.split(command)[1:]) == 0
+    assert capsys.readouterr().out == table
+
+
+@pytest.mark.parametrize(("command", "table"), PAIRS)
+def test_differences_are_what_their_command_prints(command: str, table: str, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(ROOT)
+    assert paired.main(shlex.split(command)[1:]) == 0
     assert capsys.readouterr().out == table
 
 

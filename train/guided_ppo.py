@@ -3,8 +3,9 @@
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 1 --steps 500000
 
-The rule knows laws; the guide learns from a thousand lathes what no law of the rule says (``baselines/guided.py``). A step of
-this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in
+The guide is told what the rule is not: the catalogue's numbers that the family shows, and what became of earlier edges
+(``baselines/guided.py``). On the family ``unmodelled``, a linear regression on these numbers (``baselines/contextual.py``)
+returns about as much; ``docs/unmodelled.md`` has the differences. A step of this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in
 every episode. The same command resumes an interrupted training, and does nothing if training is finished.
 """
 

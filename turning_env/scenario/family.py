@@ -152,6 +152,7 @@ class Job(NamedTuple):
     cutting_speed: float  # the nominal model's best cutting speed on a half-worn edge [m/min]
     feed: float  # likewise the feed [mm/rev]
     context: Array  # context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)
+    numbers: dict[str, float]  # the same numbers by name, not standardised
 
 
 @dataclass(frozen=True)
@@ -305,7 +306,14 @@ class Family(Section):
         name = "-".join((self.name, split, str(number)))
         values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
-        return Job(Scenario.load(values), float(speed), float(feed), self.context(draw.features)[i])
+        numbers = {name: float(values[i]) for name, values in draw.features.items()}
+        return Job(
+            scenario=Scenario.load(values),
+            cutting_speed=float(speed),
+            feed=float(feed),
+            context=self.context(draw.features)[i],
+            numbers=numbers,
+        )
 
     @property
     def context_names(self) -> tuple[str, ...]:

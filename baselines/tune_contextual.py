@@ -1,0 +1,274 @@
+"""Tune the rule ``contextual`` for a family, and write its parameters to the family's file in ``baselines/tuned/families``.
+
+    python -m baselines.tune_contextual unmodelled
+    python -m baselines.tune_contextual shop --jobs 64 --out my_shop.json
+
+1. ``self_tuning`` plays training jobs with every highest speed of a grid.
+2. Linear laws of the speed are fitted to the returns of this grid: a constant; a regression of each job's best speed on the
+   catalogue's numbers that the family shows; the law of these numbers that earns most in the grid; and that of two of them.
+3. These candidates play validation jobs. The highest mean return wins.
+
+No other jobs are played. The same command gives the same file, and resumes an interrupted tuning: it takes the batches that were
+played from a log.
+"""
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines import tuned
+from baselines.contextual import CHANGE_AT, MIDDLE, RULES, SPEED, limited, log_speeds, slope_name
+from baselines.rule import Array, Parameters
+from baselines.tune import log_of
+from turning_env import MODEL_VERSION, Family
+from turning_env.console import described, exits
+from turning_env.files import file_lock, folder_lock, replace_file
+from turning_env.scoring.play import play_family
+from turning_env.scoring.statistics import Bootstrap, Estimate
+
+NAME = "contextual"
+JOBS = 96  # training jobs, and validation jobs, that are played
+MIN_JOBS = 16
+LOG_SPEEDS = tuple(np.linspace(np.log(0.42), np.log(1.6), 6).round(3).tolist())
+"""Log highest speeds over the start speed in the grid: to the machine's highest speed."""
+LIFE = 0.8  # used life at the change of edges [-]: that of ``self_tuning`` on ``unmodelled``
+BATCH = 128  # environments that are played together, about
+STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)  # steps of the search over the parameters of a law
+START = -0.3  # log speed at which searches begin
+DIGITS = 3  # decimals of the parameters: their last bits, which depend on the processor, do not count
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The returns of training jobs at all speeds of the grid, and the catalogue's numbers of these jobs."""
+
+    returns: Array  # [s], shape (jobs, speeds)
+    numbers: Array  # numbers less ``MIDDLE``, shape (jobs, numbers)
+    names: tuple[str, ...]  # names of the numbers
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return the numbers of these names, shape (jobs, names)."""
+        places = [self.names.index(name) for name in names]
+        return np.asarray(self.numbers[:, places])
+
+    def mean_return(self, log_speeds: Array) -> float:
+        """Return the mean over jobs of the returns at log speeds, shape (jobs,), by linear interpolation.
+
+        Beyond the ends of the grid, the return is that of the end.
+        """
+        points = np.array(LOG_SPEEDS)
+        inside = np.clip(log_speeds, points[0], points[-1])
+        below = np.clip(np.searchsorted(points, inside, side="right") - 1, 0, len(points) - 2)
+        share = (inside - points[below]) / (points[below + 1] - points[below])
+        job = np.arange(len(self.returns))
+        low = self.returns[job, below]
+        high = self.returns[job, below + 1]
+        return float((low + share * (high - low)).mean())
+
+    def earned(self, law: Parameters) -> float:
+        """Return the mean over jobs of the returns by a law of the speed."""
+        numbers = [dict(zip(self.names, row, strict=True)) for row in self.numbers + MIDDLE]
+        return self.mean_return(log_speeds(law, numbers))
+
+    def best_log_speeds(self) -> Array:
+        """Return the best log speed of each job, shape (jobs,)."""
+        return np.asarray(np.array(LOG_SPEEDS)[self.returns.argmax(axis=1)])
+
+
+def climb(value: Callable[[Array], float], start: Array) -> Array:
+    """Return the numbers with the highest value that a search along one number after the other finds, in smaller steps."""
+    best = start.round(DIGITS)
+    reached = value(best)
+    for step in STEPS:
+        improved = True
+        while improved:
+            improved = False
+            for place in range(len(best)):
+                for change in (-step, step):
+                    other = best.copy()
+                    other[place] += change
+                    other_value = value(other)
+                    if other_value > reached:
+                        best, reached, improved = other, other_value, True
+    return best.round(DIGITS)
+
+
+def shifted(grid: Grid, slopes: Parameters) -> Parameters:
+    """Return given slopes of the speed with the best constant beside them: too fast costs more than too slow."""
+    names = [name.removeprefix(slope_name("")) for name in slopes]
+    by_numbers = grid.columns(names) @ np.array(list(slopes.values()))
+    found = climb(lambda constant: grid.mean_return(constant[0] + by_numbers), np.array([START]))
+    return {SPEED: float(found[0]), CHANGE_AT: LIFE} | slopes
+
+
+def regression(grid: Grid, names: Sequence[str]) -> Parameters:
+    """Return a least-squares law of each job's best log speed, with the best constant."""
+    columns = grid.columns(names)
+    best_speeds = grid.best_log_speeds()
+    centred = columns - columns.mean(axis=0)
+    slopes = np.linalg.lstsq(centred, best_speeds - best_speeds.mean(), rcond=None)[0]
+    return shifted(grid, {slope_name(name): round(float(slope), DIGITS) for name, slope in zip(names, slopes, strict=True)})
+
+
+def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
+    """Return the law of some numbers that earns most in the grid."""
+    columns = grid.columns(names)
+    start = regression(grid, names)
+    parameters = [SPEED, *(slope_name(name) for name in names)]
+    first = np.array([start[name] for name in parameters])
+    found = climb(lambda law: grid.mean_return(law[0] + columns @ law[1:]), first)
+    law = {name: float(number) for name, number in zip(parameters, found, strict=True)}
+    return law | {CHANGE_AT: LIFE}
+
+
+def best_pair(grid: Grid, names: Sequence[str]) -> Parameters:
+    """Return the law of two numbers that earns most in the grid."""
+    laws = [best_law(grid, pair) for pair in combinations(names, 2)]
+    return max(laws, key=lambda law: grid.earned(law))
+
+
+def candidates(grid: Grid, shown: Sequence[str]) -> dict[str, Parameters]:
+    """Return the laws to compare, by name; ``shown``: names of the catalogue's numbers that they may use."""
+    found = {"constant": shifted(grid, {})}
+    if shown:
+        found["regression"] = regression(grid, shown)
+        found["best law"] = best_law(grid, shown)
+    if len(shown) > 1:
+        found["best law of two numbers"] = best_pair(grid, shown)
+    return found
+
+
+class Plays:
+    """Plays batches of a family's jobs, and keeps their returns in a log.
+
+    Args:
+        family: the family.
+        log: file of the batches that were played, one in a line.
+    """
+
+    def __init__(self, family: Family, log: Path) -> None:
+        self._family, self._log = family, log
+        self._known: dict[str, list[float]] = {}
+        self.episodes = 0
+        for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
+            with suppress(ValueError, TypeError):  # a line that a killed process left incomplete
+                batch, returns = json.loads(line)
+                self._known[json.dumps(batch)] = returns
+
+    def grid(self, jobs: int) -> Grid:
+        """Return the returns of the first training jobs at all speeds of the grid."""
+        constants = [{SPEED: speed, CHANGE_AT: LIFE} for speed in LOG_SPEEDS]
+        returns = self.laws("grid", constants, "train", jobs).T
+        names = self._family.shown
+        known = [self._family.job(job).numbers for job in range(jobs)]
+        numbers = np.array([[each[name] for name in names] for each in known])
+        return Grid(returns, numbers - MIDDLE, names)
+
+    def laws(self, title: str, laws: Sequence[Parameters], split: str, jobs: int) -> Array:
+        """Return the returns of ``contextual`` with several parameters on the first jobs of a split, shape (laws, jobs).
+
+        All laws play a chunk of jobs together. The jobs of a chunk take about as long, so that none waits for others.
+        """
+        limits = [self._family.job(job, split).scenario.control.time_limit for job in range(jobs)]
+        order = np.argsort(limits, kind="stable").tolist()
+        size = max(BATCH // len(laws), 1)
+        chunks = [order[first : first + size] for first in range(0, jobs, size)]
+        returns = np.empty((len(laws), jobs))
+        for chunk in tqdm(chunks, f"{title}, {split}", unit="batch", disable=None):
+            returns[:, chunk] = np.reshape(self._returns(laws, split, chunk), (len(laws), len(chunk)))
+        return returns
+
+    def _returns(self, laws: Sequence[Parameters], split: str, jobs: Sequence[int]) -> list[float]:
+        """Return the returns of all laws on jobs, one law after the other, from the log or by playing them."""
+        self.episodes += len(laws) * len(jobs)
+        batch = [MODEL_VERSION, RULES[NAME].version, self._family.digest(), split, list(jobs), list(laws)]
+        key = json.dumps(batch)
+        if key not in self._known:
+            known = [self._family.job(job, split) for job in jobs]
+            numbers = [job.numbers for job in known]
+            fixed: Any = RULES[NAME].fixed
+            policy = limited(
+                [job.scenario.nominal() for job in known] * len(laws),
+                len(jobs) * len(laws),
+                log_speed=np.concatenate([log_speeds(law, numbers) for law in laws]),
+                change_at=LIFE,
+                **fixed,
+            )
+            seeds = list(jobs) * len(laws)
+            played = play_family(self._family, split, seeds, lambda num_envs: policy, "hidden")
+            self._known[key] = played["return"].tolist()
+            with self._log.open("a", encoding="utf-8") as file:
+                file.write(f"\n{json.dumps([batch, self._known[key]])}\n")
+        return self._known[key]
+
+
+def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
+    """Return the entry of the rule in a file of tuned parameters, by some training and validation jobs; print all candidates."""
+    laws = candidates(plays.grid(jobs), family.shown)
+    names = list(laws)
+    validation = dict(zip(names, plays.laws("candidates", list(laws.values()), "validation", jobs), strict=True))
+    for name in names:
+        _tell(name, laws[name], validation)
+    best = max(names, key=lambda name: float(validation[name].mean()))
+    return {
+        "version": RULES[NAME].version,
+        "parameters": laws[best],
+        "candidate": best,
+        "validation_returns": {name: round(float(returns.mean()), 1) for name, returns in validation.items()},
+        "jobs": jobs,
+        "episodes_played": plays.episodes,
+    }
+
+
+def _tell(name: str, law: Parameters, validation: Mapping[str, Array]) -> None:
+    """Print a candidate's return on the validation jobs, with its lead over the constant, and its parameters."""
+    returns = validation[name]
+    leads = returns - validation["constant"]
+    means = Bootstrap(len(leads)).means(leads[np.newaxis], "")
+    lead = Estimate.of(leads.mean(), means)
+    lead_text = f"{lead.value:.0f} ({lead.low:.0f} to {lead.high:.0f}), median {np.median(leads):.0f}"
+    tqdm.write(f"{name}: {returns.mean():.0f} s on validation jobs, over the constant {lead_text} s; {law}")
+
+
+@exits(ValueError, interrupted="interrupted: run the same command again to go on")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m baselines.tune_contextual", **described(__doc__))
+    parser.add_argument("family", help="family, or its TOML file")
+    which = "training jobs, and validation jobs, that are played (default: %(default)s)"
+    parser.add_argument("--jobs", type=int, default=JOBS, metavar="N", help=which)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: the family's, which ships)")
+    parsed = parser.parse_args(arguments)
+    family = Family.load(parsed.family)
+    if not MIN_JOBS <= parsed.jobs <= family.held_out_jobs:
+        raise ValueError(f"--jobs is {parsed.jobs}, but must be {MIN_JOBS} to {family.held_out_jobs}")
+    target = parsed.out or tuned.family_path(family)
+    log = log_of(NAME, target)
+    words = ["python", "-m", "baselines.tune_contextual", parsed.family, "--jobs", str(parsed.jobs)]
+    with file_lock(log):
+        found = tune(family, Plays(family, log), parsed.jobs)
+        found["command"] = shlex.join(words)
+        with folder_lock(target.parent, wait=True):
+            values = tuned.read(target)
+            digest = tuned.family_digest(family)
+            if values.get("family_digest") != digest:
+                values = {"command": found["command"], "family_digest": digest, "rules": {}}
+            values["rules"][NAME] = found
+            replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+        log.unlink(missing_ok=True)
+    print(target)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,139 @@
+"""The rule whose constants follow from the catalogue's numbers, and its tuning."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from gymnasium.vector import AutoresetMode
+
+from baselines import tune_contextual
+from baselines.catalogue import names, names_on, spec
+from baselines.contextual import RULES, log_speeds
+from baselines.guided import START_SHARE
+from baselines.tune_contextual import LOG_SPEEDS, Grid, Plays, candidates
+from leaderboard.family import family_task
+from leaderboard.policies import named, one_named
+from leaderboard.result import ResultError
+from turning_env import Family, FamilyVectorEnv
+
+FAMILY = Family.load("unmodelled")
+FIXED: Any = RULES["contextual"].fixed
+SHORT = {
+    "name": "short",
+    "jobs": 16,
+    "held_out_jobs": 16,
+    "variables": {"hard": {"uniform": [0.8, 1.2], "unit": "-", "source": "test"}},
+    "shown": ["hard"],
+    "splits": {"train": [], "validation": []},
+    "fields": {
+        "control.time_limit": 0.5,
+        "sensors.inspects_edges": True,
+        "material.power.coefficient": "0.3034 * hard",
+    },
+}
+
+
+def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any, list[Any]]:
+    """Return environments of some training jobs of ``unmodelled``, their observations and their nominal models."""
+    env = FamilyVectorEnv(len(jobs), FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED)
+    observations, _ = env.reset(seed=list(jobs))
+    return env, observations, [FAMILY.job(job).scenario.nominal() for job in jobs]
+
+
+def test_the_log_speed_is_linear_in_the_numbers_of_the_catalogue() -> None:
+    law = {"speed": -0.3, "speed_heat": -1.0, "speed_toughness": 0.5, "change_at": 0.8}
+    numbers = [{"heat": 0.5, "toughness": 0.5}, {"heat": 0.7, "toughness": 0.1}]
+    np.testing.assert_allclose(log_speeds(law, numbers), [-0.3, -0.3 - 0.2 - 0.2])
+    with pytest.raises(ValueError, match="toughness"):
+        log_speeds(law, [{"heat": 0.5}])
+
+
+def test_a_job_has_the_numbers_of_its_context() -> None:
+    job = FAMILY.job(5)
+    assert tuple(job.numbers) == FAMILY.context_names
+    mean, spread = FAMILY.context_scale
+    scaled = (np.array(list(job.numbers.values())) - mean) / spread
+    np.testing.assert_allclose(np.clip(scaled, -10.0, 10.0), job.context)
+
+
+def test_no_job_is_cut_faster_than_its_law_allows() -> None:
+    env, observations, models = environments(5, 7)
+    numbers = [FAMILY.job(job).numbers for job in (5, 7)]
+    law = {"speed": -0.8, "speed_heat": -0.5, "change_at": 0.8}
+    policy = RULES["contextual"].controller(models, 2, numbers=numbers, **FIXED, **law)
+    fastest = np.zeros(2)
+    for step in range(120):
+        observations, *_, infos = env.step(policy.act(observations))
+        if step > 60:  # a job starts at a speed of its own
+            fastest = np.maximum(fastest, infos["commanded_cutting_speed"])
+    start = START_SHARE * np.array([model.machine.cutting_speed_max for model in models])
+    allowed = start * np.exp(log_speeds(law, numbers))
+    assert (fastest <= allowed * (1.0 + 1e-6)).all()
+    assert (fastest > 0.9 * allowed).any()
+
+
+def test_it_plays_families_that_it_was_tuned_on_and_nothing_else() -> None:
+    shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
+    parameters = one_named("contextual", unmodelled).parameters
+    assert {"speed", "change_at", "speed_heat_resistance"} <= parameters.keys()
+    assert "contextual" in names_on(FAMILY)
+    with pytest.raises(ResultError, match="contextual"):
+        named(["contextual"], shop)
+    scenario = FAMILY.job(0).scenario
+    assert "contextual" not in names(scenario)
+    with pytest.raises(ValueError, match="numbers"):
+        spec("contextual", scenario)
+
+
+def test_candidates_find_the_law_that_made_the_returns() -> None:
+    numbers = np.random.default_rng(3).uniform(-0.5, 0.5, (200, 3))
+    best = -0.2 + 0.8 * numbers[:, 0] - 0.4 * numbers[:, 1]
+    misses = np.array(LOG_SPEEDS) - best[:, np.newaxis]
+    # Too fast costs three times as much as too slow.
+    grid = Grid(-1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses), numbers, ("heat", "grade", "other"))
+    found = candidates(grid, ("heat", "grade", "other"))
+    assert list(found) == ["constant", "regression", "best law", "best law of two numbers"]
+    for name in ("best law", "best law of two numbers"):
+        assert found[name]["speed_heat"] == pytest.approx(0.8, abs=0.1)
+        assert found[name]["speed_grade"] == pytest.approx(-0.4, abs=0.1)
+        assert abs(found[name].get("speed_other", 0.0)) < 0.1
+    assert grid.earned(found["constant"]) < grid.earned(found["best law"])
+    assert list(candidates(grid, ())) == ["constant"]
+
+
+def test_batches_that_were_played_come_from_the_log(tmp_path: Path) -> None:
+    family, log = Family.load(SHORT), tmp_path / "log"
+    laws = [{"speed": -0.3, "change_at": 0.8}, {"speed": 0.2, "change_at": 0.8}]
+    returns = Plays(family, log).laws("test", laws, "train", 3)
+    assert returns.shape == (2, 3)
+    about, _ = json.loads(log.read_text("utf-8").split("\n")[1])
+    log.write_text(json.dumps([about, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]) + '\n["cut short', "utf-8")
+    again = Plays(family, log)
+    assert sorted(again.laws("test", laws, "train", 3).ravel()) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    np.testing.assert_array_equal(again.laws("test", laws, "train", 2).shape, (2, 2))
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_same_file_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, target = tmp_path / "short.toml", tmp_path / "found.json"
+    source.write_text(tomli_w.dumps(SHORT), "utf-8")
+    written = []
+    for _ in range(2):
+        assert tune_contextual.main([str(source), "--jobs", "16", "--out", str(target)]) == 0
+        written.append(target.read_text("utf-8"))
+    assert written[0] == written[1]
+    found = json.loads(written[0])["rules"]["contextual"]
+    assert {"speed", "change_at"} <= found["parameters"].keys()
+    assert found["candidate"] in found["validation_returns"]
+    assert {path.name for path in tmp_path.iterdir()} == {source.name, target.name}
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize("words", [["missing.toml"], ["shop", "--jobs", "3"]])
+def test_the_command_refuses_what_it_cannot_tune(tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert tune_contextual.main([*words, "--out", str(tmp_path / "found.json")]) == 2
+    assert not any(tmp_path.iterdir())
+    assert capsys.readouterr().err.startswith("error: ")
