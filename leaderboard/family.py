@@ -22,7 +22,7 @@ from turning_env.observation import read
 from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Draw, Family, Job
 from turning_env.scenario.plan import columns_of, features, plan_of
-from turning_env.scoring.play import Episodes, play, play_family
+from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec, ScenarioId
 
 NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
@@ -30,6 +30,7 @@ NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they are told more than usual or forget."""
 POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)  # the policies that play if none are named
+BATCH = 64  # jobs that are played together
 CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
 _RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "true_laws": ""}
 """Prefixes of the fields whose true values are known, by ``PolicySpec.knows``."""
@@ -161,8 +162,27 @@ class FamilyPlay:
                 played.append(play(self.make([job]), job.scenario, [seed]))
                 on_step(len(played))
             return {name: np.concatenate([each[name] for each in played]) for name in played[0]}
-        make = self.make([self.family.job(seed, self.split) for seed in seeds])
-        return play_family(self.family, self.split, seeds, make, self.context, on_step, tell=self.policy == CAUSAL)
+        return self._play_together(seeds, on_step)
+
+    def _play_together(self, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        """Play episodes in batches of jobs that last about as long, so that none waits for much longer ones."""
+        jobs = [self.family.job(seed, self.split) for seed in seeds]
+        order = np.argsort([job.scenario.control.time_limit for job in jobs], kind="stable")
+        episodes = {name: np.empty(len(seeds)) for name in EPISODE_FIELDS}
+        for first in range(0, len(seeds), BATCH):
+            places = order[first : first + BATCH].tolist()
+            played = play_family(
+                self.family,
+                self.split,
+                [seeds[place] for place in places],
+                self.make([jobs[place] for place in places]),
+                self.context,
+                lambda ended, before=first: on_step(before + ended),  # type: ignore[misc]
+                tell=self.policy == CAUSAL,
+            )
+            for name in EPISODE_FIELDS:
+                episodes[name][places] = played[name]
+        return episodes
 
 
 class FixedNominalOptimum(Policy):
