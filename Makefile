@@ -91,6 +91,8 @@ results: .venv/run
 				$$play --splits --policies self_tuning --knows true_wear; \
 				$$play --splits --policies predictive self_tuning --knows true_laws; \
 				$$play --policies self_tuning --forgets; \
+				$$play --scenario unmodelled --splits --policies idle never_cut fixed_nominal_optimum predictive self_tuning contextual causal; \
+				$$play --scenario unmodelled --splits --policies self_tuning --knows true_forms; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
 		esac; \

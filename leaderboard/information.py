@@ -50,7 +50,7 @@ CLASSES = {
     "guiding agent": "trained likewise; at run time, a rule that has the nominal model acts within its limits",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
     "other agent": "its file does not state what training gave it",
-    "rule": "a controller, tuned on tuning seeds; may know the nominal model",
+    "rule": "a controller, tuned on tuning seeds or training jobs; may know the nominal model and numbers of the catalogue",
     "oracle": "knows hidden quantities at run time, or is a bound; not ranked",
 }
 """Classes of policies, each ranked for itself."""
