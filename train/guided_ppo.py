@@ -4,9 +4,10 @@
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 1 --steps 500000
 
 The guide is told what the rule is not: the catalogue's numbers that the family shows, and what became of earlier edges
-(``baselines/guided.py``). On the family ``unmodelled``, a linear regression on these numbers (``baselines/contextual.py``)
-returns about as much; ``docs/unmodelled.md`` has the differences. A step of this training is a decision, which holds for ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in
-every episode. The same command resumes an interrupted training, and does nothing if training is finished.
+(``baselines/guided.py``). On the family ``unmodelled``, a linear law of two of these numbers (``baselines/contextual.py``)
+returns as much or more; ``docs/unmodelled.md`` has the differences. A step of this training is a decision, which holds for
+``HOLD`` steps of the environment. Each environment keeps its job, with new bars in every episode. The same command resumes an
+interrupted training, and does nothing if training is finished.
 """
 
 import sys
