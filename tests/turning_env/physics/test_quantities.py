@@ -11,6 +11,7 @@ FURTHER = ("radial_force", "torque", "roughness")
 ELSEWHERE = {"limits.overload_allowance"}
 # Prices of money, for advice alone.
 ELSEWHERE |= {f"economics.{name}" for name in ("machine_rate", "operator_rate", "insert_price", "edges_per_insert")}
+ELSEWHERE.add("tool.nose_radius")  # bounds the feed that is advised
 
 
 # Always 0.
