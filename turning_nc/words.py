@@ -227,6 +227,7 @@ def _line(number: int, code: str, offset: int, dialect: Dialect) -> Line:
     while place < end:
         if flow is None and (found := dialect.flow.fullmatch(code, place, end)):
             flow = found.groupdict()
+            flow["condition"] = _without_blanks(flow["condition"]) if flow["condition"] else None
             place = found.start("then") if found["then"] else end
         elif match := dialect.word.match(code, place):
             words.append(_word(match, offset))

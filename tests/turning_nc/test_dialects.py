@@ -74,6 +74,11 @@ def test_blanks_inside_numbers_are_skipped() -> None:
     ]
 
 
+def test_blanks_in_conditions_are_skipped() -> None:
+    text = BAR + "# 1 = 2\nIF [# 1 EQ 2 . 0] GOTO 10\nG1 Z-1. F0.2\nN 10 G1 Z-5. F0.2\n"
+    assert cuts(text) == [(-5.0, 62.0)]
+
+
 def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
     adapted = {}
     for end in ("\n", "\r", "\r\n"):
