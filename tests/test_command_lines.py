@@ -38,6 +38,7 @@ baselines.law_errors: nothing
 baselines.tune_contextual: nothing | shop --jobs 3 --out made.json | shop --jobs x
 turning_control: nothing
 turning_control shield: --env nothing | --episodes 0 | --target x
+turning_control attack: --env nothing | --candidates 0
 turning_control demo: --scenario nothing
 turning_control serve: --policy nothing | --policy programmed --scenario nothing
 turning_control opcua: --policy programmed | --policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml

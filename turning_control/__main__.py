@@ -10,16 +10,17 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
-from turning_control import linuxcnc, measure, opcua
+from turning_control import adversary, linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
 from turning_control.opcua_security import KEY_PASSWORD, MODES, PASSWORD, POLICIES, Security, read_password
 from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 from turning_env import IDS
-from turning_env.console import described, exits, number_within, print_json
+from turning_env.console import Mistake, described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
 TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]  # with an action per interval, which the shield guards
@@ -44,6 +45,18 @@ def main(arguments: list[str] | None = None) -> int:
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
     guard.add_argument("--json", action="store_true", help="print JSON")
+
+    tried = command("attack", _attack, "search for policies that get past the shield")
+    tried.add_argument("--env", choices=TASKS, default=TASKS[0], metavar="ID", help="task (default: %(default)s)")
+    for name, default, text in (
+        ("--candidates", 40, "adversaries per generation"),
+        ("--generations", 4, "generations"),
+        ("--episodes", 12, "tuning seeds that each adversary plays"),
+        ("--worst", 5, "adversaries to report"),
+        ("--held-out", 0, "held-out seeds that these play as well"),
+    ):
+        tried.add_argument(name, type=int, default=default, metavar="N", help=f"{text} (default: %(default)s)")
+    tried.add_argument("--json", action="store_true", help="print JSON")
 
     show = command("demo", _demo, "run policies through LinuxCNC")
     show.add_argument(
@@ -100,6 +113,28 @@ def _shield(options: argparse.Namespace) -> int:
     LOG.setLevel(logging.ERROR)  # hand-overs are counted
     measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)))
     print_json([row._asdict() for row in measured]) if options.json else print(measure.table(measured))
+    return 0
+
+
+def _attack(options: argparse.Namespace) -> int:
+    """Search tuning seeds for the policies that exceed limits most behind the shield, and play the worst on held-out seeds.
+
+    python -m turning_control attack --held-out 256
+    python -m turning_control attack --env RoughTurning-Override-v1 --candidates 12 --generations 1 --episodes 2
+    """
+    if min(options.candidates, options.generations, options.episodes, options.worst) < 1 or options.held_out < 0:
+        raise Mistake("--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more")
+    LOG.setLevel(logging.ERROR)  # hand-overs are counted
+    scenario = Scenario.load(IDS[options.env])
+    budget = adversary.Budget(
+        candidates=options.candidates,
+        generations=options.generations,
+        episodes=options.episodes,
+        worst=options.worst,
+        held_out=options.held_out,
+    )
+    attacks = list(adversary.attack(options.env, scenario, budget, Settings()))
+    print_json([asdict(each) for each in attacks]) if options.json else print(adversary.table(attacks))
     return 0
 
 

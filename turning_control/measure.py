@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -69,34 +70,84 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
             yield _measured(env_id, name, scenario, make(episodes), episodes, settings if with_shield else None)
 
 
-def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episodes: int, settings: Settings | None) -> Result:
-    env = RoughTurningVectorEnv(episodes, scenario, AutoresetMode.SAME_STEP)
+@dataclass(frozen=True)
+class Guarded:
+    """Figures of a policy's episodes, until they end or the shield hands over."""
+
+    episodes: int
+    severe: float  # share of cutting time with an excess above the tolerance, 5 % [-]
+    edges_broken: int
+    removal_rate: float  # [cm3/min]
+    overridden: float  # share of decisions in which the shield changed the action [-]
+    handed_over: int  # episodes that ended early because the shield handed over to the operator
+
+
+class Played:
+    """Sums over the episodes of each environment of a batch."""
+
+    def __init__(self, num_envs: int) -> None:
+        self.sums = {name: np.zeros(num_envs) for name in SUMS}
+        self.handed_over, self.changed, self.decisions = np.zeros((3, num_envs), np.int64)
+
+    def total(self, environments: slice = slice(None)) -> Guarded:
+        """Return the figures of some environments together."""
+        sums = {name: float(values[environments].sum()) for name, values in self.sums.items()}
+        return Guarded(
+            episodes=len(self.decisions[environments]),
+            severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
+            edges_broken=round(sums["edges_broken"]),
+            removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),
+            overridden=float(self.changed[environments].sum() / max(self.decisions[environments].sum(), 1)),
+            handed_over=int(self.handed_over[environments].sum()),
+        )
+
+
+def play_guarded(scenario: Scenario, policy: Policy, seeds: Sequence[int], settings: Settings | None, label: str) -> Played:
+    """Play one episode per seed with a policy behind the shield, or without it if there are no settings.
+
+    A line of progress that begins with ``label`` goes to standard error every ten seconds.
+    """
+    num_envs = len(seeds)
+    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
     if settings:
-        policy = Shield(policy, scenario, episodes, settings)
-    observations, _ = env.reset(seed=held_out_seeds(episodes))
-    policy.reset(np.ones(episodes, np.bool_))
-    running, sums, handed_over, changed, decisions = np.ones(episodes, np.bool_), dict.fromkeys(SUMS, 0.0), 0, 0, 0
+        policy = Shield(policy, scenario, num_envs, settings)
+    observations, _ = env.reset(seed=list(seeds))
+    policy.reset(np.ones(num_envs, np.bool_))
+    played, running = Played(num_envs), np.ones(num_envs, np.bool_)
     reported = time.monotonic()
     while running.any():
         actions = policy.act(observations)
         if isinstance(policy, Shield):  # the operator has stopped the machine
-            handed_over += int((running & policy.handed_over).sum())
-            running &= ~policy.handed_over
-            changed += int((running & (np.array(policy.reasons) != "passed")).sum())
-            decisions += int(running.sum())
+            played.handed_over += running & policy.handed_over
+            running = running & ~policy.handed_over
+            played.changed += running & (np.array(policy.reasons) != "passed")
+            played.decisions += running
         observations, _, terminated, truncated, infos = env.step(actions)
-        for each in SUMS:
-            sums[each] += float((info_at_end_of_step(infos, each) * running).sum())
+        for name in SUMS:
+            played.sums[name] += info_at_end_of_step(infos, name) * running
         ended = terminated | truncated
         policy.reset(ended)
-        running &= ~ended
+        running = running & ~ended
         if time.monotonic() > reported + REPORTED:
-            reported, shield = time.monotonic(), ", shielded" if settings else ""
-            print(f"{env_id}: {name}{shield}: {episodes - running.sum()} of {episodes} episodes", file=sys.stderr, flush=True)
-    severe = sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9)
-    rate = 60.0 * sums["removed"] / max(sums["time"], 1e-9)
-    overridden, broken = changed / max(decisions, 1), int(sums["edges_broken"])
-    return Result(env_id, name, settings is not None, severe, broken, rate, overridden, handed_over)
+            reported = time.monotonic()
+            print(f"{label}: {num_envs - running.sum()} of {num_envs} episodes", file=sys.stderr, flush=True)
+    return played
+
+
+def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episodes: int, settings: Settings | None) -> Result:
+    shield = ", shielded" if settings else ""
+    played = play_guarded(scenario, policy, held_out_seeds(episodes), settings, label=f"{env_id}: {name}{shield}")
+    figures = played.total()
+    return Result(
+        env_id=env_id,
+        policy=name,
+        shielded=settings is not None,
+        severe=figures.severe,
+        edges_broken=figures.edges_broken,
+        removal_rate=figures.removal_rate,
+        overridden=figures.overridden,
+        handed_over=figures.handed_over,
+    )
 
 
 def table(measured: Iterable[Result]) -> str:

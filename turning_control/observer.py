@@ -11,6 +11,8 @@ nominal. The scenario's spreads and correlation lengths are the prior, and set h
 Pairs of loads or feeds have power first and force second, along the first axis.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,14 +20,21 @@ from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
 
-MARGIN = 2.2  # margin of expected loads to the tolerance above their limits [standard deviations]
-ENTRY = 1.6  # likewise for a second or two at the start of a bar, whose hardness and depth are unknown
+MARGIN = 2.6  # margin of expected loads to the tolerance above their limits [standard deviations]
+ENTRY_MARGIN = 1.6  # likewise at the start of a bar, whose hardness and depth are unknown
+FIRST_MARGIN = 3.2  # likewise after a bar's first readings, whose errors the filter understates
+FIRST_READINGS = 3  # number of readings in a bar after which its margin is ``MARGIN``
 MODEL_NOISE = 0.005  # standard deviation of readings that the sensors' noise does not explain [-]
 MODEL_SPREAD = 0.05  # standard deviation of the nominal model's errors in hardness and in force [-]
 EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
 SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
 SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
 LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
+ENTRY_LEAD = 3  # steps beyond those of the change itself in which a speed must fit the next section [-]
+ENTRY_SPEEDS = 25  # number of speeds that are tried for an entry
+CERTAIN = 2.5  # margin above its noise at which a reading alone proves an overload [standard deviations]
+LOWEST_GAP = 0.05  # gap over the lowest feed from which a falling feed counts as that feed [-]
+NEAR_END = 0.9  # share of a bar's length behind which the next bar may begin [-]
 MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 
 EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
@@ -62,11 +71,14 @@ class Observer:
         self._place, self._cutting_time = np.zeros((2, num_envs))
         self._forming, self._lagging = np.zeros((2, 2, num_envs))  # nominal loads behind the chip's lag, and the sensors'
         self._in_metal, self.known = np.zeros((2, num_envs), np.bool_)
+        self._readings = np.zeros(num_envs, np.int64)  # in this bar
+        self._speed_before, self._feed_before = np.zeros((2, num_envs))  # at the last readings
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._forget(self._mean, self._covariance, mask, slice(None))
         self._place[mask] = self._cutting_time[mask] = self._forming[:, mask] = self._lagging[:, mask] = 0.0
         self._in_metal[mask] = self.known[mask] = False
+        self._readings[mask] = 0
 
     def _forget(self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice) -> None:
         """Set states back to their prior, independent of the others."""
@@ -83,16 +95,19 @@ class Observer:
         self._forget(self._mean, self._covariance, fresh, slice(EDGE, EDGE + 1))
         engaged = np.clip(60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval)
         self._cutting_time = reading.cutting_time
-        self._velocity = reading.cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) * reading.feed / 60.0  # [mm/s]
-        entering = ~reading.cutting | ~self._in_metal
+        self._velocity = self._feed_velocity(reading.cutting_speed, reading.feed)
+        moved = self._mean_velocity(reading) * engaged
+        self._speed_before, self._feed_before = reading.cutting_speed, reading.feed
+        self._feed = reading.feed
+        passed_gap = self._passed_gap(reading, place, moved, engaged)
+        entering = ~reading.cutting | ~self._in_metal | passed_gap
         self._forget(self._mean, self._covariance, entering, OF_A_BAR)
         self.known &= ~entering
-        moved = self._velocity * engaged
-        if place is None:
-            place = np.where(reading.cutting, np.where(self._in_metal, self._place, 0.0) + moved, -1e-9)
-        place = np.where(reading.cutting, np.maximum(place, 0.0), place)  # a wrong zero must not free the feed
-        time_in_metal = np.where(self._in_metal, interval, engaged)
-        self._place, self._in_metal, self._feed = place, reading.cutting, reading.feed
+        self._readings[entering] = 0
+        time_in_metal = np.where(self._in_metal & ~passed_gap, interval, engaged)
+        place = self._moved_to(reading, moved, passed_gap) if place is None else place
+        self._place = np.where(reading.cutting, np.maximum(place, 0.0), place)  # a wrong zero must not free the feed
+        self._in_metal = reading.cutting
         self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
         self._mean, self._covariance = self._predicted(moved)
         depth = self._profile[np.maximum(self._section(), 0)]
@@ -108,8 +123,42 @@ class Observer:
             readable = reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
             lag = np.log(np.maximum(self._lagging[k], 1e-9) / nominal[k])
             noise = self._noise[k] * (np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0)
-            self.known |= readable & (k == 0)
+            if k == 0:
+                self.known |= readable
+                self._readings += readable
             self._correct(k, np.log(measured[k] / nominal[k]) - lag, noise**2 + (LAG_ERROR * lag) ** 2, depth, readable)
+
+    def _feed_velocity(self, cutting_speed: Values, feed: Values) -> Values:
+        """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
+        turns = cutting_speed * 1000.0 / (np.pi * self._scenario.workpiece.diameter)  # [1/min]
+        return turns * feed / 60.0
+
+    def _mean_velocity(self, reading: Reading) -> Values:
+        """Return the mean feed velocity [mm/s] since the readings before, as both drives follow with a first-order lag."""
+        machine, interval = self._scenario.machine, self._scenario.control.interval
+        speed = mean_of_lag(self._speed_before, reading.cutting_speed, machine.spindle_time_constant, interval)
+        feed = mean_of_lag(self._feed_before, reading.feed, machine.feed_time_constant, interval)
+        return self._feed_velocity(speed, feed)
+
+    def _passed_gap(self, reading: Reading, place: Values | None, moved: Values, engaged: Values) -> NDArray[np.bool_]:
+        """Return whether the tool has passed into another bar between two readings in metal.
+
+        The gap between two bars may be so short that no reading falls into it. Then the time in metal falls short of the
+        interval by the time that the gap takes.
+        """
+        work = self._scenario.workpiece
+        stays_in_metal = reading.cutting & self._in_metal
+        if place is not None:
+            return stays_in_metal & (place < self._place - 0.5 * work.bar_length)
+        missing = self._scenario.control.interval - engaged
+        near_end = self._place + moved > NEAR_END * work.bar_length
+        return stays_in_metal & near_end & (missing > 0.5 * work.approach / self._velocity)
+
+    def _moved_to(self, reading: Reading, moved: Values, passed_gap: NDArray[np.bool_]) -> Values:
+        """Return the tool position along the bar [mm] from the distances that it has moved in metal [mm]."""
+        place = np.where(self._in_metal, self._place, 0.0) + moved
+        place = np.where(passed_gap, place - self._scenario.workpiece.bar_length, place)
+        return np.where(reading.cutting, place, -1e-9)
 
     def _section(self) -> NDArray[np.intp]:
         """Return the index of the drawing's section in which the tool is; -1: before the bar."""
@@ -147,34 +196,46 @@ class Observer:
         self._mean = self._mean + gain * (measured - expected)[:, None]
         self._covariance = self._covariance - gain[:, :, None] * shared[:, None, :]
 
-    def expect(self, target: float) -> None:
+    def expect(self, target: float, asked_speed: Values, asked_feed: Values) -> None:
         """Set the loads over nominal that commands must bear, in this section of the bar and in the next one or the next bar.
 
-        They are those expected over ``target``, or a margin above the expected ones over the tolerated, whichever is more.
+        They are those expected over ``target``, or a margin above the expected ones over the tolerated, whichever is more. The
+        uncertainty grows with the distance that the tool moves until the next command holds: at its present velocity, or at that
+        of the asked speed [m/min] and feed [mm/rev] as far as loads allow it, if that is higher.
         """
+        self._expect_at(self._velocity, target)
+        allowed = np.minimum(self.feeds(asked_speed).min(axis=0), asked_feed)
+        self._expect_at(np.maximum(self._velocity, self._feed_velocity(asked_speed, allowed)), target)
+
+    def _expect_at(self, velocity: Values, target: float) -> None:
+        """Set the loads over nominal that commands must bear if the tool moves at a velocity [mm/s]."""
         scenario, work, machine = self._scenario, self._scenario.workpiece, self._scenario.machine
         section = self._section()
         self._in_air, new_bar = section < 0, section == len(self._starts) - 1
         following = np.where(new_bar, 0, section + 1)
         self._depths = self._profile[section], self._profile[following]
-        here = self._predicted(self._velocity * (self._acts + machine.feed_time_constant))
+        here = self._predicted(velocity * (self._acts + machine.feed_time_constant))
         there = here[0].copy(), here[1].copy()
         self._forget(*there, new_bar, OF_A_BAR)
+        margin = np.where(self._readings < FIRST_READINGS, FIRST_MARGIN, MARGIN)
         loads = np.empty((2, 2, len(section)))
         for j, ((mean, covariance), unknown) in enumerate(((here, ~self.known), (there, new_bar | ~self.known))):
             for k in (0, 1):
                 value, gradient = self._response(k, mean, self._depths[j])
                 spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, covariance, gradient))
-                tolerated = value + np.where(unknown, ENTRY, MARGIN) * spread - np.log1p(scenario.limits.overload_tolerance)
+                tolerated = value + np.where(unknown, ENTRY_MARGIN, margin) * spread
+                tolerated -= np.log1p(scenario.limits.overload_tolerance)
                 loads[j, k] = np.maximum(value - np.log(target), tolerated)
         self._loads = np.exp(loads)
         distance = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place
-        left = np.maximum(distance, 0.0) / self._velocity - self._acts - SETTLED
+        self._time_left = np.maximum(distance, 0.0) / velocity  # until the next section or bar [s]
+        self._last_section = new_bar & (work.bars == 1)
+        left = self._time_left - self._acts - SETTLED
         fall = max(machine.feed_time_constant, 1e-3)  # time constant with which the feed falls before a deeper section [s]
         if scenario.control.action == "incremental":
             fall = max(fall, scenario.control.interval / scenario.control.feed_step)
         self._slack = np.exp(np.clip(left / fall, 0.0, 50.0))
-        self._slack[new_bar & (work.bars == 1)] = np.inf
+        self._slack[self._last_section] = np.inf
 
     def feeds(self, speed: Values) -> Values:
         """Return the feeds [mm/rev] at which power and force reach their allowed values at a speed [m/min]."""
@@ -187,7 +248,9 @@ class Observer:
         here, there = (
             feeds_of(self._scenario, speed, depth, wear, loads) for depth, loads in zip(self._depths, self._loads, strict=True)
         )
-        return np.minimum(np.where(self._in_air, np.inf, here), low + np.maximum(there - low, 0.0) * self._slack)
+        # The feed falls to the lowest one in time, also if that one is too high: another speed or the operator must help then.
+        later = low + np.maximum(there - low, LOWEST_GAP * low) * self._slack
+        return np.minimum(np.where(self._in_air, np.inf, here), later)
 
     def speed(self, asked: Values, feed: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
         """Return the speed [m/min] nearest to the asked one at which the removal rate can be the asked one, or else is highest.
@@ -205,6 +268,66 @@ class Observer:
         enough = removal >= asked * feed
         chosen = np.where(enough.any(axis=0), enough.argmax(axis=0), removal.argmax(axis=0))
         return speeds[chosen, np.arange(len(asked))], self.known & (feeds < machine.feed_min).all(axis=0)
+
+    def entry_speed(self, asked: Values, commanded: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
+        """Return the speed [m/min] nearest to the asked one at which the lowest feed keeps the limits in the next section or bar.
+
+        The asked speed stays where there is time to change it later. ``free``: whether the speed may be changed from the
+        ``commanded`` one. Also return whether the tool is about to enter, and no speed will do.
+        """
+        scenario, machine = self._scenario, self._scenario.machine
+        speed, blocked = asked.copy(), np.zeros(len(asked), np.bool_)
+        speed_step = scenario.control.cutting_speed_step if scenario.control.action == "incremental" else np.inf
+        longest = np.log(scenario.cutting_speed_max / machine.cutting_speed_min) / speed_step + ENTRY_LEAD
+        near = (self._time_left < longest * scenario.control.interval) & ~self._last_section
+        if not near.any():
+            return speed, blocked
+
+        lowest, highest = machine.cutting_speed_min, scenario.cutting_speed_max
+        speeds = np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None] if free else commanded[near][None, :]
+        depth, wear, loads = self._depths[1][near], self._wear[near], self._loads[1][:, near]
+        feeds = feeds_of(scenario, speeds, depth, wear, loads[:, None, :]).min(axis=0)
+        changes = np.abs(np.log(speeds / asked[near]))
+        nearest = np.where(feeds >= machine.feed_min, changes, np.inf).argmin(axis=0)
+        none = ~(feeds >= machine.feed_min).any(axis=0)
+        fitting = np.broadcast_to(speeds, feeds.shape)[nearest, np.arange(len(nearest))]
+
+        # The asked speed keeps the limits itself if the speeds on both sides of it on the grid do.
+        fits = feeds_of(scenario, asked[near], depth, wear, loads).min(axis=0) >= machine.feed_min
+        steps = np.abs(np.log(fitting / commanded[near])) / speed_step + ENTRY_LEAD
+        due = self._time_left[near] < steps * scenario.control.interval
+        speed[near] = np.where(due & ~fits & ~none, fitting, asked[near])
+        blocked[near] = due & none & ~fits
+        return speed, blocked
+
+    def proven_feed(self, reading: Reading) -> tuple[Values, NDArray[np.bool_]]:
+        """Return the feeds [mm/rev] to which readings that prove an overload by themselves limit the feed, else infinity.
+
+        No model or estimate can make such a reading harmless. Also return whether it is the power that is over its limit.
+        """
+        scenario, limits = self._scenario, self._scenario.limits
+        tolerated = 1.0 + limits.overload_tolerance
+        idle = idle_power_at(scenario, reading.cutting_speed)
+        power_limit = limits.power * capacity_at(scenario, reading.cutting_speed)
+        certain_power = reading.power * math.exp(-CERTAIN * self._noise[0])
+        certain_force = reading.thrust_force * math.exp(-CERTAIN * self._noise[1])
+        power_share = (certain_power - idle) / np.maximum(tolerated * power_limit - idle, 1e-6)
+        force_share = certain_force / (tolerated * limits.thrust_force)
+        feed = np.full(len(reading.feed), np.inf)
+        laws = scenario.material.power, scenario.material.thrust_force
+        for share, law in zip((power_share, force_share), laws, strict=True):
+            over = reading.cutting & (share > 1.0)
+            exponent = law.feed if law.feed > 0.0 else np.inf
+            feed = np.where(over, np.minimum(feed, reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)), feed)
+        return feed, reading.cutting & (power_share > 1.0)
+
+
+def mean_of_lag(start: Values, end: Values, time_constant: float, interval: float) -> Values:
+    """Return the mean over an interval [s] of a value that follows a constant command with a first-order lag."""
+    if time_constant <= 0.0:
+        return end
+    remains = math.exp(-interval / time_constant)
+    return end + (start - end) * (time_constant / interval - remains / (1.0 - remains))
 
 
 def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> Values:

@@ -6,8 +6,9 @@ It knows observations and the nominal model, as the policy does, and works in th
    share of the programmed one.
 2. **Limits.** Cutting speed and feed are limited so that the loads that an observer expects (``observer.py``) keep their limits
    between the actual and the commanded speed, at the next step of depth, and at the start of the next bar. If a nearby speed
-   allows the requested removal rate, that speed is taken.
-3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits, the operator takes over.
+   allows the requested removal rate, that speed is taken. A reading that proves an overload by itself lowers the feed at once.
+3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits now or in the next bar, the
+   operator takes over.
 """
 
 import logging
@@ -124,21 +125,28 @@ class Shield(Policy):
         """Return actions that keep the limits, and the limits that changed them, shape (num_envs,)."""
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading, self.place)
-        observer.expect(self._settings.target)
         asked_speed, asked = commanded(actions, reading.commanded_cutting_speed, reading.commanded_feed, self._scenario)
-        speed, hopeless = observer.speed(asked_speed, asked, control.action != "override")
+        observer.expect(self._settings.target, asked_speed, asked)
+        free = control.action != "override"
+        entry_speed, blocked = observer.entry_speed(asked_speed, reading.commanded_cutting_speed, free)
+        speed, hopeless = observer.speed(entry_speed, asked, free)
+        proven, power_is_over = observer.proven_feed(reading)
+        speed = np.where(power_is_over, np.minimum(speed, reading.commanded_cutting_speed), speed)
         self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
         stuck, change_edge = self._hopeless * control.interval >= HOPELESS, None
         if control.edge_changes == "commanded":  # a fresh edge helps before the operator must
-            change_edge = (actions[:, -1] > 0.0) | stuck
+            change_edge = (actions[:, -1] > 0.0) | stuck | blocked
             stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
+            blocked = np.zeros_like(blocked)
         self._hand_over(stuck, "no speed and feed keep the limits")
+        self._hand_over(blocked, "no speed and feed would keep the limits in the next cut")
         by_power, by_force = np.minimum(observer.feeds(speed), observer.feeds(reading.cutting_speed))
         bound = np.minimum(by_power, by_force)
         # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
         # delays swing.
         share = max(lag_share(control.interval + machine.command_delay, machine.feed_time_constant), MIN_SHARE)
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
+        bound = np.minimum(bound, np.where(np.isfinite(proven), np.minimum(proven, reading.commanded_feed), np.inf))
         rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
         same = asked * asked_speed / speed  # the asked removal rate, not more
         feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)

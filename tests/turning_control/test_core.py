@@ -1,5 +1,6 @@
 """The controller core with readings of the simulator and with faults; no machine is needed."""
 
+import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -8,9 +9,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from turning_control.core import Commands, Controller, Readings, Status, on_control
+from turning_control.core import Commands, Controller, Readings, Status, highest_feed, on_control
 from turning_control.shield import Shield
 from turning_env import Scenario
+from turning_env.physics.quantities import action_size
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 STEADY = Readings(
@@ -85,6 +87,36 @@ def test_faults_of_sensors_and_spindle(readings: list[Readings], first: Status, 
     commands = decided([], *readings)
     assert (commands[0].status, commands[-1].status) == (first, last)
     assert commands[-1].adaptive_feed == (0.0 if last == Status.OPERATOR else pytest.approx(0.5 * 0.25 / 0.6))
+
+
+@pytest.mark.parametrize("preset", ["rough_turning", "override"])
+@pytest.mark.parametrize("jumps", [("power",), ("thrust_force",), ("power", "thrust_force")])
+def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(preset: str, jumps: tuple[str, ...]) -> None:
+    scenario = on_control(Scenario.load(preset))
+    loads = {"power": 20.0, "thrust_force": 5.0 * scenario.limits.thrust_force}
+    controller = Controller(scenario, lambda num_envs: Highest(action_size(scenario)))
+    random, feeds = np.random.default_rng(0), []
+    for k in range(60):
+        noise = 1.0 + 0.01 * random.standard_normal(2)
+        cut = replace(STEADY, spindle_speed=500.0, feed_velocity=125.0, engaged_time=scenario.control.interval)
+        cut = replace(cut, power=2.5 * noise[0], thrust_force=500.0 * noise[1])
+        if k >= 50:
+            cut = replace(cut, **{name: loads[name] * noise[0] for name in jumps})
+        feeds.append(controller.decide(cut).adaptive_feed)
+    lowest = scenario.machine.feed_min / highest_feed(scenario)
+    assert feeds[50] < feeds[49]
+    assert all(after <= before for before, after in itertools.pairwise(feeds[49:]))
+    assert feeds[-1] <= max(lowest, 0.3 * feeds[49])
+
+
+class Highest(Policy):
+    """Asks for the highest speed and feed."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+
+    def act(self, observations: Observations) -> Actions:
+        return np.ones((len(observations), self._size), np.float32)
 
 
 def test_without_feed_motion_the_controller_idles_and_it_lists_readings_that_it_lacks() -> None:

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from turning_control.measure import UniformRandom, rows
+from turning_control.adversary import Adversaries, Budget, attack, badness, switching, table
+from turning_control.measure import UniformRandom, play_guarded, rows
 from turning_control.shield import PATIENCE, Settings, Shield
 from turning_env import Scenario, read
 from turning_env.action import commanded
 from turning_env.physics.quantities import action_size
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import Actions, Observations, Policy
+from turning_env.scoring.seeds import tuning_seeds
 from turning_env.vector_env import RoughTurningVectorEnv
 
 
@@ -100,6 +102,37 @@ def test_random_actions_break_no_edge() -> None:
     held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(2))
     assert free["edges_broken"].sum() > 0
     assert held["edges_broken"].sum() == 0
+
+
+def quickly_worn() -> Scenario:
+    """Return the scenario of RoughTurning-v0 with edges that last a quarter as long, so that a test sees their end."""
+    scenario = Scenario.load("rough_turning")
+    wear = scenario.material.wear
+    faster = wear.model_copy(update={"coefficient": 1.4 * wear.coefficient})
+    return scenario.model_copy(update={"material": scenario.material.model_copy(update={"wear": faster})})
+
+
+@pytest.mark.slow
+def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
+    scenario, seeds = quickly_worn(), tuning_seeds(8)[4:]
+    tried = [switching(50), switching(10)]
+    played = play_guarded(scenario, Adversaries(tried, len(seeds), scenario), seeds * len(tried), Settings(), "adversaries")
+    for k in range(len(tried)):
+        figures = played.total(slice(k * len(seeds), (k + 1) * len(seeds)))
+        assert figures.severe <= 0.001
+        assert figures.edges_broken == 0
+
+
+@pytest.mark.slow
+def test_a_search_reports_the_worst_adversaries_of_its_seeds() -> None:
+    brief = Scenario.load("rough_turning")
+    brief = brief.model_copy(update={"control": brief.control.model_copy(update={"time_limit": 1.0})})
+    budget = Budget(candidates=10, generations=2, episodes=1, worst=3, held_out=2)
+    attacks = list(attack("RoughTurning-v0", brief, budget, Settings()))
+    assert [(each.seeds, each.figures.episodes) for each in attacks] == [("tuning", 1)] * 3 + [("held-out", 2)] * 3
+    assert [each.adversary for each in attacks[:3]] == [each.adversary for each in attacks[3:]]
+    assert sorted(map(badness, attacks[:3]), reverse=True) == list(map(badness, attacks[:3]))
+    assert table(attacks).count("RoughTurning-v0") == 6
 
 
 @pytest.mark.slow
