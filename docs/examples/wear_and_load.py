@@ -15,6 +15,7 @@ shay-tham/turning. The thrust force is the resultant of feed and passive force.
 import csv
 import lzma
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,101 +26,151 @@ FIRST_WEAR = 0.01  # [mm]; a power law has no force at 0
 HIGHEST_WEAR = 0.305  # [mm]
 
 
+@dataclass(frozen=True)
+class Readings:
+    """Readings of one set: arrays of the same length."""
+
+    title: str
+    group: Any  # edge (first set) or setting (second set)
+    wear: Any  # flank wear [mm]
+    forces: dict[str, Any]  # main and thrust force [N]
+
+    @property
+    def groups(self) -> Any:
+        """Return the names of all groups."""
+        return np.unique(self.group)
+
+
 def table(path: Path) -> dict[str, Any]:
     """Return the columns of a CSV file, perhaps compressed by xz, as arrays of strings."""
     content = path.read_bytes()
     if path.suffix == ".xz":
         content = lzma.decompress(content)
     rows = list(csv.DictReader(content.decode("utf-8-sig").splitlines()))
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    columns = {}
+    for name in rows[0]:
+        columns[name] = np.array([row[name] for row in rows])
+    return columns
 
 
-def vicomtech(path: Path) -> tuple[Any, Any, dict[str, Any]]:
-    """Return edges, wear [mm] and forces [N] of the first set."""
+def vicomtech(path: Path) -> Readings:
+    """Return the readings of the first set, grouped by edge."""
     columns = table(path)
-    feed_force = columns["F_f_MEAN"].astype(float)
-    passive_force = columns["F_p_MEAN"].astype(float)
-    forces = {"main": columns["F_c_MEAN"].astype(float), "thrust": np.hypot(feed_force, passive_force)}
-    return columns["tool"], columns["Vb"].astype(float) / 1000.0, forces
+    main = columns["F_c_MEAN"].astype(float)
+    feed = columns["F_f_MEAN"].astype(float)
+    passive = columns["F_p_MEAN"].astype(float)
+    wear = columns["Vb"].astype(float) / 1000.0
+    forces = {"main": main, "thrust": np.hypot(feed, passive)}
+    return Readings(title="Vicomtech", group=columns["tool"], wear=wear, forces=forces)
 
 
-def h13(path: Path) -> tuple[Any, Any, dict[str, Any]]:
-    """Return settings, wear [mm] and forces [N] of the second set, one reading for each run."""
+def h13(path: Path) -> Readings:
+    """Return the readings of the second set, one for each run, grouped by setting."""
     columns = table(path)
+    # Each run has several rows, one for each reading of roughness; their forces are the same.
     _, first = np.unique(columns["Run_ID"], return_index=True)
-    settings = np.array([" ".join(setting) for setting in zip(columns["ap"], columns["vc"], columns["f"], strict=True)])
-    feed_force = columns["Fz"].astype(float)
-    passive_force = columns["Fy"].astype(float)
-    forces = {"main": columns["Fx"].astype(float)[first], "thrust": np.hypot(feed_force, passive_force)[first]}
-    return settings[first], columns["TCond"].astype(float)[first], forces
+    for name in columns:
+        columns[name] = columns[name][first]
+
+    main = columns["Fx"].astype(float)
+    feed = columns["Fz"].astype(float)
+    passive = columns["Fy"].astype(float)
+    setting = columns["ap"].astype(object) + " " + columns["vc"] + " " + columns["f"]
+    wear = columns["TCond"].astype(float)
+    forces = {"main": main, "thrust": np.hypot(feed, passive)}
+    return Readings(title="H13", group=setting.astype(str), wear=wear, forces=forces)
 
 
-def exponent(groups: Any, wear: Any, force: Any) -> float:
+def exponent(readings: Readings, force: Any) -> float:
     """Return the exponent of wear that all groups share."""
-    counts = (wear >= LOWEST_WEAR) & (wear <= HIGHEST_WEAR)
-    log_wear = np.log(wear[counts])
+    counts = (readings.wear >= LOWEST_WEAR) & (readings.wear <= HIGHEST_WEAR)
+    group = readings.group[counts]
+    log_wear = np.log(readings.wear[counts])
     log_force = np.log(force[counts])
-    for group in np.unique(groups[counts]):
-        members = groups[counts] == group
+    for name in np.unique(group):
+        members = group == name
         log_wear[members] -= log_wear[members].mean()
         log_force[members] -= log_force[members].mean()
     return float(log_wear @ log_force / (log_wear @ log_wear))
 
 
-def growth(groups: Any, wear: Any, force: Any) -> tuple[float, int]:
-    """Return the mean growth of force from 0.1 to 0.3 mm [-], and the number of groups with readings at both."""
+def growth(readings: Readings, force: Any) -> list[float]:
+    """Return the growth of force from 0.1 to 0.3 mm [-] of each group with readings at both."""
     ratios = []
-    for group in np.unique(groups):
-        members = groups == group
-        if wear[members].min() <= 0.1 and wear[members].max() >= 0.3:
-            levels, level_of = np.unique(wear[members], return_inverse=True)
-            means = np.bincount(level_of, force[members]) / np.bincount(level_of)
-            at_low, at_high = np.interp([0.1, 0.3], levels, means)
-            ratios.append(at_high / at_low)
-    return float(np.mean(ratios)), len(ratios)
+    for name in readings.groups:
+        members = readings.group == name
+        levels, level_of = np.unique(readings.wear[members], return_inverse=True)
+        if levels[0] > 0.1 or levels[-1] < 0.3:
+            continue
+        means = np.bincount(level_of, force[members]) / np.bincount(level_of)
+        at_low, at_high = np.interp([0.1, 0.3], levels, means)
+        ratios.append(float(at_high / at_low))
+    return ratios
 
 
-def median_errors(wear: Any, force: Any) -> tuple[float, float, float]:
-    """Return the median relative errors [-] of the affine and the power law of one edge, and b [1/mm]."""
+def affine_law(wear: Any, force: Any) -> tuple[float, float]:
+    """Return the median relative error [-] of F = F0 (1 + b VB) on one edge, and b [1/mm]."""
     slope, fresh = np.polyfit(wear, force, 1)
+    fitted = fresh + slope * wear
+    return float(np.median(np.abs(fitted / force - 1.0))), float(slope / fresh)
+
+
+def power_law_error(wear: Any, force: Any) -> float:
+    """Return the median relative error [-] of F = k VB^e on one edge."""
     power, log_scale = np.polyfit(np.log(wear), np.log(force), 1)
-    affine_error = np.median(np.abs((fresh + slope * wear) / force - 1.0))
-    power_error = np.median(np.abs(np.exp(log_scale) * wear**power / force - 1.0))
-    return float(affine_error), float(power_error), float(slope / fresh)
+    fitted = np.exp(log_scale) * wear**power
+    return float(np.median(np.abs(fitted / force - 1.0)))
+
+
+def compare_forms(readings: Readings, name: str) -> str:
+    """Return a line that compares both laws on all edges."""
+    affine_errors = []
+    power_errors = []
+    slopes = []  # b of edges whose first reading is of nearly no wear
+    for edge in readings.groups:
+        members = (readings.group == edge) & (readings.wear >= FIRST_WEAR)
+        wear = readings.wear[members]
+        force = readings.forces[name][members]
+        error, slope = affine_law(wear, force)
+        affine_errors.append(error)
+        power_errors.append(power_law_error(wear, force))
+        if wear.min() < LOWEST_WEAR:
+            slopes.append(slope)
+
+    better = int(np.sum(np.array(affine_errors) < np.array(power_errors)))
+    affine = 100.0 * np.median(affine_errors)
+    power = 100.0 * np.median(power_errors)
+    line = f"{readings.title}, {name} force: affine law better on {better} of {len(affine_errors)} edges"
+    line += f", median error {affine:.1f} against {power:.1f} %"
+    return line + f", b {min(slopes):.1f} to {max(slopes):.1f} per mm on the {len(slopes)} seen fresh"
+
+
+def fresh_share(readings: Readings, force: Any) -> float:
+    """Return the force of a fresh edge over that at 0.1 mm [-], the mean over settings."""
+    ratios = []
+    for setting in readings.groups:
+        members = readings.group == setting
+        fresh = force[members & (readings.wear == 0.0)]
+        worn = force[members & (readings.wear == 0.1)]
+        ratios.append(fresh.mean() / worn.mean())
+    return float(np.mean(ratios))
 
 
 def main(vicomtech_path: str, h13_path: str) -> None:
     """Print exponents of both sets, forms of the first and shares of a fresh edge of the second."""
-    sets = {"Vicomtech": vicomtech(Path(vicomtech_path)), "H13": h13(Path(h13_path))}
-    for title, (groups, wear, forces) in sets.items():
-        print(f"{title}: {len(wear)} readings, {len(np.unique(groups))} edges or settings")
-        for name, force in forces.items():
-            found = exponent(groups, wear, force)
-            ratio, count = growth(groups, wear, force)
-            print(f"  {name} force: exponent {found:.2f}; from 0.1 to 0.3 mm x{ratio:.2f} (mean of {count})")
-
-    edges, wear, forces = sets["Vicomtech"]
-    for name, force in forces.items():
-        found = []
-        for edge in np.unique(edges):
-            members = (edges == edge) & (wear >= FIRST_WEAR)
-            found.append(median_errors(wear[members], force[members]))
-        affine, power, slopes = np.array(found).T
-        from_fresh = np.array([wear[edges == edge].min() < LOWEST_WEAR for edge in np.unique(edges)])
-        print(
-            f"Vicomtech, {name} force: affine law better on {np.sum(affine < power)} of {len(affine)} edges, "
-            f"median error {100 * np.median(affine):.1f} against {100 * np.median(power):.1f} %, "
-            f"b {slopes[from_fresh].min():.1f} to {slopes[from_fresh].max():.1f} per mm on the {from_fresh.sum()} seen fresh"
-        )
-
-    settings, wear, forces = sets["H13"]
-    for name, force in forces.items():
-        ratios = []
-        for setting in np.unique(settings):
-            fresh = force[(settings == setting) & (wear == 0.0)]
-            worn = force[(settings == setting) & (wear == 0.1)]
-            ratios.append(fresh.mean() / worn.mean())
-        print(f"H13, {name} force: a fresh edge has {100 * np.mean(ratios):.0f} % of the force at 0.1 mm")
+    first = vicomtech(Path(vicomtech_path))
+    second = h13(Path(h13_path))
+    for readings in (first, second):
+        print(f"{readings.title}: {len(readings.wear)} readings, {len(readings.groups)} edges or settings")
+        for name, force in readings.forces.items():
+            ratios = growth(readings, force)
+            line = f"  {name} force: exponent {exponent(readings, force):.2f}"
+            print(f"{line}; from 0.1 to 0.3 mm x{np.mean(ratios):.2f} (mean of {len(ratios)})")
+    for name in first.forces:
+        print(compare_forms(first, name))
+    for name, force in second.forces.items():
+        share = 100.0 * fresh_share(second, force)
+        print(f"{second.title}, {name} force: a fresh edge has {share:.0f} % of the force at 0.1 mm")
 
 
 if __name__ == "__main__":
