@@ -35,10 +35,11 @@ def program(options: argparse.Namespace) -> int:
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
         from turning_render import plot_style
-    from turning_shop.allowed import FEED_PER_NOSE
+    from turning_shop.allowed import FEED_PER_NOSE, limited_by_strength
     from turning_shop.provenance import OF_PROGRAMS, load
 
     scenario, evidence = load(options.scenario, OF_PROGRAMS, options.nose_radius, is_simulated=False)
+    scenario, strength = limited_by_strength(scenario)
     if (options.wear or 0.0) > scenario.tool.wear_criterion:
         raise NcError(f"--wear is {options.wear:g} mm, but at most the wear criterion, {scenario.tool.wear_criterion:g} mm")
     _check_out(options)
@@ -64,7 +65,10 @@ def program(options: argparse.Namespace) -> int:
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
     situation = cutting.Situation(scenario, machine, run, removal, evidence)
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
-    notes += [*evidence.warnings, *edges.beyond(situation, played)]
+    off = "limits.thrust_force is off"  # not any more, if the strength of edges bounds it
+    notes += [warning for warning in evidence.warnings if not (strength and warning.startswith(off))]
+    notes += [strength] if strength else []
+    notes += edges.beyond(situation, played)
     implausible = report.implausible(situation, played)
     if implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())

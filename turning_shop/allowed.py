@@ -93,6 +93,20 @@ def allowed_loads(scenario: Scenario) -> Allowed:
     )
 
 
+def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
+    """Return a scenario whose limit of thrust force is that of its edges' strength if this is lower, and a note that says so.
+
+    A preset comes back as it is, as it does if no file states the strength of edges: the note is then empty.
+    """
+    allowed = allowed_loads(scenario)
+    if scenario.file is None or not allowed.by_strength:
+        return scenario, ""
+    limits = scenario.limits.model_copy(update={"thrust_force": allowed.thrust_force})
+    strength = f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength"
+    note = f"the thrust force is limited to {allowed.thrust_force:.0f} N: {strength}, and bars and edges vary"
+    return scenario.model_copy(update={"limits": limits}), note
+
+
 def load_spread(scenario: Scenario, name: str) -> float:
     """Return the log standard deviation of a load from place to place of the bars, which vary in depth and hardness [-]."""
     work, law = scenario.workpiece, getattr(scenario.material, name)

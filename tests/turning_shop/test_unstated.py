@@ -178,6 +178,26 @@ def test_limits_are_kept_on_bars_that_vary(folder: Path) -> None:
         assert best.cuts.power < power
 
 
+PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S180 M3\nG0 X85. Z5.\nG1 Z-200. F0.4\nG0 X100.\nZ5.\nM30\n"
+
+
+def test_the_strength_of_edges_bounds_programs_too(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    pytest.importorskip("shapely")
+    monkeypatch.chdir(folder)
+    Path("part.nc").write_text(PROGRAM)
+    Path("strong.toml").write_text('base = "tool.toml"\n[tool]\nedge_strength = 2000.0\n')
+    loads = {}
+    for name in ("tool.toml", "strong.toml"):
+        capsys.readouterr()
+        assert main(["program", "part.nc", "--scenario", name, "--stock", "bar:90x220", "--wear", "0.3", "--json"]) == 0
+        result = json.loads(capsys.readouterr().out)
+        loads[name] = result["totals"]["max_load"]
+        assert any("tool.edge_strength" in note for note in result["notes"]) == (name == "strong.toml")
+    force = what_if(load("tool.toml")[0], 180, 0.4, wear=0.3).thrust_force
+    assert loads["strong.toml"] == pytest.approx(force / allowed_loads(load("strong.toml")[0]).thrust_force, rel=0.02)
+    assert loads["strong.toml"] > 1.0
+
+
 @pytest.mark.parametrize("radius", [0.4, 0.8])
 def test_the_nose_radius_limits_the_feed_of_every_command(
     folder: Path, radius: float, monkeypatch: pytest.MonkeyPatch, capsys
