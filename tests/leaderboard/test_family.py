@@ -82,6 +82,20 @@ def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
     assert np.sum(masks, axis=0).tolist() == [0, 1]
 
 
+def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:
+    task = family_task(FAMILY, "unseen_jobs", 70)
+    policy = one_named("idle", task)
+    ended: list[int] = []
+    episodes = policy.compute(task.scenario, task.seeds, ended.append)  # type: ignore[misc]
+    some = [3, 41, 69]
+    alone = policy.compute(task.scenario, some, lambda ended: None)  # type: ignore[misc]
+    assert len(set(episodes["steps"])) > 3
+    for name, values in alone.items():
+        np.testing.assert_array_equal(episodes[name][some], values)
+    assert ended == sorted(ended)
+    assert ended[-1] == 70
+
+
 def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
     assert one_named("rescaled_grid_search", TASK, None, "true_laws").kind == "oracle"
     for wrong in (lambda: one_named(CAUSAL, TASK, None, "true_laws"), lambda: family_task(FAMILY, None, 10_000)):
