@@ -103,8 +103,8 @@ _BEST_RULE = (
     "Return less that of the best other rule on the same seeds: of the rules that are not this policy, the one with the highest "
     "mean return, a feasible one if there is any. In the row of the best rule, this is its lead over the next rule."
 )
-_SEVERE_LIMIT = "Upper 95 % confidence limit of that share (one-sided). Within the allowance, the policy is feasible."
-_SEVERE_LOWER_LIMIT = "Lower 95 % confidence limit of that share (one-sided). Above the allowance, the policy is infeasible."
+_SEVERE_LIMIT = "Upper 95 % confidence limit (one-sided) of the time severely over. Within the allowance, the policy is feasible."
+_SEVERE_LOWER_LIMIT = "Lower 95 % confidence limit (one-sided) of the time severely over. Above the allowance, it is infeasible."
 _EXCESS = "Share of cutting time above a limit of force or power by more than {} %. Older results lack it."
 _SCORE = "Place of the return between the best fixed parameters, 0, and the causal oracle, 100; paired by seed."
 _TIME = "Mean time of an episode: machine time, edge changes, downtime of breakages."

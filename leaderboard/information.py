@@ -47,7 +47,7 @@ _ALGORITHMS: Mapping[str, frozenset[str]] = {
 }
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",
-    "guiding agent": "trained likewise; at run time, a rule that has the nominal model acts within its limits",
+    "guiding agent": "trained on observations, rewards and costs alone; sets two limits of a rule that has the nominal model",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
     "other agent": "its file does not state what training gave it",
     "rule": "a controller, tuned on tuning seeds or training jobs; may know the nominal model and numbers of the catalogue",

@@ -43,7 +43,7 @@ class Result:
 
     name: str
     removal_rate: float  # metal per minute, edge changes included [cm3/min]
-    overload: float  # share of cutting time in overload [-]
+    overload: float  # share of cutting time in severe overload [-]
     feasible: bool  # whether this share is allowed
     broken: int  # edges that broke
     cost: Estimate  # of a part
@@ -63,7 +63,7 @@ class Played:
         """Yield lines of text."""
         yield f"played on {self.edges} simulated edges each"
         rows = [
-            ("", "mean MRR", "overload", "cost per part", "saved per part"),
+            ("", "mean MRR", "severe overload", "cost per part", "saved per part"),
             ("", "cm3/min", "%", f"{self.unit} (95 %)", f"{self.unit} (95 %)"),
         ]
         for each in self.results:
@@ -75,7 +75,7 @@ class Played:
             ))  # fmt: skip
         yield from aligned(rows)
         if not all(each.feasible for each in self.results):
-            yield "! in overload longer than limits.overload_allowance: not to be used"
+            yield "! in severe overload longer than limits.overload_allowance: not to be used"
         yield from self.notes
 
     def headline(self) -> Iterator[str]:
