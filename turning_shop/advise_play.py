@@ -82,11 +82,11 @@ class Played:
         """Yield what the simulation says of the advice, in sentences for sheet and page."""
         fixed = self.results[0]
         cost = f"{money(fixed.cost.value)} {self.unit} a part ({money(fixed.cost.low)} to {money(fixed.cost.high)})"
-        yield f"simulated with {self.edges} edges: {cost}, {100 * fixed.overload:.1f} % of the cutting time in overload"
+        yield f"simulated with {self.edges} edges: {cost}, {100 * fixed.overload:.1f} % of the cutting time in severe overload"
         if fixed.broken:
             yield f"{fixed.broken} of {self.edges} simulated edges broke: see tool.edge_strength, edge_failure and mismatch"
         if not fixed.feasible:
-            yield "in overload longer than limits.overload_allowance: not to be used as it is"
+            yield "in severe overload longer than limits.overload_allowance: not to be used as it is"
         for each in self.results[1:]:
             broken = f", {each.broken} of {self.edges} edges broke" * bool(each.broken)
             saved = f"{money(each.saved.value)} {self.unit} a part ({money(each.saved.low)} to {money(each.saved.high)})"
