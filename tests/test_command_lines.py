@@ -75,6 +75,7 @@ studies.audit: nothing
 studies.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
 studies.throughput: --repeats 0
+studies.program_times: --moves 0 | --kinds nothing | --adapt nothing
 studies.wheel: --constraints nothing | --constraints file
 """
 SAID = """

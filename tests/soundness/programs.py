@@ -117,7 +117,7 @@ def damaged(text: str, random: Random) -> str:
 
 def valid(random: Random) -> str:
     """Return a program of the collection, or of the tests."""
-    if random.random() < 0.5:
+    if random.random() < 0.3:
         return path_of(random.choice(list(COLLECTION))).read_text("latin-1")
     return random.choice((*CUTS, ISO, SIEMENS))
 

@@ -42,6 +42,8 @@ NINES = "9" * 400
         f"N5 GOTO {NINES}",
         "WHILE [1 EQ 1] DO1",
         f"#1={NINES}\nG1 X#1 F0.2",
+        "G75 R0.\nG75 X1. Z-200. P10 Q10 F0.1",  # millions of pecks
+        "G1 X60. Z-9. F0.2\n" + "G1 U0. ,R[1/0]",
         f"#1={'9' * 300}\nG1 X[#1-#1*#1] F0.2",
     ],
 )
