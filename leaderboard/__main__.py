@@ -63,8 +63,8 @@ def _run(options: argparse.Namespace) -> None:
             raise ResultError(f"{options.policy} and an agent's file are both called {own[0].label}: rename the file")
         rules = policies.named(options.policies, task, tuned_on, True, options.knows, options.forgets)
         if not (chosen := [*rules, *agents, *own]):
-            nothing = "nothing to play: name a policy that is tuned for the scenario, or give an agent"
-            raise ResultError(_failures([*refused.values(), ResultError(nothing)]))
+            nothing = ResultError("nothing to play: name a policy that is tuned for the scenario, or give an agent")
+            raise ResultError(_failures(list(refused.values()) or [nothing]))
         runs.append(run.TaskRun(task, chosen, result_folder(options.results, task.env_id, task.scenario.name), private))
     failed = list(refused.values())
     with workers(options.jobs, options.scheduler) as over:

@@ -33,6 +33,7 @@ from turning_env.scoring.sandbox import Limits
 LOADING = 120.0  # time in which a policy must load and answer for the first time [s]
 HUNG = 10.0  # time without an answer after which a policy's process is ended [s]
 FILE_LIMITS = Limits(answer=HUNG, start=LOADING, computing=0)  # of an ONNX file; any processor time, as a control runs for weeks
+PROGRAM = "import sys; from turning_control.policy_process import main; main(sys.argv[1], int(sys.argv[2]))"
 MAX_ANSWER = 2**20  # length of an answer above which it is refused [bytes]
 
 
@@ -67,7 +68,7 @@ class PolicyProcess(Policy):
         self._number = 0  # of the last request
         self._asked: float | None = None  # when the request that is not answered yet was sent
         self._received = b""
-        command = [sys.executable, "-m", "turning_control.policy_process", name, str(num_envs)]
+        command = [sys.executable, "-c", PROGRAM, name, str(num_envs)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
         self._end = weakref.finalize(self, _end, self._process)
         for pipe in (self._process.stdin, self._process.stdout):
@@ -218,7 +219,3 @@ def _end_with_parent() -> None:
 def loads_code_or_a_file(name: str) -> bool:
     """Return whether a policy's name is ``module:object`` or an ONNX file, rather than one of this project's rules."""
     return name.endswith(".onnx") or ":" in name
-
-
-if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]))
