@@ -5,7 +5,7 @@
 
 The guide is told what the rule is not: the catalogue's numbers that the family shows, and what became of earlier edges
 (``baselines/guided.py``). On the family ``unmodelled``, a linear law of two of these numbers (``baselines/contextual.py``)
-returns as much or more; ``docs/unmodelled.md`` has the differences. A step of this training is a decision, which holds for
+returns as much; ``docs/unmodelled.md`` has the differences. A step of this training is a decision, which holds for
 ``HOLD`` steps of the environment. Each environment keeps its job, with new bars in every episode. The same command resumes an
 interrupted training, and does nothing if training is finished.
 """
