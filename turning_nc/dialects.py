@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 INCH = 25.4
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
+NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)"  # one way to match each text, so that a failure takes no second look
 _DIGITS = r"\d(?:\s*\d)*"
-_SPACED_NUMBER = rf"[+-]?\s*(?:{_DIGITS}(?:\s*\.(?:\s*{_DIGITS})?)?|\.\s*{_DIGITS})"  # ISO controls skip blanks
+_SPACED_NUMBER = rf"(?:[+-]\s*)?(?:{_DIGITS}(?:\s*\.(?:\s*{_DIGITS})?)?|\.\s*{_DIGITS})"  # ISO controls skip blanks
 _TERM = rf"(?:R\d+|{NUMBER}|(?:[A-Z]+\s*)?\((?:[^()]|\([^()]*\))*\))"  # a function, or a term in parentheses
 _CODES_OF_BOTH = {0, 1, 2, 3, 4, 33, 41, 42, 53, 90, 91, 94, 95, 96, 97}
 
@@ -46,7 +46,7 @@ FANUC = Dialect(
     system="A",
     word=re.compile(
         rf"""(?P<name>\#\s*(?:\d+|<[\w\s]+>))\s*=\s*(?P<value>[^=]+) |
-        (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{_SPACED_NUMBER}|[+-]?\s*(?:\#\s*(?:\d+|<[\w\s]+>)|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
+        (?P<letter>[A-Z]|,\s*[A-Z])\s*(?P<number>{_SPACED_NUMBER}|(?:[+-]\s*)?(?:\#\s*(?:\d+|<[\w\s]+>)|\[(?:[^\[\]]|\[[^\[\]]*\])*\]))""",
         re.VERBOSE,
     ),
     # A comment may lack its end; [ begins a directive of a simulator, O and a name or <NAME> a program.
@@ -99,10 +99,10 @@ SINUMERIK = Dialect(
     system="",
     word=re.compile(
         rf"""(?P<law>ID=.*) |
-        (?P<letter>[A-Z])\s*(?P<number>[+-]?\s*(?:\d+\.?\d*|\.\d+))(?!\s*=|[_(\d.]) |
+        (?P<letter>[A-Z])\s*(?P<number>(?:[+-]\s*)?(?:\d+(?:\.\d*)?|\.\d+))(?!\s*=|[_(\d.]) |
         (?P<name>[A-Z_][A-Z_0-9]*|\$[A-Z_]+(?:\[\w+\])?)(?:
             \s*=\s*(?:(?P<mode>AC|IC)\(\s*)?
-                (?:(?P<value>[+-]?\s*{_TERM}(?:\s*[-+*/]\s*{_TERM})*)|"(?P<string>[^"]*)")(?(mode)\s*\)) |
+                (?:(?P<value>(?:[+-]\s*)?{_TERM}(?:\s*[-+*/]\s*{_TERM})*)|"(?P<string>[^"]*)")(?(mode)\s*\)) |
             \s*\((?P<arguments>(?:[^()"]|"[^"]*")*)\) |
             (?P<label>:(?!=)) |
             (?![=(\w])
@@ -170,13 +170,40 @@ MAX_SIGN = 40  # longest part of a word that a message shows
 
 
 @dataclass(frozen=True)
+class Pair:
+    """Words that show a control if the second stands anywhere after the first.
+
+    They are two patterns, as one would search all lines that follow each match of the first word.
+    """
+
+    first: re.Pattern[str]
+    second: re.Pattern[str]
+
+    def search(self, text: str) -> re.Match[str] | None:
+        """Return the first word of the pair; None if a text does not hold both in their order."""
+        match = self.first.search(text)
+        if match is None or self.second.search(text, match.end()) is None:
+            return None
+        return match
+
+
+@dataclass(frozen=True)
 class Foreign:
     """A control whose programs are not read, or are read as Fanuc's with a note."""
 
     name: str
     signs: re.Pattern[str]  # words of its own
+    pair: Pair | None = None  # words that are its own only together
     tried: str = "fanuc"  # the dialect that comes nearest
     read: bool = False  # whether that dialect is taken without asking
+
+    def first_sign(self, text: str) -> re.Match[str] | None:
+        """Return the first of its words in a text of capitals, if there is one."""
+        sign = self.signs.search(text)
+        paired = self.pair.search(text) if self.pair else None
+        if sign is None or paired is None:
+            return sign or paired
+        return min(sign, paired, key=re.Match.start)
 
 
 @dataclass(frozen=True)
@@ -225,8 +252,8 @@ FOREIGN = (
             r"^[ \t/]*(?:N\d+[ \t]*)?@[ \t]*\d{2,3}\b",  # its jumps and computations
             # B is the radius of an arc; B0 is an axis of mill-turn machines.
             r"G0?[23](?!\d)(?![^\n]*(?:R[ \t=]*\d|[IK][ \t]*[-+.\d]))[^\nB]*B[ \t]*[+-]?0*\.?0*[1-9]",
-            r"^[^\nG]*G5[89][ \t]+[XZ][^\nG]*$(?=[\s\S]*G92[ \t]*S)",  # zero offsets
         ),
+        pair=Pair(_signs(r"^[^\nG]*G5[89][ \t]+[XZ][^\nG]*$"), _signs(r"G92[ \t]*S")),  # zero offsets, limit of the spindle
         tried="sinumerik",
     ),
     Foreign("Fagor or Huazhong (HNC)", _signs(r"^%(?:\d+[ \t\r]*$|[^\s,]+,\s*M\w*,)")),
@@ -248,7 +275,7 @@ def foreign_sign(text: str) -> Sign | None:
     """Return the first word of a program that shows another control, if it has one."""
     plain = re.sub(r"\([^()\n]*\)|;.*", "", with_line_feeds(text).upper())
     for control in FOREIGN:
-        if match := control.signs.search(plain):
+        if match := control.first_sign(plain):
             line = plain.count("\n", 0, match.start()) + 1
             word = " ".join(match[0].split())[:MAX_SIGN]
             return Sign(control, f"line {line}: {word!r} is a word of {control.name}")

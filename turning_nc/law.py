@@ -34,7 +34,7 @@ _NUMBER = r"-?(?:\d{1,12}(?:\.\d{0,12})?|\.\d{1,12})"
 """A number without exponent, because controls read exponents differently."""
 _FIRST_VALUE = re.compile(rf"(\$AC_PARAM\[\d\])\s*=\s*({_NUMBER})")
 _POLYNOMIAL = re.compile(rf"FCTDEF\((\d{{1,3}}),({_NUMBER}(?:,{_NUMBER}){{5}})\)")
-_ACTION = re.compile(r"ID=(\d{1,3}) +(?:WHENEVER +(.+) +)?DO +(?:SYNFCT\((\d{1,3}),([^,]+),([^,]+)\)|([^=]+)=([^=]+))")
+_ACTION = re.compile(r"ID=(\d{1,3}) +(?:WHENEVER +(\S(?:.*\S)?) +)?DO +(?:SYNFCT\((\d{1,3}),([^,]+),([^,]+)\)|([^=]+)=([^=]+))")
 
 
 Function = Callable[[Mapping[str, float]], float]

@@ -177,18 +177,14 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     Raises:
         NcError: the text holds no words, is too long, defines a sub-program twice, or is of a control that is not read.
     """
+    raw = _lines_within_bounds(text)
     if dialect is None and (sign := foreign_sign(text)) and not sign.control.read:
         raise NcError(f"{sign.found}, which is not read; --dialect {sign.control.tried} tries to read it")
     dialect = dialect or dialect_of(text)
     fanuc = dialect.system != ""
-    raw = _MARK.sub(lambda mark: " " * len(mark[0]), with_line_feeds(text)).split("\n")
-    if len(raw) > MAX_LINES:
-        raise NcError(f"has {len(raw)} lines, but {MAX_LINES} at most are read")
     parts: dict[str, list[Line]] = {"": []}
     name, offset, defined_at = "", 0, {"": 0}
     for number, whole in enumerate(raw, 1):
-        if len(whole) > MAX_CHARACTERS:
-            raise NcError(f"line {number}: has {len(whole):,} characters, but {MAX_CHARACTERS:,} at most are read")
         code = _without_comments(whole.translate(_UPPER), dialect)
         stripped = re.sub(r"^/?\s*N\d+\s+(?=PROC\b)", "", code.strip())
         header = dialect.sub_program.match(stripped)
@@ -207,6 +203,21 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     if not filled:
         raise NcError("holds no blocks: it is empty, or all of it is comment")
     return PartProgram(text, dialect, filled)
+
+
+def _lines_within_bounds(text: str) -> list[str]:
+    """Return the lines of a text, which keep their places in it; none is so long that a search through it takes long.
+
+    Raises:
+        NcError: there are too many lines, or one is too long.
+    """
+    lines = _MARK.sub(lambda mark: " " * len(mark[0]), with_line_feeds(text)).split("\n")
+    if len(lines) > MAX_LINES:
+        raise NcError(f"has {len(lines)} lines, but {MAX_LINES} at most are read")
+    for number, line in enumerate(lines, 1):
+        if len(line) > MAX_CHARACTERS:
+            raise NcError(f"line {number}: has {len(line):,} characters, but {MAX_CHARACTERS:,} at most are read")
+    return lines
 
 
 def _without_comments(line: str, dialect: Dialect) -> str:

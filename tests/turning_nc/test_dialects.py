@@ -274,6 +274,12 @@ def test_programs_of_other_controls_are_named_with_their_line(control: str, line
             divide(f"(TITLE)\nG0 X60. Z2.\n{line}\nG1 Z-40. F0.2\n".replace("\n", end))
 
 
+@pytest.mark.parametrize("text", ["N10 G58 X0 Z45\n", "N15 G92 S3000\nN20 G58 X0 Z45\n"])
+def test_a_zero_offset_shows_an_old_sinumerik_only_before_a_limit_of_the_spindle(text: str) -> None:
+    lines = divide(f"{text}G0 X60. Z2.\nG1 Z-40. F0.2\n").parts[""]
+    assert lines[-1].number_of("Z") == -40.0
+
+
 @pytest.mark.parametrize("sign", ["G53.5", "G123.1", "G276 X20. P3", "M998<BORE>"])
 def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
     text = BAR + CUT.replace("M30", f"{sign}\nM30")

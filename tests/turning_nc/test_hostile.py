@@ -1,6 +1,7 @@
 """Programs and files that no machinist would write: each ends in an error that names its place, and none takes long."""
 
 import math
+import time
 import zipfile
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from turning_nc.edges import change_wear
 from turning_nc.expression import parse
 from turning_nc.report import rows
 from turning_nc.stock import read_stock, remove
-from turning_nc.words import NcError
+from turning_nc.words import MAX_CHARACTERS, NcError, divide
 
 NINES = "9" * 400
 
@@ -161,3 +162,34 @@ def test_a_dwell_of_years_and_a_slow_feed_have_finite_times() -> None:
     played = play(situation, change_wear(situation))
     assert math.isfinite(played.time.sum())
     assert all(math.isfinite(row["used_life"]) for row in rows(situation, played))
+
+
+BLANKS = " " * (MAX_CHARACTERS - 50)
+MAX_READING = 10.0  # processor time for any of these texts [s]; each takes below 2 s
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G59 X1.\n" * 20_000,  # half of the sign of an old SINUMERIK
+        f"G{BLANKS}G\n" * 1000,
+        f"R1=1\nG1 X{'1' * (MAX_CHARACTERS - 50)}=\n" * 1000,
+    ],
+    ids=["zero offsets", "blanks", "digits"],
+)
+def test_the_time_of_reading_grows_with_the_text_alone(text: str) -> None:
+    begin = time.process_time()
+    divide(text)
+    assert time.process_time() - begin < MAX_READING
+
+
+def test_a_condition_of_many_blanks_is_refused_at_once() -> None:
+    begin = time.process_time()
+    with pytest.raises(NcError, match="line 2: 'ID=1 WHENEVER"):
+        moves(f"R1=1\nID=1 WHENEVER {BLANKS}X\n" + f"ID=1 WHENEVER {BLANKS}X\n" * 20 + "G1 X5 F0.1 S100 M3")
+    assert time.process_time() - begin < MAX_READING
+
+
+def test_a_line_that_is_too_long_is_refused_before_it_is_searched() -> None:
+    with pytest.raises(NcError, match="line 2: has 3,000,000 characters"):
+        divide("G0 X60. Z2.\n" + "G71 " * 750_000)
