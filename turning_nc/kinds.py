@@ -18,6 +18,7 @@ MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assum
 MAX_TOOLS = 200  # of a program; a turret has about twelve
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 DRILL = "drill"
+MIN_WIDTH, MAX_WIDTH = 0.01, 500.0  # of a grooving tool or a drill [mm]
 MARGIN = 0.5  # length around a cut in which a hole is looked for [mm]
 SOLID = 0.99  # share of metal around the axis from which a stock has no hole [-]
 
@@ -81,7 +82,9 @@ class _Habits:
         if self.radii == {0.0}:
             return DRILL
         if len(self.radii) == 1 and self.pecks > 1:
-            return f"{DRILL}:{2.0 * max(self.radii):g}"
+            diameter = 2.0 * max(self.radii)
+            if MIN_WIDTH <= diameter <= MAX_WIDTH:
+                return f"{DRILL}:{diameter:g}"
         if self.plunges > self.along:
             return f"groove:{GROOVE:g}"
         if self.plunges_inside > self.along:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
-from turning_nc.kinds import DRILL, cuts, inside_solid, kinds_of
+from turning_nc.kinds import DRILL, MAX_WIDTH, MIN_WIDTH, cuts, inside_solid, kinds_of
 from turning_nc.metal import Metal, divided
 from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
@@ -39,7 +39,6 @@ CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
 MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
-MIN_WIDTH, MAX_WIDTH = 0.01, 500.0  # of a grooving tool or a drill [mm]
 _EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
 
 

@@ -65,3 +65,18 @@ def test_nothing_is_turned_inside_without_a_hole() -> None:
 def test_a_tool_after_a_drill_may_turn_inside(drill: str) -> None:
     made = moves(f"{HEAD}G0 {drill}\n{NEXT}{BORING}M30")
     assert remove(made, read_stock("bar:60x60")).tools["T0202"] == "inside"
+
+
+PECKS = "G1 Z-5. F0.1\nG0 Z-3.\n" * 3
+
+
+@pytest.mark.parametrize("diameter", ["0.006", "10000.", "150000."])
+def test_no_drill_is_guessed_that_could_not_be_given(diameter: str) -> None:
+    made = moves(f"{HEAD}G0 X{diameter} Z2.\n{PECKS}G0 Z5.\nM30")
+    stock, _ = guessed_stock(made)
+    assert not remove(made, stock).tools["T0101"].startswith("drill")
+
+
+def test_a_tool_that_pecks_at_one_diameter_is_a_drill_of_it() -> None:
+    made = moves(f"{HEAD}G0 X12.5 Z2.\n{PECKS}G0 Z5.\nM30")
+    assert remove(made, read_stock("bar:60x60")).tools["T0101"] == "drill:12.5"
