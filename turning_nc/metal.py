@@ -1,8 +1,8 @@
 """Metal from which many cuts are taken, kept in small pieces, so that a cut costs no more than the pieces that it meets.
 
 One polygon for the whole stock would grow by some vertices with every pass, and each cut would copy all of them: the time of a
-program would grow with the square of its moves. Metal is never added, so a piece may be divided and need not be joined again
-before the end.
+program would grow with the square of its moves. So a piece with many vertices is divided. Pieces that lost most of theirs are
+joined again, as otherwise a long cut would meet more of them the more moves had made the contour.
 """
 
 from collections.abc import Iterator
@@ -19,9 +19,11 @@ with needed():
 Values = NDArray[np.float64]
 
 MAX_VERTICES = 64  # of a piece; above it, overlays cost more than the calls to them
+SMALL = MAX_VERTICES // 4  # vertices up to which neighbours in one cut are joined
 FEW = 3  # pieces that are met, rather than tested for whether they only lie in the box around a cut
 MIN_EXTENT = 1e-6  # extent of a piece below which it is not divided [mm]
 _GRID = 1e-9  # grid on which pieces are joined [mm]: it closes the gaps that rounding leaves between them
+_FINE_GRID = 1e-11  # grid on which they are joined between cuts [mm], so that areas of thin cuts keep nine digits
 _NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # bounds of a place without a piece
 
 
@@ -79,10 +81,15 @@ class Metal:
     def take(self, area: Any, places: NDArray[np.int64]) -> None:
         """Take the metal within a polygon away from some pieces."""
         left = shapely.difference(self._pieces[places], area)
-        for place, piece in zip(places.tolist(), left, strict=True):
+        for place in places.tolist():
             self._bounds[place] = _NOWHERE
             self._pieces[place] = None
             self._free.append(place)
+        counts = shapely.get_num_coordinates(left)
+        is_small = (counts > 0) & (counts <= SMALL)
+        for piece in left[~is_small]:
+            self._put(piece)
+        for piece in joined(left[is_small]):
             self._put(piece)
 
     def _put(self, polygon: Any) -> None:
@@ -98,6 +105,78 @@ class Metal:
         self._pieces = np.concatenate((self._pieces, np.full(count, None, dtype=object)))
         self._bounds = np.concatenate((self._bounds, np.full((count, 4), _NOWHERE)))
         self._free = list(range(count, 2 * count))
+
+
+def joined(pieces: NDArray[Any]) -> Iterator[Any]:
+    """Yield small pieces, joined with their neighbours as far as they share edges.
+
+    What is joined has at most half of the vertices at which a piece is divided, so that time is spent on either only after many
+    cuts.
+    """
+    if len(pieces) < 2:
+        yield from pieces
+        return
+    bounds = shapely.bounds(pieces)
+    extents = bounds[:, 2:].max(axis=0) - bounds[:, :2].min(axis=0)
+    order = np.argsort(bounds[:, int(np.argmax(extents))])
+    group: list[Any] = []
+    count = 0
+    for piece in pieces[order]:
+        piece_count = int(shapely.get_num_coordinates(piece))
+        if count + piece_count > MAX_VERTICES // 2:
+            yield from _joined_group(group)
+            group, count = [], 0
+        group.append(piece)
+        count += piece_count
+    yield from _joined_group(group)
+
+
+def _joined_group(pieces: list[Any]) -> list[Any]:
+    """Return one piece for several; these themselves if they lie apart."""
+    if len(pieces) < 2:
+        return pieces
+    whole = shapely.union_all(pieces, grid_size=_FINE_GRID)
+    return [whole] if shapely.get_type_id(whole) == shapely.GeometryType.POLYGON else pieces
+
+
+def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
+    """Return the area of each polygon within another one that may have very many vertices.
+
+    A polygon that lies within it, or apart from it, is not compared with its vertices. Only the others are divided together
+    with it, until few vertices are left.
+    """
+    areas = np.zeros(len(polygons))
+    _add_overlaps(areas, np.arange(len(polygons)), polygons, whole)
+    return areas
+
+
+def _add_overlaps(areas: Values, indices: NDArray[np.int64], polygons: NDArray[Any], whole: Any) -> None:
+    """Add the areas of polygons within another one to those at their indices."""
+    shapely.prepare(whole)
+    meets = shapely.intersects(whole, polygons)
+    indices, polygons = indices[meets], polygons[meets]
+    covered = shapely.covers(whole, polygons)
+    areas[indices[covered]] += shapely.area(polygons[covered])
+    indices, polygons = indices[~covered], polygons[~covered]
+    if not len(polygons):
+        return
+    count = int(shapely.get_num_coordinates(whole))
+    halves = _halves(whole) if count > MAX_VERTICES else []
+    if not halves or max(shapely.get_num_coordinates(halves)) >= count:  # dividing it does not help
+        areas[indices] += shapely.area(shapely.intersection(polygons, whole))
+        return
+    for half in halves:
+        if shapely.is_empty(half):
+            continue
+        low, high = np.split(shapely.bounds(half), 2)
+        bounds = shapely.bounds(polygons)
+        beside = (bounds[:, :2] < high).all(axis=1) & (bounds[:, 2:] > low).all(axis=1)
+        within = (bounds[:, :2] >= low).all(axis=1) & (bounds[:, 2:] <= high).all(axis=1)
+        clipped = polygons.copy()
+        across = np.flatnonzero(beside & ~within)
+        parts = shapely.intersection(polygons[across], shapely.box(*low, *high))
+        clipped[across] = [_areas_of(part) for part in parts]
+        _add_overlaps(areas, indices[beside], clipped[beside], half)
 
 
 def divided(polygon: Any) -> Iterator[Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from turning_env.extras import needed
 from turning_nc.kinds import DRILL, MAX_WIDTH, MIN_WIDTH, cuts, inside_solid, kinds_of
-from turning_nc.metal import Metal, divided
+from turning_nc.metal import Metal, overlaps
 from turning_nc.modal import HOME
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Point, shifted
@@ -306,6 +306,9 @@ class _Cutting:
             return AIR
         if move.tool in self._beyond:
             start, end = (start[0], -start[1]), (end[0], -end[1])
+        withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
+        if move.kind == "rapid" and (withdraws or move.tool in self._threading):
+            return AIR  # it rubs along each ridge of a shoulder, which would take long to compute
         sweep = Sweep(shape, start, end)
         places = self.left.meeting(sweep.area)
         if not len(places):
@@ -316,8 +319,7 @@ class _Cutting:
         if area == 0.0:
             return AIR
         if move.kind == "rapid":
-            withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
-            if area > COLLISION and move.tool not in self._threading and not withdraws:
+            if area > COLLISION:
                 self.rapids[move.line] = max(self.rapids.get(move.line, 0.0), area)
             return AIR
         self.left.take(sweep.area, places)
@@ -367,12 +369,9 @@ class _Cutting:
         lost = shapely.difference(self._slim.polygon(), part)
         if lost.area <= GOUGE:
             return {}
-        pieces = list(divided(lost))
         lines = np.array([line for line, metal in self._taken for _ in metal])
         metal = np.concatenate([metal for _, metal in self._taken])
-        mine, theirs = shapely.STRtree(pieces).query(metal, predicate="intersects")
-        overlaps = shapely.area(shapely.intersection(metal[mine], np.array(pieces)[theirs]))
-        areas = np.bincount(lines[mine], overlaps)
+        areas = np.bincount(lines, overlaps(metal, lost))
         return {int(line): float(areas[line]) for line in np.flatnonzero(areas > COLLISION)}
 
 

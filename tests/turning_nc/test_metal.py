@@ -9,7 +9,7 @@ pytest.importorskip("shapely")
 
 import shapely
 
-from turning_nc.metal import MAX_VERTICES, Metal
+from turning_nc.metal import MAX_VERTICES, Metal, overlaps
 from turning_nc.stock import tool_shape
 from turning_nc.sweep import Removed, Sweep
 
@@ -81,3 +81,30 @@ def test_a_cut_meets_few_vertices_however_many_cuts_there_were() -> None:
         metal.take(area, places)
     assert shapely.get_num_coordinates(metal.pieces).max() <= MAX_VERTICES
     assert shapely.get_num_coordinates(metal.polygon()) > 2000
+
+
+def toothed_bar(teeth: int) -> shapely.Polygon:
+    """Return a bar of 60 mm with fine teeth along it."""
+    z = np.linspace(-50.0, 0.0, 2 * teeth + 1)
+    radius = np.where(np.arange(len(z)) % 2, 29.9, 30.0)
+    return shapely.Polygon([(-50.0, 0.0), *zip(z.tolist(), radius.tolist(), strict=True), (0.0, 0.0)])
+
+
+def test_pieces_that_lost_their_vertices_are_joined_again() -> None:
+    whole = toothed_bar(1500)
+    metal = Metal(whole)
+    shape = shape_of("outside-left")
+    assert len(metal.pieces) > 40
+    for number in range(6):
+        radius = 29.5 - 0.1 * number
+        area = Sweep(shape, (2.0, radius), (-60.0, radius)).area
+        metal.take(area, metal.meeting(area))
+        whole = whole.difference(area)
+    assert len(metal.pieces) < 6
+    assert metal.polygon().symmetric_difference(whole).area < 1e-6
+
+
+def test_overlaps_with_many_vertices_are_those_of_the_whole_polygons() -> None:
+    whole = toothed_bar(1500).difference(shapely.box(-30.0, 5.0, -20.0, 29.0))
+    areas = np.array([sweep.area for sweep in random_sweeps("copying", 40)] + [shapely.box(-9.0, 3.0, -8.0, 4.0)])
+    assert overlaps(areas, whole) == pytest.approx(shapely.area(shapely.intersection(areas, whole)), abs=1e-9)
