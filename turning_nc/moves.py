@@ -136,6 +136,7 @@ class Control(Modal):
     """A control that runs blocks."""
 
     moves: list[Move] = field(default_factory=list)
+    has_moved: bool = False  # whether a move is no dwell
     law: Law = field(default_factory=Law)
     problems: dict[tuple[int, str], list[str]] = field(default_factory=dict)
     """Why words are not understood, by their line and its text."""
@@ -312,7 +313,7 @@ class Control(Modal):
     def _run(self, codes: set[float], line: Line, lines: Sequence[Line]) -> None:
         """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
         if line.first("TRANS", "ATRANS"):
-            if any(move.path.length for move in self.moves):
+            if self.has_moved:
                 raise Problem("TRANS after the first move is not understood")
             self.note("TRANS before the first move is taken as part of the zero offset")
         elif codes & self.dialect.references:
@@ -616,6 +617,7 @@ class Control(Modal):
             if path.length < 1e-9:
                 return
         self.end_corner()
+        self.has_moved = self.has_moved or kind != "dwell"
         self.moves.append(
             Move(
                 kind=kind,
