@@ -144,6 +144,10 @@ def rows(situation: Situation, played: Play) -> list[Row]:
     texts = with_line_feeds(s.moves.program.text).split("\n")
     made: list[Row] = []
     time, beyond = played.time - s.other_time, _unmeasured(s, played)
+
+    # Arrays over all slices are made once, not for each row.
+    loads = played.load
+    in_air = ~(on | s.apart)
     for group in np.split(fed, breaks):
         metal = group[on[group]]
         cut = metal if metal.size else group
@@ -152,12 +156,12 @@ def rows(situation: Situation, played: Play) -> list[Row]:
             share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
         mark = " *" * bool(beyond[group].any())
-        line, radius, load = int(s.line[group[0]]), slices.radius[cut], played.load[group].max()
+        line, radius, load = int(s.line[group[0]]), slices.radius[cut], loads[group].max()
         row: Row = {"line": line, "cycle_pass": int(passes[group[0]]), "tool": str(s.tool[group[0]])}
         row |= {"text": texts[line - 1].strip()[:MAX_TEXT], "depth": float(slices.depth[metal].max(initial=0.0))}
         row |= {"diameters": (2.0 * float(radius.min()), 2.0 * float(radius.max())), "feed": float(played.feed[cut].max())}
         row |= {"cutting_speed": float(played.cutting_speed[cut].max()), "time": float(time[group].sum())}
-        row |= {"air_time": float(time[group] @ ~(on | s.apart)[group]), "removed": float(slices.volume[group].sum() / 1000.0)}
+        row |= {"air_time": float(time[group] @ in_air[group]), "removed": float(slices.volume[group].sum() / 1000.0)}
         row |= {"force_share": float(played.force_share[group].max()), "power_share": float(played.power_share[group].max())}
         row |= {"used_life": float(played.used_life[group].sum()), "saves": saves}
         remark = "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
