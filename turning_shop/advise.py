@@ -294,7 +294,7 @@ def _margins(allowed: Allowed, scenario: Scenario) -> Iterator[str]:
     if below:
         share = 100 * scenario.limits.overload_allowance
         kept = " and ".join(below)
-        yield f"loads of a nominal bar stay below {kept}: bars vary, and {share:g} % of the time may be in overload"
+        yield f"loads of a nominal bar stay below {kept}: bars vary, and {share:g} % of the time may be in severe overload"
     if allowed.by_strength:
         yield (
             f"thrust of a nominal bar stays below {allowed.thrust_force:.0f} N: "
