@@ -11,7 +11,6 @@ file itself.
 """
 
 from contextlib import closing
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from train.agents import agent_file
 from train.agents.agent_file import AgentFile, trained_policy
 from turning_env.scoring import sandbox
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.sandbox import LIMITS, AgentFileError, GuardedPolicy, Limits, TooSlow
+from turning_env.scoring.sandbox import LIMITS, AgentFileError, GuardedPolicy, Limits, PolicyMaker, TooSlow
 from turning_env.scoring.sandbox_child import Outline
 
 __all__ = ["LIMITS", "AgentFileError", "GuardedPolicy", "Limits", "Sandbox", "TooSlow", "load"]
@@ -47,17 +46,6 @@ class Sandbox(sandbox.Sandbox):
         self.memory_size = self.file.memory_size
 
 
-@dataclass(frozen=True)
-class _Maker:
-    """A function that makes policies of a file, each in its own process; it travels to other processes as the file."""
-
-    content: bytes
-    limits: Limits
-
-    def __call__(self, num_envs: int) -> GuardedPolicy:
-        return GuardedPolicy(Sandbox(self.content, self.limits), num_envs)
-
-
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and each play has limits.
 
@@ -75,7 +63,8 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
         file = _checked(content)
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error
-    return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, _Maker(content, limits))
+    make = PolicyMaker(content, limits, Sandbox)
+    return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, make)
 
 
 @lru_cache(64)

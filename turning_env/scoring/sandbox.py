@@ -253,14 +253,15 @@ class GuardedPolicy:
 
 
 @dataclass(frozen=True)
-class _Maker:
+class PolicyMaker:
     """A function that makes policies of a file, each in its own process; it travels to other processes as the file."""
 
     content: bytes
     limits: Limits
+    process: type[Sandbox] = Sandbox
 
     def __call__(self, num_envs: int) -> GuardedPolicy:
-        return GuardedPolicy(Sandbox(self.content, self.limits), num_envs)
+        return GuardedPolicy(self.process(self.content, self.limits), num_envs)
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
@@ -283,7 +284,7 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
         Sandbox(content, limits).close()
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _Maker(content, limits)
+    return PolicyMaker(content, limits)
 
 
 def require(*packages: str) -> None:
