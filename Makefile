@@ -106,7 +106,7 @@ results: .venv/run
 verify: .venv/run
 	.venv/bin/python -m leaderboard verify --jobs $(JOBS) $(VERIFY)
 
-# Lint, types and fast tests, side by side: a minute.
+# Lint, types and fast tests, side by side: one to two minutes.
 check: .venv/test
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target fast lint types
 

@@ -56,6 +56,7 @@ def assert_finite(value: Any) -> None:
         assert math.isfinite(value)
 
 
+@pytest.mark.slow
 @tried(short=20, soak=15_000)
 @given(st.randoms(use_true_random=False))
 def test_a_program_is_played_with_finite_numbers_or_refused(random: Random) -> None:

@@ -256,6 +256,7 @@ def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.Monk
         linuxcnc.run("programmed", "override", 1, 0)
 
 
+@pytest.mark.slow
 def test_the_figures_of_a_run() -> None:
     row = {"at_feed": 1.0, "bar": 0.0, "edge": 0.0, "power": 4.0, "delay": 0.006, "adaptive_feed": 0.5, "feed": 0.4, "along": 1.0}
     rows = [row | {"seconds": 11.0, "engaged_time": 10.0, "severe_overload_time": 0.1}] * 2
