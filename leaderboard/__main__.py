@@ -56,7 +56,13 @@ def _run(options: argparse.Namespace) -> None:
     for task, private in tasks:  # load all policies first, so that errors are found before anything is played
         tuned_on = None if task is tasks[0][0] else tasks[0][0].scenario
         agents = policies.agents(
-            options.agents, task, options.name, options.keep_names, options.agent_time, refused, options.forgets
+            options.agents,
+            task,
+            name=options.name,
+            keep=options.keep_names,
+            seconds=options.agent_time,
+            refused=refused,
+            forgets=options.forgets,
         )
         own = [policies.own_policy(options.policy, task, options.name)] if options.policy else []
         if {spec.label for spec in own} & {spec.label for spec in agents}:

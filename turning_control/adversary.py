@@ -205,7 +205,7 @@ KNOWN = (
 
 @dataclass(frozen=True)
 class Attack:
-    """What an adversary achieves against the shield."""
+    """An adversary's result against the shield."""
 
     env_id: str
     adversary: Adversary

@@ -30,7 +30,7 @@ KEY_PASSWORD = "TURNING_OPCUA_KEY_PASSWORD"  # that holds the password of the pr
 
 @dataclass(frozen=True)
 class Security:
-    """What a user gives to protect a connection. Certificates and keys are PEM or DER files."""
+    """Credentials and settings that protect a connection. Certificates and keys are PEM or DER files."""
 
     user: str | None = None
     password: str | None = field(default=None, repr=False)

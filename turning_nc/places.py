@@ -1,4 +1,4 @@
-"""Where a part of a program has its blocks, labels and the ends of its loops, so that a jump need not search all lines."""
+"""An index of the blocks, labels and ends of loops in a part of a program, so that a jump need not search all lines."""
 
 import bisect
 from collections.abc import Hashable, Mapping, Sequence

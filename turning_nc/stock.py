@@ -376,7 +376,7 @@ class _Cutting:
 
 
 class _Cut(NamedTuple):
-    """What a straight move removes, up to the end of each of its slices."""
+    """Metal that a straight move removes, summed up to the end of each of its slices."""
 
     shares: Values  # of the move's length at which slices end [-]
     areas: Values  # [mm2]

@@ -37,8 +37,8 @@ TYPES = {"float": hal.HAL_FLOAT, "bit": hal.HAL_BIT, "s32": hal.HAL_S32, "u32": 
 INTEGERS = {"s32": (-(2**31), 2**31 - 1), "u32": (0, 2**32 - 1)}
 RANGES = {"adaptive-feed": (0.0, 1.0), "spindle-override": (0.0, 2.0), "status": (0, 4)}  # if the file gives none
 MAX_LINE = 65536  # length of a line above which it is no answer [bytes]
-MOST_LINES = 32  # lines at once above which none is read: a flood must not hold this component up
-MOST_COUNTED = 2**32 - 1  # at which the counters stay
+MAX_LINES_AT_ONCE = 32  # lines at once above which none is read: a flood must not hold this component up
+MAX_COUNT = 2**32 - 1  # at which the counters stay
 
 
 def main(name: str, path: str) -> None:
@@ -73,7 +73,7 @@ def write(component: Any, values: dict[str, Any]) -> None:
 
 def count(component: Any, pin: str, more: int = 1) -> None:
     """Add to a counter."""
-    component[pin] = min(component[pin] + more, MOST_COUNTED)
+    component[pin] = min(component[pin] + more, MAX_COUNT)
 
 
 class Lines:
@@ -199,7 +199,7 @@ def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
         refused = 0
         while alive and time.monotonic() < begun:
             received = lines.read(begun - time.monotonic())
-            flooded = len(received) > MOST_LINES
+            flooded = len(received) > MAX_LINES_AT_ONCE
             for line in received:
                 answer = answer_of(line, asked, plan) if waiting and not flooded else None
                 if answer is None:

@@ -412,7 +412,8 @@ class Family(Section):
         for name, formula in self.hidden.items():
             true_fields[name] = evaluate(f"hidden.{name}", formula, true | planned)
         nominal = self.columns(nominal_fields)
-        in_range &= _in_range(nominal_fields, len(numbers)) & _in_range(true_fields, len(numbers))
+        # The true fields hold the planned ones, too; hidden nominal ones are those of the base.
+        in_range &= _in_range(true_fields, len(numbers))
         return Draw(
             true=self.columns(true_fields),
             nominal=nominal,

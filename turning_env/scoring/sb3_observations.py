@@ -1,7 +1,7 @@
-"""What stood between the lathe and a model of Stable-Baselines3 in its training, and must not be lost when it plays elsewhere.
+"""Wrappers that changed the observations of a Stable-Baselines3 model in its training: applied or refused when it plays.
 
-Wrappers of a training's environment may change observations. The model's file does not hold them: a model trained with
-``VecNormalize`` and shown plain observations acts on numbers that it has never seen.
+The model's file does not hold these wrappers: a model trained with ``VecNormalize`` and shown plain observations acts on numbers
+that it has never seen.
 """
 
 from collections.abc import Iterator
