@@ -16,10 +16,16 @@ class Links(MetadataHookInterface):
         if repository:
             links = rf"\1({repository}/raw/v{version}/\2)", rf"\1({repository}/blob/v{version}/\2)"
             for link, absolute in zip(
-                (r"(!\[[^\]]*\])\((?!https?:|#)(.*?)\)", r"(\])\((?!https?:|#)(.*?)\)"), links, strict=True
+                (r"(!\[[^\]]*\])\((?!https?:|#)(.*?)\)", r"(\])\((?!https?:|#)(.*?)\)"),
+                links,
+                strict=True,
             ):
                 text = re.sub(link, absolute, text)
-            pages = {"Documentation": "blob/{}/docs", "Changelog": "blob/{}/CHANGELOG.md", "Issues": "issues"}
+            pages = {
+                "Documentation": "blob/{}/docs",
+                "Changelog": "blob/{}/CHANGELOG.md",
+                "Issues": "issues",
+            }
             metadata["urls"] = {"Source": repository} | {
                 name: f"{repository}/{page.format(f'v{version}')}" for name, page in pages.items()
             }

@@ -36,7 +36,17 @@ MIN_DEVIATION = 1e-9
 MIN_WEAR = 1e-3  # least nominal wear over the criterion at which loads are expected [-]
 
 _STATES = (
-    *("depth", "depth_slope", "hardness", "hardness_slope", "insert", "edge_history", "wear", "wear_speed", "wear_feed"),
+    *(
+        "depth",
+        "depth_slope",
+        "hardness",
+        "hardness_slope",
+        "insert",
+        "edge_history",
+        "wear",
+        "wear_speed",
+        "wear_feed",
+    ),
     *(f"{law}{error}" for law in ("force", "power") for error in ("", "_speed", "_feed", "_wear")),
 )
 ENTRIES = (
@@ -80,8 +90,14 @@ class Belief:
         self._models: dict[int, tuple[dict[str, Any], Any]] = {}
         self.entries = len(layout(scenarios[0]))  # of an observation without a belief
         values = [*map(_values, scenarios)]
-        numbers = [name for name, value in values[0].items() if isinstance(value, float) and name != _CHOICE]
-        self._numbers = {name: np.array([each[name] for each in values]) for name in numbers}  # of each environment
+        numbers = [
+            name
+            for name, value in values[0].items()
+            if isinstance(value, float) and name != _CHOICE
+        ]
+        self._numbers = {
+            name: np.array([each[name] for each in values]) for name in numbers
+        }  # of each environment
         self._scenario = unchecked(nested((values[0] | self._numbers).items()))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
@@ -136,13 +152,17 @@ def _begin(belief: Belief, env: Any, mask: Mask, infos: dict[str, Any]) -> None:
     if isinstance(env, FamilyEnv | FamilyVectorEnv):
         for index in np.flatnonzero(mask).tolist():
             number = int(np.atleast_1d(infos["job"])[index])
-            belief.assign(index, number, lambda number: env.family.job(number, env.split).scenario.nominal())
+            belief.assign(
+                index, number, lambda number: env.family.job(number, env.split).scenario.nominal()
+            )
 
 
 def with_belief(space: Any) -> Any:
     """Return an observation space with the entries of a belief behind its own."""
     limit = np.full(len(ENTRIES), LIMIT, np.float32)
-    return Box(np.concatenate([space.low, -limit]), np.concatenate([space.high, limit]), dtype=np.float32)
+    return Box(
+        np.concatenate([space.low, -limit]), np.concatenate([space.high, limit]), dtype=np.float32
+    )
 
 
 def at_end(observations: Observations, infos: dict[str, Any], ended: Mask) -> Observations:
@@ -171,10 +191,14 @@ class BeliefPolicy(Policy):
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        return self._policy.act(np.concatenate([observations, self._belief.observe(observations)], axis=1))
+        return self._policy.act(
+            np.concatenate([observations, self._belief.observe(observations)], axis=1)
+        )
 
 
-class BeliefObservation(gymnasium.Wrapper[Observations, Observations, Observations, Observations], RecordConstructorArgs):
+class BeliefObservation(
+    gymnasium.Wrapper[Observations, Observations, Observations, Observations], RecordConstructorArgs
+):
     """A wrapper that appends ``ENTRIES`` of a belief to observations. ValueError if ``Belief`` refuses the environment."""
 
     def __init__(self, env: gymnasium.Env[Observations, Observations]) -> None:
@@ -196,7 +220,9 @@ class BeliefObservation(gymnasium.Wrapper[Observations, Observations, Observatio
         return np.concatenate([observation, self._belief.observe(observation[np.newaxis])[0]])
 
 
-class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic only from Gymnasium 1.4 on
+class VectorBeliefObservation(
+    VectorWrapper
+):  # not subscripted: it is generic only from Gymnasium 1.4 on
     """``BeliefObservation`` for a vector environment, in every mode of autoreset."""
 
     def __init__(self, env: VectorEnv[Observations, Observations, NDArray[Any]]) -> None:
@@ -206,7 +232,9 @@ class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic 
         self.single_observation_space = with_belief(env.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observations, dict[str, Any]]:
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
         observations, infos = self.env.reset(seed=seed, options=options)
         mask = (options or {}).get("reset_mask", self._all)
         self._ended = self._ended & ~mask
@@ -220,7 +248,9 @@ class VectorBeliefObservation(VectorWrapper):  # not subscripted: it is generic 
             _begin(self._belief, env, self._ended, infos)
             self._ended = ended
         elif "final_obs" in infos:
-            infos = with_final(infos, ended, self._seen(at_end(observations, infos, ended), self._all))
+            infos = with_final(
+                infos, ended, self._seen(at_end(observations, infos, ended), self._all)
+            )
             _begin(self._belief, env, ended, infos)
             return self._seen(observations, ended), rewards, terminated, truncated, infos
         return self._seen(observations, self._all), rewards, terminated, truncated, infos

@@ -50,7 +50,9 @@ class TimelyChanges(Policy):
 
     def act(self, observations: Observations) -> Actions:
         actions = self._policy.act(observations).copy()
-        actions[:, -1] = np.where(read(observations, self._scenario).nominal_wear >= self._wear, 1.0, -1.0)
+        actions[:, -1] = np.where(
+            read(observations, self._scenario).nominal_wear >= self._wear, 1.0, -1.0
+        )
         return actions
 
 
@@ -62,7 +64,9 @@ def names(scenario: Scenario) -> list[str]:
 def names_on(family: Family) -> list[str]:
     """Return the names of the controllers that can play the jobs of a family."""
     scenario = family.job(0).scenario
-    by_numbers = [name for name, rule in RULES.items() if rule.needs_numbers and rule.plays(scenario)]
+    by_numbers = [
+        name for name, rule in RULES.items() if rule.needs_numbers and rule.plays(scenario)
+    ]
     return names(scenario) + [name for name in by_numbers if tuned.on_family(family, name)]
 
 
@@ -72,14 +76,20 @@ def playable(name: str, scenario: Scenario) -> Rule:
         raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
     rule = RULES[name]
     if not rule.plays(scenario):
-        raise ValueError(f"{name} cannot play scenario {scenario.name!r}, which lacks actions, inputs or models that it needs")
+        raise ValueError(
+            f"{name} cannot play scenario {scenario.name!r}, which lacks actions, inputs or models that it needs"
+        )
     if scenario.control.edge_changes != "commanded" or rule.changes_edges:
         return rule
 
-    def build(scenario: Scenario, num_envs: int, change_at: float, **parameters: float) -> TimelyChanges:
+    def build(
+        scenario: Scenario, num_envs: int, change_at: float, **parameters: float
+    ) -> TimelyChanges:
         return TimelyChanges(rule.controller(scenario, num_envs, **parameters), scenario, change_at)
 
-    return replace(rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)})
+    return replace(
+        rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)}
+    )
 
 
 def spec(
@@ -99,16 +109,24 @@ def spec(
     parameters; ValueError if it cannot play the scenario, or a file of tuned parameters is damaged.
     """
     first = scenario if isinstance(scenario, Scenario) else scenario[0]
-    nominal = scenario.nominal() if isinstance(scenario, Scenario) else [each.nominal() for each in scenario]
+    nominal = (
+        scenario.nominal()
+        if isinstance(scenario, Scenario)
+        else [each.nominal() for each in scenario]
+    )
     rule = playable(name, first.nominal())
     if isinstance(nominal, list) and not rule.together:
         raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
     inputs: dict[str, Any] = {}
     if rule.needs_numbers:
         if numbers is None:
-            raise ValueError(f"{name} needs the catalogue's numbers of a job: it plays jobs of a family only")
+            raise ValueError(
+                f"{name} needs the catalogue's numbers of a job: it plays jobs of a family only"
+            )
         inputs["numbers"] = numbers
-    found, command = tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
+    found, command = (
+        tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
+    )
     parameters = rule.fixed | found | (own or {})
     return PolicySpec(
         name=name,

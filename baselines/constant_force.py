@@ -20,7 +20,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from baselines.models.part_program import PROGRAM, PartProgram, on_override, on_program, on_speed_and_feed
+from baselines.models.part_program import (
+    PROGRAM,
+    PartProgram,
+    on_override,
+    on_program,
+    on_speed_and_feed,
+)
 from baselines.rule import Array, Mask, Range, Rule
 from turning_env import Reading, Scenario, read
 from turning_env.action import towards
@@ -28,7 +34,9 @@ from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-THRESHOLD = 100.0  # force below which the tool counts as out of the metal [N] (roughness control paper)
+THRESHOLD = (
+    100.0  # force below which the tool counts as out of the metal [N] (roughness control paper)
+)
 ENGAGED_TIME = 0.1
 """Time above the threshold after which the law acts [s]: one turn of the paper's spindle, in which a chip reaches its thickness
 (assumption; the paper says "a specified time")."""
@@ -39,14 +47,18 @@ DECAY = 1e-3  # weight decay: the fit minimises the sum of squares of the errors
 
 def force_of_roughness(surface: Surface, roughness: Array) -> Array:
     """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5)."""
-    return np.asarray(np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0))
+    return np.asarray(
+        np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
+    )
 
 
 def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float = 0.0) -> Array:
     """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm]."""
     law, machine = scenario.material.thrust_force, scenario.machine
     wear = np.maximum(wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
-    at_unit_feed = law(scenario.control.initial_cutting_speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear)
+    at_unit_feed = law(
+        scenario.control.initial_cutting_speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear
+    )
     feed = exp(log(force_of_roughness(scenario.surface, roughness) / at_unit_feed) / law.feed)
     return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
@@ -58,7 +70,13 @@ class ConstantForce(Policy):
     f(t - 1) is the commanded feed, not the actual one.
     """
 
-    def __init__(self, program: PartProgram, num_envs: int, force_share: float = 1.0, on_command: bool = False) -> None:
+    def __init__(
+        self,
+        program: PartProgram,
+        num_envs: int,
+        force_share: float = 1.0,
+        on_command: bool = False,
+    ) -> None:
         self._program, self._on_command = program, on_command
         self._reference: Array | float = force_share * program.scenario.limits.thrust_force
         self._steps_needed = max(1, round(ENGAGED_TIME / program.scenario.control.interval))
@@ -75,7 +93,9 @@ class ConstantForce(Policy):
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
         before = reading.commanded_feed if self._on_command else reading.feed
         feed = before * reference / np.maximum(reading.thrust_force, THRESHOLD)
-        return self._program.act(reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed))
+        return self._program.act(
+            reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed)
+        )
 
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         """Return the override [-] for the law's feed [mm/rev], which acts where the tool is ``engaged``."""
@@ -98,13 +118,21 @@ def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
         return np.column_stack([np.ones(len(roughness)), exp(-0.5 * distance / WIDTH**2)])
 
     units = hidden(samples)
-    rows = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(UNITS + 1)
-    rows = np.column_stack([rows, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0)])
-    for k in range(len(rows)):  # Gauss-Jordan elimination: the bits of NumPy's solver differ between processors
+    rows = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(
+        UNITS + 1
+    )
+    rows = np.column_stack(
+        [rows, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0)]
+    )
+    for k in range(
+        len(rows)
+    ):  # Gauss-Jordan elimination: the bits of NumPy's solver differ between processors
         rows[k] /= rows[k, k]
         others = np.arange(len(rows)) != k
         rows[others] -= rows[others, k, np.newaxis] * rows[k]
-    return lambda desired: np.clip((hidden(desired) * rows[:, -1]).sum(axis=1), machine.feed_min, machine.feed_max)
+    return lambda desired: np.clip(
+        (hidden(desired) * rows[:, -1]).sum(axis=1), machine.feed_min, machine.feed_max
+    )
 
 
 class ConstantForceNetwork(ConstantForce):
@@ -130,7 +158,9 @@ class ConstantForceNetwork(ConstantForce):
 
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         recommended = self._recommended(reading.roughness_reference)
-        feed = np.where(engaged, np.minimum(feed, self._program.override_max * recommended), recommended)
+        feed = np.where(
+            engaged, np.minimum(feed, self._program.override_max * recommended), recommended
+        )
         return np.clip(feed, *self._feed_range) / self._program.feed
 
 
@@ -143,7 +173,12 @@ class ModelFeed(Policy):
     def act(self, observations: Observations) -> Actions:
         scenario, reading = self._scenario, read(observations, self._scenario)
         speed = np.full(len(observations), scenario.control.initial_cutting_speed)
-        return towards(reading, scenario, speed, feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear))
+        return towards(
+            reading,
+            scenario,
+            speed,
+            feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear),
+        )
 
 
 def holds_roughness(scenario: Scenario) -> bool:
@@ -159,7 +194,10 @@ FORCE_SHARE = Range(0.2, 1.1, logarithmic=True)
 
 RULES = {
     "constant_force": Rule(
-        "constant cutting force for constant roughness (roughness control paper)", on_program(ConstantForce), holds_roughness, {}
+        "constant cutting force for constant roughness (roughness control paper)",
+        on_program(ConstantForce),
+        holds_roughness,
+        {},
     ),
     "constant_force_limit": Rule(
         "constant cutting force at a share of the force limit, by override (roughness control paper)",

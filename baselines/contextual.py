@@ -42,12 +42,16 @@ def log_speeds(parameters: Mapping[str, float], numbers: Numbers) -> Array:
         number = name.removeprefix(slope_name(""))
         for job, known in enumerate(numbers):
             if number not in known:
-                raise ValueError(f"{name} needs the number {number!r} of the job, but there are {', '.join(known)}")
+                raise ValueError(
+                    f"{name} needs the number {number!r} of the job, but there are {', '.join(known)}"
+                )
             values[job] += slope * (known[number] - MIDDLE)
     return values
 
 
-def limited(scenario: Scenarios, num_envs: int, log_speed: Array, change_at: float, **others: float) -> SelfTuning:
+def limited(
+    scenario: Scenarios, num_envs: int, log_speed: Array, change_at: float, **others: float
+) -> SelfTuning:
     """Return ``self_tuning`` with a highest speed for each environment, or for all.
 
     Args:
@@ -62,7 +66,9 @@ def limited(scenario: Scenarios, num_envs: int, log_speed: Array, change_at: flo
     return policy
 
 
-def contextual(scenario: Scenarios, num_envs: int, numbers: Numbers, **parameters: float) -> SelfTuning:
+def contextual(
+    scenario: Scenarios, num_envs: int, numbers: Numbers, **parameters: float
+) -> SelfTuning:
     """Return ``self_tuning`` with the highest speed of the law.
 
     Args:

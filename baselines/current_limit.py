@@ -29,7 +29,10 @@ FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 
 """Feed override at each position of a panel's switch, a four-bit code (servo current paper, section 5.2) [-]."""
 ORDER = 10  # order of the low-pass filter (servo current paper)
 HYSTERESIS = 0.05  # distance between the limits over the upper one [-] (assumption)
-CUTOFF, WINDOW = 0.8, 3  # arguments of Smoother [-], [samples]: the loop is stable with this filter's lag (assumption)
+CUTOFF, WINDOW = (
+    0.8,
+    3,
+)  # arguments of Smoother [-], [samples]: the loop is stable with this filter's lag (assumption)
 _PROGRAMMED = FEED_GRADES.index(1.0)
 
 
@@ -43,7 +46,10 @@ def low_pass(cutoff: float) -> Array:
     damping = 2.0 * sine_and_cosine((np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER))[0]
     scale = 1.0 / (1.0 + damping * warped + warped * warped)
     gain, last = warped * warped * scale, (1.0 - damping * warped + warped * warped) * scale
-    return np.stack([gain, 2.0 * gain, gain, np.ones(len(gain)), 2.0 * (warped * warped - 1.0) * scale, last], axis=1)
+    return np.stack(
+        [gain, 2.0 * gain, gain, np.ones(len(gain)), 2.0 * (warped * warped - 1.0) * scale, last],
+        axis=1,
+    )
 
 
 def delay(cutoff: float) -> float:
@@ -68,7 +74,9 @@ class Smoother:
 
         self._filter, self._sections = sosfilt, low_pass(cutoff)
         b, a = self._sections[:, :3], self._sections[:, 3:]
-        steady = np.stack([1.0 - b[:, 0], b[:, 2] - a[:, 2]], axis=1)  # state per unit of a constant signal
+        steady = np.stack(
+            [1.0 - b[:, 0], b[:, 2] - a[:, 2]], axis=1
+        )  # state per unit of a constant signal
         self._steady = steady[:, np.newaxis, np.newaxis, :]
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
         self._window = np.zeros((window, num_envs, signals))
@@ -83,7 +91,9 @@ class Smoother:
         """Return the smoothed signals after the next samples, both of shape (num_envs, signals)."""
         fresh = self.count[:, 0] == 0
         self._state[:, fresh] = self._steady * samples[fresh][..., np.newaxis]
-        filtered, self._state = self._filter(self._sections, samples[..., np.newaxis], axis=-1, zi=self._state)
+        filtered, self._state = self._filter(
+            self._sections, samples[..., np.newaxis], axis=-1, zi=self._state
+        )
         self._window[self._next] = filtered[..., 0]
         self._next = (self._next + 1) % len(self._window)
         self.count = np.minimum(self.count + 1, len(self._window))
@@ -97,7 +107,9 @@ class ForceEstimator:
         self._parameters, self._machine = parameter_records(scenario)[0], scenario.machine
         self._senses_current = scenario.sensors.force == "servo_current"
         self._smoother = Smoother(num_envs, 3, cutoff, window)
-        turn = 60.0 / (self._parameters.revolutions_per_metre[0] * scenario.control.initial_cutting_speed)  # [s]
+        turn = 60.0 / (
+            self._parameters.revolutions_per_metre[0] * scenario.control.initial_cutting_speed
+        )  # [s]
         self._remains = 1.0 - lag_share(scenario.control.interval, turn * self._machine.chip_lag)
         self._chip_feed = np.zeros(num_envs)  # feed that the force follows [mm/rev]
         self.reset = self._smoother.reset
@@ -106,13 +118,19 @@ class ForceEstimator:
     def update(self, reading: Reading) -> tuple[Array, Array]:
         """Return thrust force [N] and feed [mm/rev] of one moment, ``delay`` samples ago, after the next reading."""
         sensed = reading.servo_current if self._senses_current else reading.thrust_force
-        feed_velocity = reading.cutting_speed * self._parameters.revolutions_per_metre[0] * reading.feed
+        feed_velocity = (
+            reading.cutting_speed * self._parameters.revolutions_per_metre[0] * reading.feed
+        )
         remains = self._remains * (self._smoother.count[:, 0] > 0)
         self._chip_feed = reading.feed - remains * (reading.feed - self._chip_feed)
-        force, feed_velocity, feed = self._smoother.update(np.stack([sensed, feed_velocity, self._chip_feed], axis=1)).T
+        force, feed_velocity, feed = self._smoother.update(
+            np.stack([sensed, feed_velocity, self._chip_feed], axis=1)
+        ).T
         if self._senses_current:
             force = force_from_current(self._parameters, 0, force, feed_velocity)  # type: ignore[no-untyped-call]
-        return np.maximum(force, 0.0), np.clip(feed, self._machine.feed_min, self._machine.feed_max)  # the filter overshoots
+        return np.maximum(force, 0.0), np.clip(
+            feed, self._machine.feed_min, self._machine.feed_max
+        )  # the filter overshoots
 
 
 class CurrentLimit(Policy):
@@ -121,11 +139,15 @@ class CurrentLimit(Policy):
     def __init__(self, program: PartProgram, num_envs: int, force_share: float) -> None:
         self._program, scenario = program, program.scenario
         self._overrides = np.minimum(FEED_GRADES, program.override_max)
-        self._feeds = np.clip(self._overrides * program.feed, scenario.machine.feed_min, scenario.machine.feed_max)
+        self._feeds = np.clip(
+            self._overrides * program.feed, scenario.machine.feed_min, scenario.machine.feed_max
+        )
         self._upper = force_share * scenario.limits.thrust_force
         self._lower = self._upper * (1.0 - HYSTERESIS)
         self._estimator = ForceEstimator(scenario, num_envs, CUTOFF, WINDOW)
-        self.settling_steps = math.ceil(2.0 * self._estimator.delay)  # steps in metal during which the estimate is ignored
+        self.settling_steps = math.ceil(
+            2.0 * self._estimator.delay
+        )  # steps in metal during which the estimate is ignored
         self._steps_in_metal = np.zeros(num_envs, np.int64)
         self._grade = np.full(num_envs, _PROGRAMMED)
 
@@ -140,8 +162,12 @@ class CurrentLimit(Policy):
         self.reset(~reading.cutting)
         self._steps_in_metal += reading.cutting
         force, feed = (estimate[:, np.newaxis] for estimate in self._estimator.update(reading))
-        force = force * real_power(self._feeds / feed, scenario.material.thrust_force.feed)  # (num_envs, grades)
-        lowest, highest = (np.maximum((force <= limit).sum(axis=1) - 1, 0) for limit in (self._lower, self._upper))
+        force = force * real_power(
+            self._feeds / feed, scenario.material.thrust_force.feed
+        )  # (num_envs, grades)
+        lowest, highest = (
+            np.maximum((force <= limit).sum(axis=1) - 1, 0) for limit in (self._lower, self._upper)
+        )
         settled = self._steps_in_metal > self.settling_steps
         self._grade = np.where(settled, np.clip(self._grade, lowest, highest), self._grade)
         return self._program.act(reading, self._overrides[self._grade])

@@ -21,7 +21,9 @@ about half of the machine's highest [mm/rev] (assumption)."""
 class FixedParameters(Policy):
     """A policy of one cutting speed [m/min] and feed [mm/rev], numbers or of shape (num_envs,), clipped to the machine."""
 
-    def __init__(self, scenario: Scenario, cutting_speed: float | Array, feed: float | Array) -> None:
+    def __init__(
+        self, scenario: Scenario, cutting_speed: float | Array, feed: float | Array
+    ) -> None:
         self._scenario, machine = scenario, scenario.machine
         speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
         self._set_point = speed, np.clip(feed, machine.feed_min, machine.feed_max)
@@ -29,7 +31,11 @@ class FixedParameters(Policy):
     @classmethod
     def programmed(cls, scenario: Scenario, override: float = 1.0) -> Self:
         """Return the policy that commands the scenario's initial cutting speed and feed, the feed times an override [-]."""
-        return cls(scenario, scenario.control.initial_cutting_speed, override * scenario.control.initial_feed)
+        return cls(
+            scenario,
+            scenario.control.initial_cutting_speed,
+            override * scenario.control.initial_feed,
+        )
 
     def act(self, observations: Observations) -> Actions:
         speeds, feeds = (np.broadcast_to(each, len(observations)) for each in self._set_point)
@@ -47,7 +53,13 @@ RULES = {
         sets_speed_and_feed,
         {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
-    "fixed_tuned": Rule("the best speed and feed on the tuning seeds", _build, sets_speed_and_feed, PROGRAM, worth_tuning=True),
+    "fixed_tuned": Rule(
+        "the best speed and feed on the tuning seeds",
+        _build,
+        sets_speed_and_feed,
+        PROGRAM,
+        worth_tuning=True,
+    ),
     "override_tuned": Rule(
         "the best constant override on the tuning seeds",
         lambda scenario, num_envs, **parameters: FixedParameters.programmed(scenario, **parameters),

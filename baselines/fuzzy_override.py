@@ -19,7 +19,13 @@ Uses nothing from the nominal model.
 
 import numpy as np
 
-from baselines.models.part_program import SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
+from baselines.models.part_program import (
+    SPEED_AND_TARGET,
+    OverrideLaw,
+    PartProgram,
+    override_rules,
+    target_load,
+)
 from baselines.rule import Array
 from turning_env.numerics.functions import exp
 
@@ -50,17 +56,24 @@ def conjunction(override: Array, correction: Array, d: float) -> Array:
     return correction * (override - d) + d
 
 
-def new_override(override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float) -> Array:
+def new_override(
+    override: Array, load: Array, target: float, override_max: float, k: float, p: float, d: float
+) -> Array:
     """Return the new override [-] by equations (1) to (7), for the present override and load [-], all of shape (num_envs,)."""
     raised = disjunction(override, rising_correction(load, target, k), override_max)
     lowered = conjunction(override, falling_correction(load, target, p), d)
     return np.asarray(np.where(load < target, raised, lowered))
 
 
-def fuzzy_override(program: PartProgram, num_envs: int, target: float, k: float, p: float, d: float) -> OverrideLaw:
+def fuzzy_override(
+    program: PartProgram, num_envs: int, target: float, k: float, p: float, d: float
+) -> OverrideLaw:
     """Return the controller that applies the equations in every step; ``target``: over the load at the power limit [-]."""
     aim, highest = target_load(program.scenario, target), program.override_max
-    return OverrideLaw(program, lambda reading, override: new_override(override, reading.load, aim, highest, k, p, d))
+    return OverrideLaw(
+        program,
+        lambda reading, override: new_override(override, reading.load, aim, highest, k, p, d),
+    )
 
 
 RULES = {

@@ -33,7 +33,10 @@ def grid(scenario: Scenario) -> list[Array]:
     """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
     speeds = scenario.machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP
     feeds = scenario.machine.feed_min, scenario.machine.feed_max, FEED_STEP
-    return [low + step * np.arange(int((high - low) / step + 1e-9) + 1.0) for low, high, step in (speeds, feeds)]
+    return [
+        low + step * np.arange(int((high - low) / step + 1e-9) + 1.0)
+        for low, high, step in (speeds, feeds)
+    ]
 
 
 @compiled
@@ -42,12 +45,16 @@ def predict(parameters, speed, feed, used_life, start, end):
     log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut[0]
     log_coefficient = log_wear_coefficient(parameters, 0, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, 0, used_life, log_coefficient, start, end)
-    force, power = force_and_power(parameters, 0, log_speed, log_feed, log_depth, log_wear(parameters, 0, used_life), 0.0)
+    force, power = force_and_power(
+        parameters, 0, log_speed, log_feed, log_depth, log_wear(parameters, 0, used_life), 0.0
+    )
     return used_life, force, power + idle_power(parameters, 0, speed)
 
 
 @compiled
-def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
+def highest_feed(
+    parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit
+):
     """Return the index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear grow with feed."""
     power_limit *= capacity(parameters, 0, speed)
     feasible, infeasible = -1, len(feeds)
@@ -62,11 +69,23 @@ def highest_feed(parameters, speed, feeds, used_life, start, end, force_limit, p
 
 
 @compiled
-def best_pair(parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit):
+def best_pair(
+    parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit
+):
     """Return the indices (speed, feed) of the feasible pair with the highest removal rate and lowest speed; (-1, -1) if none."""
     best_speed, best_feed, best_rate = -1, -1, 0.0
     for index in range(len(speeds)):
-        feed = highest_feed(parameters, speeds[index], feeds, used_life, start, end, force_limit, power_limit, used_life_limit)
+        feed = highest_feed(
+            parameters,
+            speeds[index],
+            feeds,
+            used_life,
+            start,
+            end,
+            force_limit,
+            power_limit,
+            used_life_limit,
+        )
         if feed >= 0 and speeds[index] * feeds[feed] > best_rate:
             best_speed, best_feed, best_rate = index, feed, speeds[index] * feeds[feed]
     return best_speed, best_feed
@@ -77,10 +96,19 @@ def search(parameters, speeds, feeds, used_lives, times, interval, limits, chose
     """Fill ``chosen``, shape (num_envs, 2), with speeds [m/min] and feeds [mm/rev]; ``limits``: of force [N] and power [kW]."""
     p = parameters[0]
     for i in range(len(used_lives)):
-        start, end, force_limit, power_limit = times[i], times[i] + interval, limits[0, i], limits[1, i]
-        speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, 1.0)
+        start, end, force_limit, power_limit = (
+            times[i],
+            times[i] + interval,
+            limits[0, i],
+            limits[1, i],
+        )
+        speed, feed = best_pair(
+            p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, 1.0
+        )
         if speed < 0:
-            speed, feed = best_pair(p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, np.inf)
+            speed, feed = best_pair(
+                p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, np.inf
+            )
         if speed < 0:
             speed, feed = len(speeds) - 1, 0
         chosen[i, 0], chosen[i, 1] = speeds[speed], feeds[feed]
@@ -93,7 +121,9 @@ class GridSearch(Policy):
     their scales [-]. No response may fall with feed, because of the bisection.
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, margin: float = 1.0, smoothing: float = 0.0) -> None:
+    def __init__(
+        self, scenario: Scenario, num_envs: int, margin: float = 1.0, smoothing: float = 0.0
+    ) -> None:
         self._scenario, self._scales = scenario, Scales(num_envs, smoothing)
         self._parameters: Any = parameter_records(scenario)
         self._speeds, self._feeds = grid(scenario)
@@ -105,9 +135,16 @@ class GridSearch(Policy):
     def act(self, observations: Observations) -> Actions:
         scenario, reading = self._scenario, read(observations, self._scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
-        limits = self._limits / self._scales.follow(measured, reading.force_ratio, reading.power_ratio)
-        used_life = real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time)
-        times, chosen = (reading.cutting_time, scenario.control.interval / 60.0), np.empty((len(observations), 2))
+        limits = self._limits / self._scales.follow(
+            measured, reading.force_ratio, reading.power_ratio
+        )
+        used_life = real_power(
+            reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time
+        )
+        times, chosen = (
+            (reading.cutting_time, scenario.control.interval / 60.0),
+            np.empty((len(observations), 2)),
+        )
         search(self._parameters, self._speeds, self._feeds, used_life, *times, limits, chosen)
         return towards(reading, scenario, chosen[:, 0], chosen[:, 1])
 
@@ -117,7 +154,9 @@ def _plays(scenario: Scenario) -> bool:
 
 
 RULES = {
-    "grid_search": Rule("the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}),
+    "grid_search": Rule(
+        "the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}
+    ),
     "rescaled_grid_search": Rule(
         "this project's own rescaling of the grid search: models scaled by measured force and power, with a margin, both tuned",
         GridSearch,

@@ -61,8 +61,12 @@ class GuidedRule(SelfTuning):
         self._filter = self._belief.filter
         self._context = context
         self._history = np.zeros((len(scenarios), len(HISTORY)))
-        self._last = np.zeros((4, len(scenarios)))  # cutting time [min], log wear, heat, and whether the edge was to be changed
-        self._heat = np.zeros((2, len(scenarios)))  # hottest of the present edge: before the present interval, and in all
+        self._last = np.zeros(
+            (4, len(scenarios))
+        )  # cutting time [min], log wear, heat, and whether the edge was to be changed
+        self._heat = np.zeros(
+            (2, len(scenarios))
+        )  # hottest of the present edge: before the present interval, and in all
         self.reset(np.ones(len(scenarios), np.bool_))
 
     def reset(self, mask: Mask) -> None:
@@ -75,7 +79,11 @@ class GuidedRule(SelfTuning):
     def follow(self, decisions: Any, mask: Mask | None = None) -> None:
         """Take a guide's decisions, limited to -1..1, shape (num_envs, 2), in the environments of a mask or in all."""
         speed, life = np.clip(np.asarray(decisions, np.float64), -1.0, 1.0).T
-        np.copyto(self.top_speed, START_SHARE * SPEED[0] * exp(SPEED[1] * speed), where=True if mask is None else mask)
+        np.copyto(
+            self.top_speed,
+            START_SHARE * SPEED[0] * exp(SPEED[1] * speed),
+            where=True if mask is None else mask,
+        )
         np.copyto(self.change_at, LIFE[0] + LIFE[1] * life, where=True if mask is None else mask)
 
     def features(self, observations: Observations) -> Observations:
@@ -83,12 +91,16 @@ class GuidedRule(SelfTuning):
         believed = self._belief.observe(observations)
         self._remember(read(observations[:, : self._belief.entries], self._scenario))
         history = np.clip(self._history, -LIMIT, LIMIT).astype(np.float32)
-        context = observations[:, self._belief.entries :] if self._context is None else self._context
+        context = (
+            observations[:, self._belief.entries :] if self._context is None else self._context
+        )
         return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
         actions = super().act(observations[:, : self._belief.entries])
-        self._last[3] = actions[:, 2:].max(axis=1, initial=-1.0) > 0.0  # there is no third one if edges are changed unasked
+        self._last[3] = (
+            actions[:, 2:].max(axis=1, initial=-1.0) > 0.0
+        )  # there is no third one if edges are changed unasked
         return actions
 
     def _observe(self, reading: Reading) -> None:
@@ -96,9 +108,16 @@ class GuidedRule(SelfTuning):
 
     def _remember(self, reading: Reading) -> None:
         """Bring the history up to date."""
-        scenario, history, (time, log_wear, heat, asked) = self._scenario, self._history.T, self._last
+        scenario, history, (time, log_wear, heat, asked) = (
+            self._scenario,
+            self._history.T,
+            self._last,
+        )
         law, exponent = scenario.edge_failure.temperature, scenario.material.wear.time
-        fresh, measured = reading.cutting_time < time, reading.removed_wear / scenario.tool.wear_criterion
+        fresh, measured = (
+            reading.cutting_time < time,
+            reading.removed_wear / scenario.tool.wear_criterion,
+        )
         surprise = np.where(measured > 0.0, log(np.maximum(measured, 1e-3)) - log_wear, 0.0)
         end = log_wear + surprise  # an estimate where removed edges are not measured
         used, broke = exp(end / exponent), fresh & (asked == 0.0) & (exp(end) < WORN)
@@ -106,12 +125,22 @@ class GuidedRule(SelfTuning):
         history[1] = np.where(broke, heat + law.wear / law.cutting_speed * surprise, history[1])
         history[2] = np.where(broke, used, history[2])
         history[4] = np.where(fresh & ~broke, np.maximum(history[4], used), history[4])
-        history[5] = np.where(fresh & (measured > 0.0), np.clip(surprise / exponent, -2.0, 2.0), history[5])
+        history[5] = np.where(
+            fresh & (measured > 0.0), np.clip(surprise / exponent, -2.0, 2.0), history[5]
+        )
 
-        log_wear = log(np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3)) + self._filter.log_wear_factor
+        log_wear = (
+            log(np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3))
+            + self._filter.log_wear_factor
+        )
         start = START_SHARE * scenario.machine.cutting_speed_max
-        now = log(reading.cutting_speed / start) + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
-        now = np.where(reading.cutting & (reading.nominal_wear > 0.0), np.maximum(now, UNKNOWN[3]), UNKNOWN[3])
+        now = (
+            log(reading.cutting_speed / start)
+            + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
+        )
+        now = np.where(
+            reading.cutting & (reading.nominal_wear > 0.0), np.maximum(now, UNKNOWN[3]), UNKNOWN[3]
+        )
         self._heat[:, fresh] = UNKNOWN[3]
         self._heat[1] = np.maximum(self._heat[1], now)
         later = np.floor(reading.cutting_time / INTERVAL) > np.floor(time / INTERVAL)
@@ -123,7 +152,9 @@ class GuidedRule(SelfTuning):
 class GuidedPolicy(Policy):
     """A guided rule as a policy; its ``guide`` is a policy that is shown features, and whose actions are decisions."""
 
-    def __init__(self, guide: Policy, scenarios: Sequence[Scenario], context: Observations | None = None) -> None:
+    def __init__(
+        self, guide: Policy, scenarios: Sequence[Scenario], context: Observations | None = None
+    ) -> None:
         self._guide, self._rule = guide, GuidedRule(scenarios, context)
         self._steps = np.zeros(len(scenarios), np.int64)
 

@@ -41,16 +41,25 @@ def errors_of(draw: Draw) -> Array:
 
     def bias(law: str) -> Any:
         wear = 0.0 if law == "wear" else log(0.5 * draw.true.tool.wear_criterion)
-        responses = [log_response(getattr(model, law), *place, wear, 0.0) for model in (true, nominal)]  # type: ignore[no-untyped-call]
+        responses = [
+            log_response(getattr(model, law), *place, wear, 0.0) for model in (true, nominal)
+        ]  # type: ignore[no-untyped-call]
         return responses[0] - responses[1]
 
     def error(law: str, exponent: str) -> Any:
         return getattr(getattr(true, law), exponent) - getattr(getattr(nominal, law), exponent)
 
     wear = nominal.wear
-    found = [bias("wear") / wear.time, error("wear", "cutting_speed") / wear.cutting_speed, error("wear", "feed") / wear.time]
+    found = [
+        bias("wear") / wear.time,
+        error("wear", "cutting_speed") / wear.cutting_speed,
+        error("wear", "feed") / wear.time,
+    ]
     for law in ("thrust_force", "power"):
-        found += [bias(law), *(error(law, exponent) for exponent in ("cutting_speed", "feed", "wear"))]
+        found += [
+            bias(law),
+            *(error(law, exponent) for exponent in ("cutting_speed", "feed", "wear")),
+        ]
     return np.stack([np.broadcast_to(each, len(draw.plan.life)) for each in found], axis=1)
 
 
@@ -60,10 +69,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baselines.law_errors", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
     family = Family.load(parser.parse_args(arguments).family)
-    errors = np.concatenate([errors_of(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))])
-    mean, covariance = (found.round(6).tolist() for found in (errors.mean(axis=0), np.cov(errors, rowvar=False)))
+    errors = np.concatenate(
+        [errors_of(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))]
+    )
+    mean, covariance = (
+        found.round(6).tolist() for found in (errors.mean(axis=0), np.cov(errors, rowvar=False))
+    )
     values = {"family": family.name, "mean": mean, "covariance": covariance}
-    replace_file(FILE, lambda path: path.write_text(json.dumps(values).replace("], [", "],\n[") + "\n", "utf-8"))
+    replace_file(
+        FILE,
+        lambda path: path.write_text(json.dumps(values).replace("], [", "],\n[") + "\n", "utf-8"),
+    )
     return 0
 
 

@@ -70,7 +70,12 @@ class LeadControl(Policy):
         self._response_share = lag_share(self._interval, response_time)
         self._servo_share = lag_share(self._interval, scenario.machine.feed_time_constant)
 
-        nominal = law(program.cutting_speed, 1.0, scenario.workpiece.depth_of_cut, wear=scenario.tool.wear_criterion)
+        nominal = law(
+            program.cutting_speed,
+            1.0,
+            scenario.workpiece.depth_of_cut,
+            wear=scenario.tool.wear_criterion,
+        )
         self._log_nominal = float(log(nominal))
         self._min_chip = MIN_CHIP * float(real_power(program.feed, law.feed))
 
@@ -96,7 +101,9 @@ class LeadControl(Policy):
         wanted_load = np.maximum(self._chip + towards_chip, 0.0)
         wanted_feed = np.minimum(real_power(wanted_load, 1.0 / self._exponent), self._feed_max)
 
-        feed = reading.feed + self._response_share / self._servo_share * (wanted_feed - reading.feed)
+        feed = reading.feed + self._response_share / self._servo_share * (
+            wanted_feed - reading.feed
+        )
         override = np.where(reading.cutting, feed / self._program.feed, self._approach)
         return self._program.act(reading, override)
 
@@ -134,7 +141,14 @@ class LeadControl(Policy):
 class ForceLead(LeadControl):
     """Hold the thrust force at which the nominal model has the reference of roughness."""
 
-    def __init__(self, program: PartProgram, num_envs: int, estimate_time: float, response_time: float, approach: float) -> None:
+    def __init__(
+        self,
+        program: PartProgram,
+        num_envs: int,
+        estimate_time: float,
+        response_time: float,
+        approach: float,
+    ) -> None:
         scenario = program.scenario
         super().__init__(
             program,
@@ -192,7 +206,9 @@ def _plays_power(scenario: Scenario) -> bool:
     return on_override(scenario) and scenario.material.power.feed > 0.0
 
 
-TIME = Range(0.005, 0.5, logarithmic=True)  # [s]: half an interval of these tasks to several times their longest lag
+TIME = Range(
+    0.005, 0.5, logarithmic=True
+)  # [s]: half an interval of these tasks to several times their longest lag
 APPROACH = Range(0.5, 2.0)
 
 RULES = {
@@ -207,7 +223,12 @@ RULES = {
         "constant spindle power with an estimate of power per feed and a lead for the lags of servo and chip (this project)",
         on_program(PowerLead),
         _plays_power,
-        {"target": Range(0.7, 1.0), "estimate_time": TIME, "response_time": TIME, "approach": APPROACH},
+        {
+            "target": Range(0.7, 1.0),
+            "estimate_time": TIME,
+            "response_time": TIME,
+            "approach": APPROACH,
+        },
         worth_tuning=True,
     ),
 }

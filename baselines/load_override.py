@@ -9,7 +9,14 @@ import math
 import numpy as np
 
 from baselines.fixed import FixedParameters
-from baselines.models.part_program import PROGRAM, SPEED_AND_TARGET, OverrideLaw, PartProgram, override_rules, target_load
+from baselines.models.part_program import (
+    PROGRAM,
+    SPEED_AND_TARGET,
+    OverrideLaw,
+    PartProgram,
+    override_rules,
+    target_load,
+)
 from baselines.rule import Array, Mask, Range, Rule
 from turning_env import read
 from turning_env.action import sets_feed
@@ -18,7 +25,9 @@ from turning_env.physics.drives import lag_share
 from turning_env.physics.spindle import capacity_at
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-LOWEST_OVERRIDE = 0.1  # lowest override of the commercial controls [-]: at zero feed, the edge would only rub
+LOWEST_OVERRIDE = (
+    0.1  # lowest override of the commercial controls [-]: at zero feed, the edge would only rub
+)
 
 SETTLING_TIME = 0.5  # cutting time of an edge at which LearnedPower starts to learn [s]: until then, the power is still rising
 LEARNING_TIME = 1.5  # cutting time of an edge at which learning ends [s]
@@ -27,7 +36,9 @@ UNDERCUT = 0.3  # undercut limit over the learned power [-]
 WEAR_TIME = 60.0  # time constant of the smoothing for the wear limit [s]
 
 ENTRY_TIME = 0.3  # duration of the entry override after the touch [s], at least one step: the power reading takes that long
-MAX_CHANGE = 5.0  # largest log ratio of target feed to actual feed [-]: without load it would be infinite
+MAX_CHANGE = (
+    5.0  # largest log ratio of target feed to actual feed [-]: without load it would be infinite
+)
 
 
 def towards_load(override: Array, load: Array, target: Array | float, share: float) -> Array:
@@ -41,8 +52,13 @@ def constant_load(program: PartProgram, num_envs: int, target: float, gain: floa
     The dithering of the feed against chatter is left out, because the model has no stability limit. ``target``: load over the
     load at the power limit [-]; ``gain``: of the integration [1/s].
     """
-    aim, share = target_load(program.scenario, target), lag_share(program.scenario.control.interval, 1.0 / gain)
-    return OverrideLaw(program, lambda reading, override: towards_load(override, reading.load, aim, share))
+    aim, share = (
+        target_load(program.scenario, target),
+        lag_share(program.scenario.control.interval, 1.0 / gain),
+    )
+    return OverrideLaw(
+        program, lambda reading, override: towards_load(override, reading.load, aim, share)
+    )
 
 
 def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
@@ -50,7 +66,9 @@ def one_line_law(program: PartProgram, num_envs: int) -> OverrideLaw:
 
     It is the example of multiplicative adaptive control in Siemens' guide to synchronised actions of a SINUMERIK 840D.
     """
-    return OverrideLaw(program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2))
+    return OverrideLaw(
+        program, lambda reading, override: np.clip(1.6 - 2.0 * reading.load, 0.0, 1.2)
+    )
 
 
 class LearnedPower(Policy):
@@ -69,17 +87,33 @@ class LearnedPower(Policy):
     smoothing averages over depth and hardness.
     """
 
-    def __init__(self, program: PartProgram, num_envs: int, target: float, gain: float, extreme: float, wear: float) -> None:
+    def __init__(
+        self,
+        program: PartProgram,
+        num_envs: int,
+        target: float,
+        gain: float,
+        extreme: float,
+        wear: float,
+    ) -> None:
         self._program, self._extreme, self._wear = program, extreme, wear
         self._power = target * program.scenario.limits.power
         interval = program.scenario.control.interval
-        self._share, self._wear_share = lag_share(interval, 1.0 / gain), lag_share(interval, WEAR_TIME)
+        self._share, self._wear_share = (
+            lag_share(interval, 1.0 / gain),
+            lag_share(interval, WEAR_TIME),
+        )
         # Of each edge: cutting time at the last step [min]; sum [kW] and number of powers while learning.
         self._cutting_time, self._sum, self._count = np.zeros((3, num_envs))
         self._growth = np.ones(num_envs)  # smoothed power over the learned power [-]
 
     def reset(self, mask: Mask) -> None:
-        for numbers, start in ((self._cutting_time, 0.0), (self._sum, 0.0), (self._count, 0.0), (self._growth, 1.0)):
+        for numbers, start in (
+            (self._cutting_time, 0.0),
+            (self._sum, 0.0),
+            (self._count, 0.0),
+            (self._growth, 1.0),
+        ):
             numbers[mask] = start
 
     def act(self, observations: Observations) -> Actions:
@@ -88,7 +122,9 @@ class LearnedPower(Policy):
         self.reset(reading.cutting_time < self._cutting_time)  # a fresh edge
         self._cutting_time = reading.cutting_time
         at_program = reading.power * real_power(program.feed / reading.feed, law.feed)
-        at_program = at_program * real_power(program.cutting_speed / reading.cutting_speed, law.cutting_speed)
+        at_program = at_program * real_power(
+            program.cutting_speed / reading.cutting_speed, law.cutting_speed
+        )
         seconds = 60.0 * reading.cutting_time
         young = seconds < LEARNING_TIME
         learns = reading.cutting & (seconds >= SETTLING_TIME) & (young | (self._count == 0.0))
@@ -106,7 +142,12 @@ class LearnedPower(Policy):
         override[undercut | ~learned] = 1.0
 
         watched = learned & reading.cutting & ~undercut
-        growth = np.divide(at_program, learned_power, out=np.ones_like(learned_power), where=watched & (learned_power > 0.0))
+        growth = np.divide(
+            at_program,
+            learned_power,
+            out=np.ones_like(learned_power),
+            where=watched & (learned_power > 0.0),
+        )
         self._growth += np.where(watched, self._wear_share, 0.0) * (growth - self._growth)
         return program.act(reading, override, self._growth > self._wear)
 
@@ -120,8 +161,14 @@ class AirGapControl(Policy):
     override falls to that value at once and rises to it at the rate ``rise`` [1/s].
     """
 
-    def __init__(self, program: PartProgram, num_envs: int, target: float, entry: float, rise: float) -> None:
-        self._program, self._entry, self._interval = program, entry, program.scenario.control.interval
+    def __init__(
+        self, program: PartProgram, num_envs: int, target: float, entry: float, rise: float
+    ) -> None:
+        self._program, self._entry, self._interval = (
+            program,
+            entry,
+            program.scenario.control.interval,
+        )
         self._target = target_load(program.scenario, target)
         self._rise_share = lag_share(self._interval, 1.0 / rise)
         self._time_in_metal = np.zeros(num_envs)  # since the touch [s]
@@ -132,11 +179,16 @@ class AirGapControl(Policy):
     def act(self, observations: Observations) -> Actions:
         program = self._program
         reading = read(observations, program.scenario)
-        present, log_ratio = program.override(reading), log(self._target / np.maximum(reading.load, 1e-9))
+        present, log_ratio = (
+            program.override(reading),
+            log(self._target / np.maximum(reading.load, 1e-9)),
+        )
         change = np.clip(log_ratio / program.scenario.material.power.feed, -MAX_CHANGE, MAX_CHANGE)
         wanted = np.maximum(reading.feed / program.feed * exp(change), LOWEST_OVERRIDE)
         wanted = np.minimum(wanted, program.override_max)
-        override = np.where(wanted > present, present + self._rise_share * (wanted - present), wanted)
+        override = np.where(
+            wanted > present, present + self._rise_share * (wanted - present), wanted
+        )
         override[self._time_in_metal < ENTRY_TIME] = self._entry
         override[~reading.cutting] = program.override_max
         self._time_in_metal = np.where(reading.cutting, self._time_in_metal + self._interval, 0.0)
@@ -154,7 +206,13 @@ RULES = {
         sets_feed,
         {},
     ),
-    **override_rules("one_line_law", "override = 160 - 2 load, in per cent, within 0 to 120 %", one_line_law, {}, PROGRAM),
+    **override_rules(
+        "one_line_law",
+        "override = 160 - 2 load, in per cent, within 0 to 120 %",
+        one_line_law,
+        {},
+        PROGRAM,
+    ),
     **override_rules(
         "iadapts",
         "constant spindle load by feed, in the manner of FANUC iAdaptS",
@@ -167,7 +225,12 @@ RULES = {
         "tmac",
         "constant spindle power by feed, watched against a learned cut, in the manner of Caron TMAC",
         LearnedPower,
-        {"target": _TARGET, "gain": _GAIN, "extreme": Range(2.0, 5.0), "wear": 1.5},  # a pass is too short to reach the last
+        {
+            "target": _TARGET,
+            "gain": _GAIN,
+            "extreme": Range(2.0, 5.0),
+            "wear": 1.5,
+        },  # a pass is too short to reach the last
         {**SPEED_AND_TARGET, "gain": 1.0, "extreme": 2.0, "wear": Range(1.2, 2.0)},
         changes_edges=True,
     ),

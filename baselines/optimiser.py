@@ -29,11 +29,17 @@ from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.scenario.plan import columns_of
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]  # shares of the life [-] at which ``worth`` tabulates its price
+USED_LIVES = np.linspace(0.0, 1.0, 41)[
+    1:
+]  # shares of the life [-] at which ``worth`` tabulates its price
 POINTS = 3  # points of a step at which loads are predicted
-LEAD = 2.0  # steps before its end at which an edge is changed, as it may wear faster than expected [-]
+LEAD = (
+    2.0  # steps before its end at which an edge is changed, as it may wear faster than expected [-]
+)
 MIN_SPREAD = 1e-3  # least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies
-MIN_USED_LIFE = 1e-9  # used share of life of an edge that has not cut [-]: the laws are undefined without wear
+MIN_USED_LIFE = (
+    1e-9  # used share of life of an edge that has not cut [-]: the laws are undefined without wear
+)
 
 
 class Optimiser(Policy):
@@ -46,16 +52,32 @@ class Optimiser(Policy):
     _priced_spread = PRICED_SPREAD
 
     def __init__(
-        self, scenario: Scenarios, num_envs: int, severity: float, caution: float, wear_caution: float = 1.0, errors: Any = None
+        self,
+        scenario: Scenarios,
+        num_envs: int,
+        severity: float,
+        caution: float,
+        wear_caution: float = 1.0,
+        errors: Any = None,
     ) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
-        self._scenarios, self._severity, self._caution, self._wear_caution = scenarios, severity, caution, wear_caution
+        self._scenarios, self._severity, self._caution, self._wear_caution = (
+            scenarios,
+            severity,
+            caution,
+            wear_caution,
+        )
         self._parameters = records([numbers(each, severity) for each in scenarios])
         self._filter = LoadFilter(scenarios, num_envs, errors)
         self._times, machine = self._look_at(), self._scenario.machine
         lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
-        self._left = np.stack(np.broadcast_arrays(self._times, *(np.vectorize(decay)(self._times, lag) for lag in lags)), axis=1)
+        self._left = np.stack(
+            np.broadcast_arrays(
+                self._times, *(np.vectorize(decay)(self._times, lag) for lag in lags)
+            ),
+            axis=1,
+        )
 
     def reset(self, mask: Mask) -> None:
         self._filter.reset(mask)
@@ -64,28 +86,48 @@ class Optimiser(Policy):
         reading, scenario = read(observations, self._scenario), self._scenario
         self._observe(reading)
         exponent = scenario.material.wear.time
-        nominal = np.maximum(real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / exponent), MIN_USED_LIFE)
+        nominal = np.maximum(
+            real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / exponent),
+            MIN_USED_LIFE,
+        )
         expected = nominal * exp(self._filter.log_wear_factor / exponent)
         price = self.prices(expected)[:, 1]
-        return towards(reading, scenario, *self._best(reading, nominal, price), self._spent(reading, expected, price))
+        return towards(
+            reading,
+            scenario,
+            *self._best(reading, nominal, price),
+            self._spent(reading, expected, price),
+        )
 
     def _observe(self, reading: Reading) -> None:
         self._filter.observe(reading)
 
     def prices(self, used_life: Array) -> Array:
         """Return the prices of time and life [s] at used shares, shape (num_envs, 2), by the laws as the filter knows them."""
-        laws, exponents, errors = self._life_rate(), self._filter.exponents.T, self._filter.load_errors
+        laws, exponents, errors = (
+            self._life_rate(),
+            self._filter.exponents.T,
+            self._filter.load_errors,
+        )
         spreads = self._priced_spread * self._parameters["spreads"].T
         for law, name in enumerate(("force", "power")):
             speed, feed, wear = exponents[:, law]
-            laws += [self._parameters[name] + spreads[law] + errors[law], speed, feed, self._parameters["wear_time"] * wear]
+            laws += [
+                self._parameters[name] + spreads[law] + errors[law],
+                speed,
+                feed,
+                self._parameters["wear_time"] * wear,
+            ]
         found = np.empty((len(used_life), 2))
         price_life(self._parameters, np.stack(np.broadcast_arrays(*laws), axis=1), used_life, found)
         return found
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
-        exponent, (log_rate, speed, feed) = self._scenario.material.wear.time, self._parameters["life"].T
+        exponent, (log_rate, speed, feed) = (
+            self._scenario.material.wear.time,
+            self._parameters["life"].T,
+        )
         log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
         rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
@@ -94,32 +136,65 @@ class Optimiser(Policy):
 
     def _look_at(self) -> Array:
         """Return the times after a step's start at which loads are predicted [s], shape (1 or num_envs, points)."""
-        return np.asarray(column(self._scenario.control.interval) * (np.arange(POINTS) + 0.5) / POINTS)
+        return np.asarray(
+            column(self._scenario.control.interval) * (np.arange(POINTS) + 0.5) / POINTS
+        )
 
     def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
         """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
-        velocity = reading.commanded_cutting_speed * reading.commanded_feed * self._filter.parameters["velocity"]
+        velocity = (
+            reading.commanded_cutting_speed
+            * reading.commanded_feed
+            * self._filter.parameters["velocity"]
+        )
         distance = velocity[:, np.newaxis] * self._times
-        cutting, enters = np.ones(distance.shape), np.zeros(distance.shape, np.bool_)  # as if the tool stayed in this bar
-        return self._filter.outlook(distance, enters), cutting, cutting - column(self._filter.memory["measured"])
+        cutting, enters = (
+            np.ones(distance.shape),
+            np.zeros(distance.shape, np.bool_),
+        )  # as if the tool stayed in this bar
+        return (
+            self._filter.outlook(distance, enters),
+            cutting,
+            cutting - column(self._filter.memory["measured"]),
+        )
 
     def _best(self, reading: Reading, used_life: Array, price: Array) -> tuple[Array, Array]:
         """Return the best speed [m/min] and feed [mm/rev] within reach, for nominal used lives and prices of life [s]."""
-        scenario, economics, law = self._scenario, self._scenario.economics, self._scenario.material.wear
+        scenario, economics, law = (
+            self._scenario,
+            self._scenario.economics,
+            self._scenario.material.wear,
+        )
         outlook, cutting, unmeasured = self._ahead(reading)
-        nominal_depth, left = column(scenario.workpiece.depth_of_cut), np.maximum(1.0 - used_life, 0.0)
-        wear = column(law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth) + column(law.hardness) * outlook.log_hardness
+        nominal_depth, left = (
+            column(scenario.workpiece.depth_of_cut),
+            np.maximum(1.0 - used_life, 0.0),
+        )
+        wear = (
+            column(law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth)
+            + column(law.hardness) * outlook.log_hardness
+        )
         # Air costs only time: crossing it is worth the metal that could be cut instead.
         depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
-        strength_spread = hypotenuse(outlook.force_spread, column(scenario.tool.edge_strength_spread))
+        strength_spread = hypotenuse(
+            outlook.force_spread, column(scenario.tool.edge_strength_spread)
+        )
         points = (  # in the order of their names in feed_search
             *(outlook.log_force, outlook.log_power),
-            *(np.maximum(self._caution * spread, MIN_SPREAD) for spread in (outlook.force_spread, outlook.power_spread)),
-            *(np.maximum(strength_spread, MIN_SPREAD), depth / column(economics.reference_removal_rate)),
+            *(
+                np.maximum(self._caution * spread, MIN_SPREAD)
+                for spread in (outlook.force_spread, outlook.power_spread)
+            ),
+            *(
+                np.maximum(strength_spread, MIN_SPREAD),
+                depth / column(economics.reference_removal_rate),
+            ),
             *(column(price) * exp(wear / column(law.time)), cutting, unmeasured),
         )
         speeds = scenario.machine.cutting_speed_min, self._fastest(used_life)
-        breakage = 60.0 * (left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime)
+        breakage = 60.0 * (
+            left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime
+        )
         environments = (  # likewise
             *self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed"),
             *self._reach(reading.commanded_feed, scenario.feed_range, "feed"),
@@ -145,7 +220,9 @@ class Optimiser(Policy):
         if self._scenario.control.action == "set_point":
             return least, most
         step = getattr(self._scenario.control, f"{name}_step")
-        return np.clip(log(commanded) - step, least, most), np.clip(log(commanded) + step, least, most)
+        return np.clip(log(commanded) - step, least, most), np.clip(
+            log(commanded) + step, least, most
+        )
 
 
 class Worth(NamedTuple):
@@ -158,7 +235,9 @@ class Worth(NamedTuple):
 @lru_cache(maxsize=1024)
 def worth(scenario: Scenario) -> Worth:
     """Return the prices of time and life by the scenario's own laws; the array is cached."""
-    times, lives = Optimiser(scenario, len(USED_LIVES), severity=1.0, caution=1.0).prices(USED_LIVES).T
+    times, lives = (
+        Optimiser(scenario, len(USED_LIVES), severity=1.0, caution=1.0).prices(USED_LIVES).T
+    )
     return Worth(float(times[0]), lives)
 
 
@@ -178,7 +257,10 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
         description,
         optimiser,
         plays,
-        {"severity": Range(0.5, 4.0, logarithmic=True), "caution": Range(0.5, 2.0, logarithmic=True)},
+        {
+            "severity": Range(0.5, 4.0, logarithmic=True),
+            "caution": Range(0.5, 2.0, logarithmic=True),
+        },
         version=version,
         changes_edges=True,
         together=True,

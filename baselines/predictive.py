@@ -45,14 +45,23 @@ class Predictive(Optimiser):
         log_wear = self._filter.log_wear_factor + DOUBT * self._filter.wear_deviation
         worse = used_life * exp(log_wear / self._scenario.material.wear.time)
         step = np.minimum((worse * LIVES).astype(np.int64), LIVES - 1)
-        return np.minimum(self._scenario.cutting_speed_max, self._speeds[np.arange(len(step)) % len(self._speeds), step])
+        return np.minimum(
+            self._scenario.cutting_speed_max,
+            self._speeds[np.arange(len(step)) % len(self._speeds), step],
+        )
 
     def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         spent = super()._spent(reading, used_life, price)
-        return spent | ((used_life >= self._change_at) & (reading.nominal_wear > 0.0)) if self._scheduled else spent
+        return (
+            spent | ((used_life >= self._change_at) & (reading.nominal_wear > 0.0))
+            if self._scheduled
+            else spent
+        )
 
     def _look_at(self) -> Array:
-        horizon = self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
+        horizon = (
+            self._scenario.control.interval + SETTLING * self._scenario.machine.feed_time_constant
+        )
         return np.asarray(column(horizon) * np.arange(1.0, POINTS + 1.0) / POINTS)
 
     def _early(self, velocity: Array) -> Any:
@@ -60,7 +69,11 @@ class Predictive(Optimiser):
         return 0.0
 
     def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
-        velocity = reading.commanded_cutting_speed * reading.commanded_feed * self._filter.parameters["velocity"]
+        velocity = (
+            reading.commanded_cutting_speed
+            * reading.commanded_feed
+            * self._filter.parameters["velocity"]
+        )
         distance = velocity[:, np.newaxis] * self._times
         pitch, approach = (column(self._filter.parameters[name]) for name in ("pitch", "approach"))
         left, sooner = pitch - column(self._filter.along), distance + column(self._early(velocity))

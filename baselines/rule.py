@@ -29,19 +29,29 @@ class Rule:
     """A controller with its parameters."""
 
     description: str  # one line that names the source
-    controller: Callable[..., Policy]  # of a scenario, a number of environments, and the parameters by name
-    plays: Callable[[Scenario], bool]  # whether a scenario offers the actions and the inputs that it needs
+    controller: Callable[
+        ..., Policy
+    ]  # of a scenario, a number of environments, and the parameters by name
+    plays: Callable[
+        [Scenario], bool
+    ]  # whether a scenario offers the actions and the inputs that it needs
     parameters: Mapping[str, float | Range]  # fixed numbers, and ranges of parameters to tune
     version: int = 1
     """Version, raised when its actions change. Results and tuned parameters of other versions are then invalid."""
-    changes_edges: bool = False  # whether it decides when to change the edge, if edges are changed on command
+    changes_edges: bool = (
+        False  # whether it decides when to change the edge, if edges are changed on command
+    )
     worth_tuning: bool = False
     """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
     needs_numbers: bool = False
     """Whether ``controller`` also takes the catalogue's numbers of each job (``Job.numbers``): it plays families alone, with
     parameters that were tuned on them."""
-    together: bool = False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
-    tuned_on: str | None = None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
+    together: bool = (
+        False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
+    )
+    tuned_on: str | None = (
+        None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
+    )
 
     @property
     def ranges(self) -> dict[str, Range]:
@@ -51,4 +61,6 @@ class Rule:
     @property
     def fixed(self) -> Parameters:
         """Return the parameters that are not tuned."""
-        return {name: value for name, value in self.parameters.items() if not isinstance(value, Range)}
+        return {
+            name: value for name, value in self.parameters.items() if not isinstance(value, Range)
+        }

@@ -21,7 +21,10 @@ Words = NDArray[np.uint64]
 Condition = Callable[[Scenario], bool]
 
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
-_MIXERS = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
+_MIXERS = (
+    (np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)),
+    (np.uint64(27), np.uint64(0x94D049BB133111EB)),
+)
 
 
 def mixed(words: Words) -> Words:
@@ -66,7 +69,9 @@ class ConstantActions(Policy):
 class FirstThen(Policy):
     """A policy that repeats an action for some steps, one number or shape (num_envs,), and then plays a policy without memory."""
 
-    def __init__(self, num_envs: int, action: Actions, steps: float | Array, policy: Policy) -> None:
+    def __init__(
+        self, num_envs: int, action: Actions, steps: float | Array, policy: Policy
+    ) -> None:
         self._action, self._first_steps, self._policy = action, steps, policy
         self._steps = np.zeros(num_envs)
 
@@ -112,7 +117,11 @@ def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     return FirstThen(num_envs, idle, steps / 2.0, FixedParameters.programmed(each))
 
 
-def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy], plays: Condition = lambda _: True) -> Rule:
+def _rule(
+    description: str,
+    policy: Callable[[Sequence[Scenario], int], Policy],
+    plays: Condition = lambda _: True,
+) -> Rule:
     """Return a rule for one scenario or many."""
 
     def controller(scenario: Scenario | Sequence[Scenario], num_envs: int) -> Policy:
@@ -121,14 +130,27 @@ def _rule(description: str, policy: Callable[[Sequence[Scenario], int], Policy],
     return Rule(description, controller, plays, {}, changes_edges=True, together=True)
 
 
-def _constant(description: str, action: Callable[[Scenario], Actions], *plays: Callable[[Scenario], bool]) -> Rule:
-    return _rule(description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), *plays)
+def _constant(
+    description: str, action: Callable[[Scenario], Actions], *plays: Callable[[Scenario], bool]
+) -> Rule:
+    return _rule(
+        description, lambda scenarios, num_envs: ConstantActions(action(scenarios[0])), *plays
+    )
 
 
 DEGENERATE = {
-    "idle": _constant("degenerate: the lowest speed and feed; cuts as little as possible", lambda task: extreme(task, -1.0)),
-    "wait_then_play": _rule("degenerate: idles for half of the episode, then the programmed speed and feed", _wait_then_play),
-    "fastest": _constant("degenerate: the highest speed and feed, until the edge breaks", lambda task: extreme(task, 1.0)),
+    "idle": _constant(
+        "degenerate: the lowest speed and feed; cuts as little as possible",
+        lambda task: extreme(task, -1.0),
+    ),
+    "wait_then_play": _rule(
+        "degenerate: idles for half of the episode, then the programmed speed and feed",
+        _wait_then_play,
+    ),
+    "fastest": _constant(
+        "degenerate: the highest speed and feed, until the edge breaks",
+        lambda task: extreme(task, 1.0),
+    ),
     "never_cut": _constant(
         "degenerate: idles and changes the edge in every step, which leaves next to no time to cut",
         lambda scenario: _changing(extreme(scenario, -1.0)),
@@ -144,7 +166,8 @@ DEGENERATE = {
 
 RULES = {
     "random": _rule(
-        "random actions, drawn evenly", lambda scenarios, num_envs: RandomActions(num_envs, action_size(scenarios[0]))
+        "random actions, drawn evenly",
+        lambda scenarios, num_envs: RandomActions(num_envs, action_size(scenarios[0])),
     ),
     "zero_action": _constant("no action: 0 for all of them", zero),
     **DEGENERATE,

@@ -61,7 +61,9 @@ class Played(NamedTuple):
     def of(cls, *episodes: Episodes) -> Self:
         """Return the result of all these episodes."""
         names = ("return", "severe_overload_time", "engaged_time", "steps")
-        returns, severe, engaged, steps = (np.concatenate([each[name] for each in episodes]) for name in names)
+        returns, severe, engaged, steps = (
+            np.concatenate([each[name] for each in episodes]) for name in names
+        )
         limit = Bootstrap(len(severe)).severe_limit(severe[None], engaged[None], "")
         return cls(float(returns.mean()), severe_share(severe, engaged), limit, int(steps.sum()))
 
@@ -136,10 +138,14 @@ def _read(log: Path, task: list[Any]) -> list[Trial]:
     return found
 
 
-def play_trial(name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]) -> Played:
+def play_trial(
+    name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]
+) -> Played:
     """Play a rule with some parameters on seeds; note both on an exception."""
     try:
-        return Played.of(play(lambda num_envs: rule.controller(scenario, num_envs, **setting), scenario, seeds))
+        return Played.of(
+            play(lambda num_envs: rule.controller(scenario, num_envs, **setting), scenario, seeds)
+        )
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -155,14 +161,28 @@ def search(
 ) -> dict[str, Any]:
     """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all."""
     seeds, allowance = tuning_seeds(budget["seeds"]), scenario.limits.overload_allowance
-    ranges = {key: FloatDistribution(each.low, each.high, log=each.logarithmic) for key, each in rule.ranges.items()}
+    ranges = {
+        key: FloatDistribution(each.low, each.high, log=each.logarithmic)
+        for key, each in rule.ranges.items()
+    }
     first = {key: middle(each) for key, each in rule.ranges.items()}
     task = [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed]
 
     def played_with(setting: Parameters) -> Played:
         return play(name, rule, scenario, rule.fixed | setting, seeds)
 
-    played = [*trials(ranges, first, budget["trials"], log, task, allowance, played_with, n_ei_candidates=_CANDIDATES)]
+    played = [
+        *trials(
+            ranges,
+            first,
+            budget["trials"],
+            log,
+            task,
+            allowance,
+            played_with,
+            n_ei_candidates=_CANDIDATES,
+        )
+    ]
     best = max(played, key=lambda trial: trial.merit(allowance))
     return {
         "version": rule.version,
@@ -177,19 +197,35 @@ def search(
 
 def middle(values: Range) -> float:
     """Return the middle of a range, geometric for a logarithmic one."""
-    return math.sqrt(values.low * values.high) if values.logarithmic else 0.5 * (values.low + values.high)
+    return (
+        math.sqrt(values.low * values.high)
+        if values.logarithmic
+        else 0.5 * (values.low + values.high)
+    )
 
 
-def chosen_rules(wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False) -> dict[str, Rule]:
+def chosen_rules(
+    wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False
+) -> dict[str, Rule]:
     """Return the named rules, or all to tune on the scenario, or if ``quick`` the best of them; ValueError if one cannot be."""
 
     def tunes(rule: Rule) -> bool:
-        return bool(rule.ranges) and (not rule.tuned_on or Scenario.load(rule.tuned_on).digest() == scenario.digest())
+        return bool(rule.ranges) and (
+            not rule.tuned_on or Scenario.load(rule.tuned_on).digest() == scenario.digest()
+        )
 
-    rules = {name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)}
-    if wanted is not None and (fixed := sorted(name for name, rule in rules.items() if not tunes(rule))):
+    rules = {
+        name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)
+    }
+    if wanted is not None and (
+        fixed := sorted(name for name, rule in rules.items() if not tunes(rule))
+    ):
         raise ValueError(f"{', '.join(fixed)} has nothing to tune on scenario {scenario.name!r}")
-    return {name: rule for name, rule in rules.items() if tunes(rule) and (rule.worth_tuning or wanted or not quick)}
+    return {
+        name: rule
+        for name, rule in rules.items()
+        if tunes(rule) and (rule.worth_tuning or wanted or not quick)
+    }
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
@@ -197,7 +233,9 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
-        raise ValueError(f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out")
+        raise ValueError(
+            f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out"
+        )
     if ships and not shipped:
         said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
         raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
@@ -206,14 +244,22 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
     return target
 
 
-def _kept(chosen: Collection[str], scenario: Scenario, target: Path, budget: dict[str, int]) -> dict[str, Any]:
+def _kept(
+    chosen: Collection[str], scenario: Scenario, target: Path, budget: dict[str, int]
+) -> dict[str, Any]:
     """Return a file's entries for the rules that are not tuned now; ValueError if they were tuned with another budget."""
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
         return {}
-    kept = {name: values["rules"][name] for name in RULES if name in values["rules"] and name not in chosen}
+    kept = {
+        name: values["rules"][name]
+        for name in RULES
+        if name in values["rules"] and name not in chosen
+    }
     if kept and values.get("budget") != budget:
-        raise ValueError(f"{target} keeps {', '.join(kept)}, tuned with another budget: tune all rules, or give another --out")
+        raise ValueError(
+            f"{target} keeps {', '.join(kept)}, tuned with another budget: tune all rules, or give another --out"
+        )
     return kept
 
 
@@ -226,46 +272,105 @@ def log_of(name: str, target: Path) -> Path:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
-    parser.add_argument("--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune")
-    parser.add_argument("--rules", nargs="+", metavar="NAME", help="tune only these rules, and keep the others in the file")
+    parser.add_argument(
+        "--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune"
+    )
+    parser.add_argument(
+        "--rules",
+        nargs="+",
+        metavar="NAME",
+        help="tune only these rules, and keep the others in the file",
+    )
     which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
     quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
-    parser.add_argument("--quick", action="store_true", help=f"tune for about a minute: {quick}, and only {which}")
-    parser.add_argument("--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)")
-    parser.add_argument("--seeds", type=int, metavar="N", help="tuning seeds on which each trial plays (default: 32)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: TOML.tuned.json beside the TOML)")
-    parser.add_argument("--shipped", action="store_true", help="for maintainers: rewrite the parameters that ship for a preset")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="number of processes, one rule each (default: 1)")
+    parser.add_argument(
+        "--quick", action="store_true", help=f"tune for about a minute: {quick}, and only {which}"
+    )
+    parser.add_argument(
+        "--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)"
+    )
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        metavar="N",
+        help="tuning seeds on which each trial plays (default: 32)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="JSON file to write (default: TOML.tuned.json beside the TOML)",
+    )
+    parser.add_argument(
+        "--shipped",
+        action="store_true",
+        help="for maintainers: rewrite the parameters that ship for a preset",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="number of processes, one rule each (default: 1)",
+    )
     parsed = parser.parse_args(arguments)
-    budget = {what: getattr(parsed, what) or number for what, number in (QUICK if parsed.quick else BUDGET).items()}
+    budget = {
+        what: getattr(parsed, what) or number
+        for what, number in (QUICK if parsed.quick else BUDGET).items()
+    }
     for what in ("trials", "seeds", "jobs"):
         if getattr(parsed, what) is not None and getattr(parsed, what) < 1:
-            raise ValueError(f"{getattr(parsed, what)} {what} asked for, but there must be 1 or more")
+            raise ValueError(
+                f"{getattr(parsed, what)} {what} asked for, but there must be 1 or more"
+            )
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
-        raise ValueError(f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model")
+        raise ValueError(
+            f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model"
+        )
     target = _target(scenario, parsed.out, parsed.shipped)
     chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
     some = parsed.quick or parsed.rules is not None
-    _kept(chosen if some else RULES, scenario, target, budget)  # refuse before hours of playing, not after
-    command = ["python", "-m", "baselines.tune", "--scenario", parsed.scenario, *["--shipped"] * parsed.shipped]
+    _kept(
+        chosen if some else RULES, scenario, target, budget
+    )  # refuse before hours of playing, not after
+    command = [
+        "python",
+        "-m",
+        "baselines.tune",
+        "--scenario",
+        parsed.scenario,
+        *["--shipped"] * parsed.shipped,
+    ]
     command += [word for what, number in budget.items() for word in (f"--{what}", str(number))]
-    values = {"command": shlex.join(command), "scenario_digest": scenario.digest(), "budget": budget}
+    values = {
+        "command": shlex.join(command),
+        "scenario_digest": scenario.digest(),
+        "budget": budget,
+    }
     logs = {name: log_of(name, target) for name in chosen}
     with workers(parsed.jobs, None) as over, ExitStack() as held:
         for path in logs.values():
             held.enter_context(file_lock(path))
         found = {}
-        pieces = [(name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()]
+        pieces = [
+            (name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()
+        ]
         work = spread(over, lambda piece: search(*piece), pieces)
         for name, best in tqdm(work, "tuning", len(pieces), unit="rule", disable=None):
             found[name] = best
             result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds"
-            tqdm.write(f"{name}: {best['parameters']}, {result}, {'' if best['feasible'] else 'not '}feasible")
-        with folder_lock(target.parent, wait=True):  # read again: another process may have tuned another rule
+            tqdm.write(
+                f"{name}: {best['parameters']}, {result}, {'' if best['feasible'] else 'not '}feasible"
+            )
+        with folder_lock(
+            target.parent, wait=True
+        ):  # read again: another process may have tuned another rule
             rules = found | (_kept(found, scenario, target, budget) if some else {})
             values["rules"] = {name: rules[name] for name in RULES if name in rules}
-            replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+            replace_file(
+                target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
+            )
         for path in logs.values():
             path.unlink(missing_ok=True)
     print(target)

@@ -45,7 +45,9 @@ LIFE = 0.8  # used life at the change of edges [-]: that of ``self_tuning`` on `
 BATCH = 128  # environments that are played together, about
 STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)  # steps of the search over the parameters of a law
 START = -0.3  # log speed at which searches begin
-DIGITS = 3  # decimals of the parameters: their last bits, which depend on the processor, do not count
+DIGITS = (
+    3  # decimals of the parameters: their last bits, which depend on the processor, do not count
+)
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,13 @@ def regression(grid: Grid, names: Sequence[str]) -> Parameters:
     best_speeds = grid.best_log_speeds()
     centred = columns - columns.mean(axis=0)
     slopes = np.linalg.lstsq(centred, best_speeds - best_speeds.mean(), rcond=None)[0]
-    return shifted(grid, {slope_name(name): round(float(slope), DIGITS) for name, slope in zip(names, slopes, strict=True)})
+    return shifted(
+        grid,
+        {
+            slope_name(name): round(float(slope), DIGITS)
+            for name, slope in zip(names, slopes, strict=True)
+        },
+    )
 
 
 def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
@@ -185,13 +193,22 @@ class Plays:
         chunks = [order[first : first + size] for first in range(0, jobs, size)]
         returns = np.empty((len(laws), jobs))
         for chunk in tqdm(chunks, f"{title}, {split}", unit="batch", disable=None):
-            returns[:, chunk] = np.reshape(self._returns(laws, split, chunk), (len(laws), len(chunk)))
+            returns[:, chunk] = np.reshape(
+                self._returns(laws, split, chunk), (len(laws), len(chunk))
+            )
         return returns
 
     def _returns(self, laws: Sequence[Parameters], split: str, jobs: Sequence[int]) -> list[float]:
         """Return the returns of all laws on jobs, one law after the other, from the log or by playing them."""
         self.episodes += len(laws) * len(jobs)
-        batch = [MODEL_VERSION, RULES[NAME].version, self._family.digest(), split, list(jobs), list(laws)]
+        batch = [
+            MODEL_VERSION,
+            RULES[NAME].version,
+            self._family.digest(),
+            split,
+            list(jobs),
+            list(laws),
+        ]
         key = json.dumps(batch)
         if key not in self._known:
             known = [self._family.job(job, split) for job in jobs]
@@ -216,7 +233,9 @@ def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
     """Return the entry of the rule in a file of tuned parameters, by some training and validation jobs; print all candidates."""
     laws = candidates(plays.grid(jobs), family.shown)
     names = list(laws)
-    validation = dict(zip(names, plays.laws("candidates", list(laws.values()), "validation", jobs), strict=True))
+    validation = dict(
+        zip(names, plays.laws("candidates", list(laws.values()), "validation", jobs), strict=True)
+    )
     for name in names:
         _tell(name, laws[name], validation)
     best = max(names, key=lambda name: float(validation[name].mean()))
@@ -224,7 +243,9 @@ def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
         "version": RULES[NAME].version,
         "parameters": laws[best],
         "candidate": best,
-        "validation_returns": {name: round(float(returns.mean()), 1) for name, returns in validation.items()},
+        "validation_returns": {
+            name: round(float(returns.mean()), 1) for name, returns in validation.items()
+        },
         "jobs": jobs,
         "episodes_played": plays.episodes,
     }
@@ -236,22 +257,35 @@ def _tell(name: str, law: Parameters, validation: Mapping[str, Array]) -> None:
     leads = returns - validation["constant"]
     means = Bootstrap(len(leads)).means(leads[np.newaxis], "")
     lead = Estimate.of(leads.mean(), means)
-    lead_text = f"{lead.value:.0f} ({lead.low:.0f} to {lead.high:.0f}), median {np.median(leads):.0f}"
-    tqdm.write(f"{name}: {returns.mean():.0f} s on validation jobs, over the constant {lead_text} s; {law}")
+    lead_text = (
+        f"{lead.value:.0f} ({lead.low:.0f} to {lead.high:.0f}), median {np.median(leads):.0f}"
+    )
+    tqdm.write(
+        f"{name}: {returns.mean():.0f} s on validation jobs, over the constant {lead_text} s; {law}"
+    )
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m baselines.tune_contextual", **described(__doc__))
+    parser = argparse.ArgumentParser(
+        prog="python -m baselines.tune_contextual", **described(__doc__)
+    )
     parser.add_argument("family", help="family, or its TOML file")
     which = "training jobs, and validation jobs, that are played (default: %(default)s)"
     parser.add_argument("--jobs", type=int, default=JOBS, metavar="N", help=which)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON file to write (default: the family's, which ships)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="JSON file to write (default: the family's, which ships)",
+    )
     parsed = parser.parse_args(arguments)
     family = Family.load(parsed.family)
     if not MIN_JOBS <= parsed.jobs <= family.held_out_jobs:
-        raise ValueError(f"--jobs is {parsed.jobs}, but must be {MIN_JOBS} to {family.held_out_jobs}")
+        raise ValueError(
+            f"--jobs is {parsed.jobs}, but must be {MIN_JOBS} to {family.held_out_jobs}"
+        )
     target = parsed.out or tuned.family_path(family)
     log = log_of(NAME, target)
     words = ["python", "-m", "baselines.tune_contextual", parsed.family, "--jobs", str(parsed.jobs)]
@@ -264,7 +298,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if values.get("family_digest") != digest:
                 values = {"command": found["command"], "family_digest": digest, "rules": {}}
             values["rules"][NAME] = found
-            replace_file(target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8"))
+            replace_file(
+                target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
+            )
         log.unlink(missing_ok=True)
     print(target)
     return 0

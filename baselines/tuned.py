@@ -41,7 +41,9 @@ def read(file: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise ValueError(f"{file} holds no tuned parameters ({error!r}): delete it and tune the rules again") from error
+        raise ValueError(
+            f"{file} holds no tuned parameters ({error!r}): delete it and tune the rules again"
+        ) from error
     return values
 
 
@@ -58,7 +60,11 @@ def contents(scenario: Scenario) -> dict[str, Any]:
 def on_family(family: Family, name: str) -> Parameters:
     """Return the parameters that a rule has on the jobs of this family alone."""
     values = read(family_path(family))
-    own = values["rules"].get(name, {}) if values.get("family_digest") == family_digest(family) else {}
+    own = (
+        values["rules"].get(name, {})
+        if values.get("family_digest") == family_digest(family)
+        else {}
+    )
     return dict(own.get("parameters", {}))
 
 
@@ -85,4 +91,6 @@ def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]
         found = "was tuned in other parameters"
     else:
         return dict(known["parameters"]), f"{values['command']} --rules {name}"
-    raise NotTuned(f"{name} {found} for scenario {home.name!r}: run `{command(home)} --rules {name}`")
+    raise NotTuned(
+        f"{name} {found} for scenario {home.name!r}: run `{command(home)} --rules {name}`"
+    )

@@ -33,18 +33,28 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")  # the paper's rules
 ECONOMIC_OPTIMUM = "economic_optimum"  # name of the point of least cost within force, power and the machine's ranges
 
-Cut = tuple[ArrayLike, ArrayLike, ArrayLike]  # depth of cut [mm], relative hardness [-] and flank wear [mm]
+Cut = tuple[
+    ArrayLike, ArrayLike, ArrayLike
+]  # depth of cut [mm], relative hardness [-] and flank wear [mm]
 Lines = tuple[Line, ...]
-_CUTTING_SPEED, _FEED = PowerLaw(coefficient=1.0, cutting_speed=1.0), PowerLaw(coefficient=1.0, feed=1.0)
+_CUTTING_SPEED, _FEED = (
+    PowerLaw(coefficient=1.0, cutting_speed=1.0),
+    PowerLaw(coefficient=1.0, feed=1.0),
+)
 
 MIN_DEPTH = 1e-6  # depth of cut in place of 0 [mm]
-FURTHER = {"P": "radial_force", "S": "roughness"}  # further limits that replace a rule's first limit if they are tighter
+FURTHER = {
+    "P": "radial_force",
+    "S": "roughness",
+}  # further limits that replace a rule's first limit if they are tighter
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
     """Return the two limits of a rule; ValueError if it is unknown, or with these laws its limits fix no point."""
     if rule not in TWO_LIMITS:
-        raise ValueError(f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}")
+        raise ValueError(
+            f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}"
+        )
     found = {
         "P": process.thrust_force,
         "N": process.power,
@@ -55,12 +65,18 @@ def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
     first = found[rule[0]]
     second = process.life_limit(first) if rule[1] == "T" else found[rule[1]]
     if first.parallel(second):
-        raise ValueError(f"[{rule}] fixes no point: cutting speed and feed enter its two limits in the same proportion")
+        raise ValueError(
+            f"[{rule}] fixes no point: cutting speed and feed enter its two limits in the same proportion"
+        )
     return first, second
 
 
 def set_point(
-    rule: str, process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike = 1.0, wear: ArrayLike | None = None
+    rule: str,
+    process: Process,
+    depth_of_cut: ArrayLike,
+    hardness: ArrayLike = 1.0,
+    wear: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
     """Return the cutting speed [m/min] and feed [mm/rev] of a rule, of the shape to which the arguments broadcast.
 
@@ -68,7 +84,11 @@ def set_point(
     point. Depth of cut [mm] is 0 or more, relative hardness [-] above 0. The limits hold at the flank wear [mm], above 0; by
     default it is the mean over the edge's life.
     """
-    cut = (np.maximum(depth_of_cut, MIN_DEPTH), hardness, process.mean_wear if wear is None else wear)
+    cut = (
+        np.maximum(depth_of_cut, MIN_DEPTH),
+        hardness,
+        process.mean_wear if wear is None else wear,
+    )
     held = _held(process, cut)
     if rule == ECONOMIC_OPTIMUM:
         log_speed, log_feed, _ = _cheapest(process, held, cut)
@@ -80,11 +100,16 @@ def set_point(
             first = Line(0.0, 1.0, np.minimum(first.room / first.feed, other.room / other.feed))
         log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
     log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
-    return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(exp(log_feed), *process.feed_range)
+    return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(
+        exp(log_feed), *process.feed_range
+    )
 
 
 def _held(process: Process, cut: Cut) -> Lines:
-    return tuple(limit.line(*cut) for limit in (process.thrust_force, process.power, *process.further.values()))
+    return tuple(
+        limit.line(*cut)
+        for limit in (process.thrust_force, process.power, *process.further.values())
+    )
 
 
 def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> NDArray[np.str_]:
@@ -95,7 +120,9 @@ def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> N
     """
     cut = (depth_of_cut, hardness, process.mean_wear)
     _, _, pair = _cheapest(process, _held(process, cut), cut)
-    return np.array([*(" ".join(sorted(names, key="NVT".find)) for names, _, _ in _pairs(process)), ""])[pair]
+    return np.array(
+        [*(" ".join(sorted(names, key="NVT".find)) for names, _, _ in _pairs(process)), ""]
+    )[pair]
 
 
 def _pairs(process: Process) -> list[tuple[tuple[str, str], Limit, Limit]]:
@@ -104,13 +131,22 @@ def _pairs(process: Process) -> list[tuple[tuple[str, str], Limit, Limit]]:
     bounds = {"P_z": process.thrust_force, "N": process.power}
     bounds |= {"V_min": Limit(_CUTTING_SPEED, slowest), "V": Limit(_CUTTING_SPEED, fastest)}
     bounds |= {"S_min": Limit(_FEED, least), "S": Limit(_FEED, most)}
-    bounds |= {{"radial_force": "P_y", "torque": "M", "roughness": "R_z"}[name]: each for name, each in process.further.items()}
+    bounds |= {
+        {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}[name]: each
+        for name, each in process.further.items()
+    }
     lives = [(bound, ("T", process.life_limit(bound[1]))) for bound in bounds.items()]
     pairs = [*combinations(bounds.items(), 2), *lives]
-    return [((name, another), one, other) for (name, one), (another, other) in pairs if not one.parallel(other)]
+    return [
+        ((name, another), one, other)
+        for (name, one), (another, other) in pairs
+        if not one.parallel(other)
+    ]
 
 
-def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
+def _within_ranges(
+    process: Process, lines: Lines, log_speed: Array, log_feed: Array
+) -> tuple[Array, Array]:
     """Apply step 1 of the module's description."""
     feed = np.clip(log_feed, *log(process.feed_range))
     at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in lines))
@@ -120,9 +156,13 @@ def _within_ranges(process: Process, lines: Lines, log_speed: Array, log_feed: A
     return speed, np.clip(np.where(speed == log_speed, feed, at_speed), *log(process.feed_range))
 
 
-def _within_force_and_power(process: Process, held: Lines, log_speed: Array, log_feed: Array) -> tuple[Array, Array]:
+def _within_force_and_power(
+    process: Process, held: Lines, log_speed: Array, log_feed: Array
+) -> tuple[Array, Array]:
     """Apply step 2 of the module's description."""
-    wanted = np.minimum(log_feed, reduce(np.minimum, (line.highest_feed(log_speed) for line in held)))
+    wanted = np.minimum(
+        log_feed, reduce(np.minimum, (line.highest_feed(log_speed) for line in held))
+    )
     feed = np.maximum(wanted, log(process.feed_range[0]))
     at_feed = reduce(np.minimum, (line.highest_cutting_speed(feed) for line in held))
     slower = np.maximum(np.minimum(log_speed, at_feed), log(process.cutting_speed_range[0]))
@@ -137,17 +177,36 @@ def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, ND
     """
     slowest, fastest = log(process.cutting_speed_range)
     least, most = log(process.feed_range)
-    points = [one.line(*cut).crossing(other.line(*cut)) for _, one, other in _pairs(process)] + [(fastest, least)]
-    shape = np.broadcast_shapes(*(line.room.shape for line in held), *(np.shape(value) for value in cut))
-    speeds, feeds = (np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1))
-    feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE) & (feeds >= least - ALIKE) & (feeds <= most + ALIKE)
+    points = [one.line(*cut).crossing(other.line(*cut)) for _, one, other in _pairs(process)] + [
+        (fastest, least)
+    ]
+    shape = np.broadcast_shapes(
+        *(line.room.shape for line in held), *(np.shape(value) for value in cut)
+    )
+    speeds, feeds = (
+        np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1)
+    )
+    feasible = (
+        (speeds >= slowest - ALIKE)
+        & (speeds <= fastest + ALIKE)
+        & (feeds >= least - ALIKE)
+        & (feeds <= most + ALIKE)
+    )
     for line in held:
         feasible &= line.cutting_speed * speeds + line.feed * feeds <= line.room + ALIKE
-    costs = process.log_cost(np.clip(speeds, slowest, fastest), np.clip(feeds, least, most), cut[0], cut[1])
+    costs = process.log_cost(
+        np.clip(speeds, slowest, fastest), np.clip(feeds, least, most), cut[0], cut[1]
+    )
     costs = np.where(feasible, costs, np.inf)
-    costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)  # the last resort beats infeasible points only
+    costs[-1] = np.minimum(
+        costs[-1], np.finfo(np.float64).max
+    )  # the last resort beats infeasible points only
     best = np.argmin(costs, axis=0)[np.newaxis]
-    return np.take_along_axis(speeds, best, axis=0)[0], np.take_along_axis(feeds, best, axis=0)[0], best[0]
+    return (
+        np.take_along_axis(speeds, best, axis=0)[0],
+        np.take_along_axis(feeds, best, axis=0)[0],
+        best[0],
+    )
 
 
 class AdaptiveRule(Policy):
@@ -157,7 +216,9 @@ class AdaptiveRule(Policy):
     limits of force, power and torque [-]; ``smoothing``: weight of the newest ratio in a scale [-].
     """
 
-    def __init__(self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float) -> None:
+    def __init__(
+        self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float
+    ) -> None:
         self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
         self._margin, self._scales = margin, Scales(num_envs, smoothing)
 
@@ -168,12 +229,22 @@ class AdaptiveRule(Policy):
         reading, depth = read(observations, self._scenario), self._scenario.workpiece.depth_of_cut
         setting = reading.cutting_speed, reading.feed, depth
         # A fresh edge counts with the wear after one control interval: without wear, no limit would apply.
-        wear = np.maximum(reading.nominal_wear, self._process.wear(*setting, time=self._scenario.control.interval / 60.0))
-        force, power = (limit.law(*setting, wear=wear) for limit in (self._process.thrust_force, self._process.power))
+        wear = np.maximum(
+            reading.nominal_wear,
+            self._process.wear(*setting, time=self._scenario.control.interval / 60.0),
+        )
+        force, power = (
+            limit.law(*setting, wear=wear)
+            for limit in (self._process.thrust_force, self._process.power)
+        )
         measured = reading.cutting & (reading.power > 0)
         scales = self._scales.follow(measured, reading.thrust_force / force, reading.power / power)
         used = (scale / self._margin for scale in scales)
-        return towards(reading, self._scenario, *set_point(self._rule, self._process.rescaled(*used), depth, wear=wear))
+        return towards(
+            reading,
+            self._scenario,
+            *set_point(self._rule, self._process.rescaled(*used), depth, wear=wear),
+        )
 
 
 def _plays(rule: str, scenario: Scenario) -> bool:
@@ -185,7 +256,9 @@ def _plays(rule: str, scenario: Scenario) -> bool:
 
 
 def _fixed(scenario: Scenario, num_envs: int, rule: str) -> FixedParameters:
-    return FixedParameters(scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut))
+    return FixedParameters(
+        scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
+    )
 
 
 _RESCALED = "in real time, on models rescaled by measured force and power, with a margin"

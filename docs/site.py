@@ -38,7 +38,9 @@ def on_page_content(content: str, **_: Any) -> str:
 def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
     leaderboards = read_leaderboards(ROOT / "leaderboard" / "results", {})
-    others = [_specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"]
+    others = [
+        _specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"
+    ]
     return {
         "index.md": _from_root("README.md"),
         "contributing.md": _from_root("CONTRIBUTING.md"),
@@ -56,9 +58,15 @@ def _from_root(name: str) -> str:
     """Return a page of the repository's root with links relative to docs; links to files outside the site become text."""
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\(docs/([^)]*)\)", r"](\1)", text)
-    for root, site in {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md", "README.md": "index.md"}.items():
+    for root, site in {
+        "CONTRIBUTING.md": "contributing.md",
+        "CHANGELOG.md": "changelog.md",
+        "README.md": "index.md",
+    }.items():
         text = text.replace(f"]({root})", f"]({site})")
-    return re.sub(r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)", r"\1", text)
+    return re.sub(
+        r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)", r"\1", text
+    )
 
 
 def _specification(env_id: str, level: int = 1) -> str:
@@ -73,9 +81,16 @@ def _specification(env_id: str, level: int = 1) -> str:
         text += f"\n\n## Table of info\n\n| Name | Unit | Meaning |\n|---|---|---|\n{rows}"
     elif len(names) != len(layout(turning_env.Scenario())):
         entries = [next(each for each in OBSERVATION if each.name == name) for name in names]
-        rows = "\n".join(f"| {i} | {e.name} | {e.meaning} | {e.low:g} to {e.high:g} |" for i, e in enumerate(entries))
+        rows = "\n".join(
+            f"| {i} | {e.name} | {e.meaning} | {e.low:g} to {e.high:g} |"
+            for i, e in enumerate(entries)
+        )
         text += f"\n\n## Table of the observation\n\n| Index | Entry | Meaning | Range |\n|---|---|---|---|\n{rows}"
-    return f"{'#' * level} {env_id}\n\n" + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE) + "\n"
+    return (
+        f"{'#' * level} {env_id}\n\n"
+        + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
+        + "\n"
+    )
 
 
 def _scenario() -> Iterator[str]:
@@ -83,7 +98,10 @@ def _scenario() -> Iterator[str]:
     yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file states its differences from"
     yield 'the defaults or, with `base = "PRESET"`, from a preset. Unknown keys are refused.'
     yield "`python -m turning_env schema` prints the tables below as JSON.\n"
-    schema, sections = turning_env.Scenario.model_json_schema(), griffe.load("turning_env.scenario.sections")
+    schema, sections = (
+        turning_env.Scenario.model_json_schema(),
+        griffe.load("turning_env.scenario.sections"),
+    )
     for key, value in schema["properties"].items():
         if "$ref" not in value:
             continue
@@ -94,14 +112,20 @@ def _scenario() -> Iterator[str]:
         for name, field in section["properties"].items():
             default = value.get("default", {}).get(name, field.get("default"))
             docstring = source[name].docstring  # describes a field without a quantity
-            meaning = field.get("description") or (" ".join(docstring.value.split()) if docstring else "")
+            meaning = field.get("description") or (
+                " ".join(docstring.value.split()) if docstring else ""
+            )
             yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(meaning, False)} |"
         yield ""
     yield "## Presets\n\n| Name | Description |\n|---|---|"
     for preset in turning_env.presets():
-        text = (Path(turning_env.__path__[0]) / "scenario" / "presets" / f"{preset}.toml").read_text("utf-8")
+        text = (
+            Path(turning_env.__path__[0]) / "scenario" / "presets" / f"{preset}.toml"
+        ).read_text("utf-8")
         tomllib.loads(text)
-        first = " ".join(line.removeprefix("#").strip() for line in re.match(r"(?:#.*\n)*", text)[0].splitlines())  # type: ignore[index]
+        first = " ".join(
+            line.removeprefix("#").strip() for line in re.match(r"(?:#.*\n)*", text)[0].splitlines()
+        )  # type: ignore[index]
         yield f"| `{preset}` | {html.escape(first, False)} |"
 
 
@@ -114,7 +138,11 @@ def _shown(default: Any) -> str:
 def _allowed(field: dict[str, Any]) -> str:
     if "enum" in field:
         return ", ".join(f"`{value}`" for value in field["enum"])
-    return f"{field['minimum']:g} to {field['maximum']:g}" if "minimum" in field and "maximum" in field else ""
+    return (
+        f"{field['minimum']:g} to {field['maximum']:g}"
+        if "minimum" in field and "maximum" in field
+        else ""
+    )
 
 
 def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:

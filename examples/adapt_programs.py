@@ -20,7 +20,9 @@ from turning_nc.stock import read_stock, remove
 from turning_nc.words import read_program_file
 
 FOLDER = Path(__file__).parent / "programs"
-COLLECTION = tomllib.loads((FOLDER / "collection.toml").read_text("utf-8"))  # stock and tools of each program
+COLLECTION = tomllib.loads(
+    (FOLDER / "collection.toml").read_text("utf-8")
+)  # stock and tools of each program
 SCENARIO = Scenario.load("rough_turning")
 
 
@@ -40,11 +42,20 @@ def situation_of(name: str, machine: Machine | None = None) -> Situation:
 def main() -> int:
     """Print a line per program, and the totals."""
     parser = argparse.ArgumentParser(prog="python -m examples.adapt_programs", **described(__doc__))
-    parser.add_argument("--adapt", choices=("words", "blocks"), default="words", help="default: %(default)s")
-    parser.add_argument("--max-feed", type=number_within(0.01, 10.0, "mm/rev"), default=10.0, help="highest feed [mm/rev]")
+    parser.add_argument(
+        "--adapt", choices=("words", "blocks"), default="words", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--max-feed",
+        type=number_within(0.01, 10.0, "mm/rev"),
+        default=10.0,
+        help="highest feed [mm/rev]",
+    )
     options = parser.parse_args()
     totals = [0.0, 0.0]
-    print(f"{'program':<24}{'before':>9}{'after':>9}{'saved':>10}{'load before':>13}{'after':>7}{'life':>7}")
+    print(
+        f"{'program':<24}{'before':>9}{'after':>9}{'saved':>10}{'load before':>13}{'after':>7}{'life':>7}"
+    )
     for name in COLLECTION:
         situation = situation_of(name, Machine(max_feed=options.max_feed))
         before = summary(situation, play(situation, change_wear(situation)))
@@ -58,7 +69,9 @@ def main() -> int:
         if before.max_load <= 1.0:
             totals = [totals[0] + before.time, totals[1] + after.time]
     saved = 100 * (1 - totals[1] / totals[0])
-    print(f"all that kept the limits before: {totals[0]:.0f} s before, {totals[1]:.0f} s after: {saved:.1f} % saved")
+    print(
+        f"all that kept the limits before: {totals[0]:.0f} s before, {totals[1]:.0f} s after: {saved:.1f} % saved"
+    )
     return 0
 
 

@@ -54,7 +54,9 @@ def write(folder: Path, metadata: Mapping[str, Any], checksum: str) -> None:
     """Write both cards of a data set into its folder, from Minari's metadata and the checksum of its arrays."""
     name = metadata["dataset_id"]
     rows = "".join(f"* **{field}.** {text}\n" for field, text in RAI.items())
-    (folder / "README.md").write_text(CARD.format(name=name, checksum=checksum, **metadata) + rows, "utf-8")
+    (folder / "README.md").write_text(
+        CARD.format(name=name, checksum=checksum, **metadata) + rows, "utf-8"
+    )
     formats = {".hdf5": "application/x-hdf5", ".json": "application/json"}
     files = [
         {

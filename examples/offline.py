@@ -39,7 +39,9 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
 from turning_env.scoring.seeds import TUNING_START
 
-AGENT = Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
+AGENT = (
+    Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
+)
 FIRST_SEED = 999_000_000  # seeds of the last training seed, which is kept for data sets
 MAX_EPISODES = TUNING_START - FIRST_SEED
 NUM_ENVS = 64  # episodes played side by side
@@ -82,16 +84,22 @@ def policy(name: str, env_id: str = ENV_ID, seeds: Sequence[int] = ()) -> Policy
 
     if env_id == FAMILY_ID:
         family = Family.load("shop")
-        return catalogue.spec(name, [family.job(seed).scenario for seed in seeds], Scenario.load(family.base)).make
+        return catalogue.spec(
+            name, [family.job(seed).scenario for seed in seeds], Scenario.load(family.base)
+        ).make
     return catalogue.spec(name, Scenario.load(IDS[env_id])).make
 
 
-def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id: str = ENV_ID) -> list[EpisodeBuffer]:
+def record(
+    make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id: str = ENV_ID
+) -> list[EpisodeBuffer]:
     """Play one episode per seed, all side by side: observations (T + 1, entries), actions (T, size), rewards [s] and ends (T).
 
     The noise of an episode depends on its seed alone.
     """
-    envs = vector_env("shop" if env_id == FAMILY_ID else IDS[env_id], len(seeds), AutoresetMode.NEXT_STEP)
+    envs = vector_env(
+        "shop" if env_id == FAMILY_ID else IDS[env_id], len(seeds), AutoresetMode.NEXT_STEP
+    )
     own = len(layout(envs.scenario))  # a controller does not see the context
     controller = make(len(seeds))
     generators = [np.random.default_rng(seed) for seed in seeds]
@@ -102,7 +110,9 @@ def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id
     while not lengths.all():
         actions = controller.act(observations[:, :own])
         if noise:
-            actions = actions + np.stack([each.normal(0.0, noise, actions.shape[1]) for each in generators])
+            actions = actions + np.stack(
+                [each.normal(0.0, noise, actions.shape[1]) for each in generators]
+            )
         actions = actions.clip(-1.0, 1.0).astype(np.float32)
         observations, rewards, terminated, truncated, _ = envs.step(actions)
         seen.append(observations)
@@ -110,9 +120,19 @@ def record(make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id
         ended = terminated | truncated
         lengths[ended & (lengths == 0)] = len(steps)
         controller.reset(ended)
-    entries, columns = np.stack(seen, axis=1), [np.stack(column, axis=1) for column in zip(*steps, strict=True)]
+    entries, columns = (
+        np.stack(seen, axis=1),
+        [np.stack(column, axis=1) for column in zip(*steps, strict=True)],
+    )
     return [
-        EpisodeBuffer(None, seed, None, entries[index, : length + 1], *(column[index, :length] for column in columns), {})
+        EpisodeBuffer(
+            None,
+            seed,
+            None,
+            entries[index, : length + 1],
+            *(column[index, :length] for column in columns),
+            {},
+        )
         for index, (seed, length) in enumerate(zip(seeds, lengths, strict=True))
     ]
 
@@ -125,7 +145,9 @@ def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path
     policies, noise = acting(behaviour)
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
-        for number, each in enumerate(policies):  # by turns: seed i is played by policy i modulo their number
+        for number, each in enumerate(
+            policies
+        ):  # by turns: seed i is played by policy i modulo their number
             seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(policies))
             for start in range(0, len(seeds), NUM_ENVS):
                 some = seeds[start : start + NUM_ENVS]
@@ -143,9 +165,13 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, e
     """Have Minari write a data set below ``root``, with a description and its cards."""
     source = Family.load("shop") if env_id == FAMILY_ID else Scenario.load(IDS[env_id])
     policies, noise = acting(behaviour)
-    folder = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})  # Minari takes the folder from nowhere else
+    folder = patch.dict(
+        os.environ, {"MINARI_DATASETS_PATH": str(root)}
+    )  # Minari takes the folder from nowhere else
     with folder, warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*(author|code_permalink)")  # Minari would have a mail address
+        warnings.filterwarnings(
+            "ignore", message=".*(author|code_permalink)"
+        )  # Minari would have a mail address
         dataset = minari.create_dataset_from_buffers(
             name,
             buffers,
@@ -187,7 +213,13 @@ def checksum(dataset: minari.MinariDataset) -> str:
     """Return the SHA-256 of all arrays, episode by episode: observations, actions, rewards, terminations, truncations."""
     digest = hashlib.sha256()
     for episode in dataset.iterate_episodes():
-        for array in (episode.observations, episode.actions, episode.rewards, episode.terminations, episode.truncations):
+        for array in (
+            episode.observations,
+            episode.actions,
+            episode.rewards,
+            episode.terminations,
+            episode.truncations,
+        ):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
@@ -198,22 +230,49 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
     making = commands.add_parser("make", help="play, write data sets, print their checksums")
-    making.add_argument("--env", choices=[*IDS, FAMILY_ID], default=ENV_ID, help="environment id (default: %(default)s)")
-    making.add_argument("--behaviours", nargs="+", metavar="NAME", default=CANONICAL, help=f"default: {' '.join(CANONICAL)}")
-    making.add_argument("--episodes", type=at_least(1), default=200, help="of each (default: %(default)s)")
-    making.add_argument("--out", type=Path, default=Path("runs/datasets"), help="folder of data sets (default: %(default)s)")
+    making.add_argument(
+        "--env",
+        choices=[*IDS, FAMILY_ID],
+        default=ENV_ID,
+        help="environment id (default: %(default)s)",
+    )
+    making.add_argument(
+        "--behaviours",
+        nargs="+",
+        metavar="NAME",
+        default=CANONICAL,
+        help=f"default: {' '.join(CANONICAL)}",
+    )
+    making.add_argument(
+        "--episodes", type=at_least(1), default=200, help="of each (default: %(default)s)"
+    )
+    making.add_argument(
+        "--out",
+        type=Path,
+        default=Path("runs/datasets"),
+        help="folder of data sets (default: %(default)s)",
+    )
     options = parser.parse_args(arguments)
     if options.episodes > MAX_EPISODES:
         parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
-    if options.env == ENV_ID and (unknown := [each for each in options.behaviours if each not in BEHAVIOURS]):
+    if options.env == ENV_ID and (
+        unknown := [each for each in options.behaviours if each not in BEHAVIOURS]
+    ):
         parser.error(f"--behaviours has {unknown[0]!r}, but must be of {', '.join(BEHAVIOURS)}")
     for behaviour in options.behaviours:
         folder = make(behaviour, options.episodes, options.out, options.env)
         dataset = load(folder)
         marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
-        returns = {name: [each["return"] for each in marks if each["behaviour"] == name] for name in acting(behaviour)[0]}
-        means = ", ".join(f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values)
-        print(f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}")
+        returns = {
+            name: [each["return"] for each in marks if each["behaviour"] == name]
+            for name in acting(behaviour)[0]
+        }
+        means = ", ".join(
+            f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values
+        )
+        print(
+            f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}"
+        )
         print(f"    sha256 {checksum(dataset)}", flush=True)
     return 0
 

@@ -47,11 +47,19 @@ def learner(algorithm: str, steps: int, observations: Any) -> Any:
     encoder = VectorEncoderFactory([64, 64])
     adam = AdamFactory(lr_scheduler_factory=CosineAnnealingLRFactory(steps))
     if algorithm == "bc":
-        config: Any = BCConfig(learning_rate=1e-3, optim_factory=adam, encoder_factory=encoder, observation_scaler=scaler)
+        config: Any = BCConfig(
+            learning_rate=1e-3,
+            optim_factory=adam,
+            encoder_factory=encoder,
+            observation_scaler=scaler,
+        )
         return config.create()
     kind, own = {
         "iql": (IQLConfig, {"value_encoder_factory": encoder}),
-        "cql": (CQLConfig, {"n_action_samples": 4, "initial_temperature": 0.1, "temp_learning_rate": 1e-3}),
+        "cql": (
+            CQLConfig,
+            {"n_action_samples": 4, "initial_temperature": 0.1, "temp_learning_rate": 1e-3},
+        ),
         "td3_bc": (TD3PlusBCConfig, {}),
     }[algorithm]
     config = kind(
@@ -73,31 +81,52 @@ def batches(dataset: minari.MinariDataset, steps: int, seed: int) -> Iterator[Tr
     episodes = list(dataset.iterate_episodes())
 
     def joined(arrays: Iterator[Any]) -> Any:
-        return np.concatenate([np.asarray(array, np.float32).reshape(len(array), -1) for array in arrays])
+        return np.concatenate(
+            [np.asarray(array, np.float32).reshape(len(array), -1) for array in arrays]
+        )
 
-    observations, actions = joined(each.observations[:-1] for each in episodes), joined(each.actions for each in episodes)
+    observations, actions = (
+        joined(each.observations[:-1] for each in episodes),
+        joined(each.actions for each in episodes),
+    )
     following = joined(each.observations[1:] for each in episodes)
-    rewards, terminals = joined(each.rewards for each in episodes), joined(each.terminations for each in episodes)
+    rewards, terminals = (
+        joined(each.rewards for each in episodes),
+        joined(each.terminations for each in episodes),
+    )
     generator = np.random.default_rng(seed)
     for _ in range(steps):
         at = generator.integers(len(actions), size=BATCH)
         last = np.minimum(at + 1, len(actions) - 1)
         yield TransitionMiniBatch(
-            observations[at], actions[at], rewards[at], following[at], actions[last], terminals[at], np.ones_like(rewards[at]), []
+            observations[at],
+            actions[at],
+            rewards[at],
+            following[at],
+            actions[last],
+            terminals[at],
+            np.ones_like(rewards[at]),
+            [],
         )
 
 
 def train(dataset: minari.MinariDataset, algorithm: str, steps: int, seed: int) -> Any:
     """Return a trained learner."""
     d3rlpy.seed(seed)
-    made = learner(algorithm, steps, np.concatenate([each.observations for each in dataset.iterate_episodes()]))
+    made = learner(
+        algorithm, steps, np.concatenate([each.observations for each in dataset.iterate_episodes()])
+    )
     made.create_impl((dataset.observation_space.shape[0],), dataset.action_space.shape[0])
-    for batch in tqdm(batches(dataset, steps, seed), total=steps, desc=f"{algorithm} {seed}", disable=None):
+    for batch in tqdm(
+        batches(dataset, steps, seed), total=steps, desc=f"{algorithm} {seed}", disable=None
+    ):
         made.update(batch)
     return made
 
 
-def played(folder: Path, algorithm: str, seed: int, steps: int, seeds: int | None, out: Path) -> dict[str, Any]:
+def played(
+    folder: Path, algorithm: str, seed: int, steps: int, seeds: int | None, out: Path
+) -> dict[str, Any]:
     """Return the held-out episodes of a run, of ``FIELDS``: from its file, or after training and scoring it."""
     file = out / f"{folder.name}-{algorithm}-{steps}-seed{seed}-on{seeds or 'all'}.npz"
     if not file.exists():
@@ -112,7 +141,10 @@ def played(folder: Path, algorithm: str, seed: int, steps: int, seeds: int | Non
 def row(folder: Path, algorithm: str, runs: Sequence[dict[str, Any]]) -> str:
     """Return a row of the table: the interval is over training seeds and held-out seeds."""
     returns, severe, engaged = (np.stack([each[name] for each in runs]) for name in FIELDS)
-    mean = Estimate.of(float(returns.mean()), Bootstrap(returns.shape[1]).means(returns, f"{folder.name}-{algorithm}"))
+    mean = Estimate.of(
+        float(returns.mean()),
+        Bootstrap(returns.shape[1]).means(returns, f"{folder.name}-{algorithm}"),
+    )
     share = severe_share(severe.ravel(), engaged.ravel())
     by_seed = ", ".join(f"{each:.0f}" for each in returns.mean(axis=1))
     name = folder.name.removeprefix("rough_turning-").removesuffix("-v0")
@@ -123,12 +155,35 @@ def row(folder: Path, algorithm: str, runs: Sequence[dict[str, Any]]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.offline_rl", **described(__doc__))
-    parser.add_argument("datasets", nargs="*", type=Path, help="folders that examples.offline has made (default: record one)")
-    parser.add_argument("--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS, help="default: all")
-    parser.add_argument("--steps", type=at_least(1), default=STEPS, help="gradient steps (default: %(default)s)")
-    parser.add_argument("--training-seeds", type=at_least(1), default=2, help="number of them (default: %(default)s)")
-    parser.add_argument("--seeds", type=at_least(2), help="number of held-out seeds (default: all of the leaderboard)")
-    parser.add_argument("--out", type=Path, default=Path("runs/offline"), help="folder of runs (default: %(default)s)")
+    parser.add_argument(
+        "datasets",
+        nargs="*",
+        type=Path,
+        help="folders that examples.offline has made (default: record one)",
+    )
+    parser.add_argument(
+        "--algorithms", nargs="+", choices=ALGORITHMS, default=ALGORITHMS, help="default: all"
+    )
+    parser.add_argument(
+        "--steps", type=at_least(1), default=STEPS, help="gradient steps (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--training-seeds",
+        type=at_least(1),
+        default=2,
+        help="number of them (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seeds",
+        type=at_least(2),
+        help="number of held-out seeds (default: all of the leaderboard)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("runs/offline"),
+        help="folder of runs (default: %(default)s)",
+    )
     options = parser.parse_args(arguments)
     rows = [
         "| Data set | Algorithm | Return per edge [s] | Of each training seed [s] | Over a limit by > 5 % |",

@@ -34,9 +34,15 @@ def repository(path: Path) -> Repository:
     """
     if path.suffix == ".md" and (agents := sorted(path.parent.glob(f"{path.stem}-seed*.onnx"))):
         files = {"README.md": path} | {each.name: each for each in agents}
-        return Repository("-".join((*path.resolve().parts[-3:-1], path.stem)), "model", files)  # id, scenario, name
+        return Repository(
+            "-".join((*path.resolve().parts[-3:-1], path.stem)), "model", files
+        )  # id, scenario, name
     if (path / "croissant.json").is_file():
-        files = {each.relative_to(path).as_posix(): each for each in sorted(path.rglob("*")) if each.is_file()}
+        files = {
+            each.relative_to(path).as_posix(): each
+            for each in sorted(path.rglob("*"))
+            if each.is_file()
+        }
         return Repository(path.resolve().name, "dataset", files)
     raise ValueError(f"{path} is neither the card of an agent nor the folder of a data set")
 
@@ -46,7 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print or upload; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m examples.publish", **described(__doc__))
     parser.add_argument("owner", metavar="OWNER", help="user or organisation")
-    parser.add_argument("paths", nargs="+", type=Path, metavar="PATH", help="cards of agents, folders of data sets")
+    parser.add_argument(
+        "paths", nargs="+", type=Path, metavar="PATH", help="cards of agents, folders of data sets"
+    )
     parser.add_argument("--upload", action="store_true", help="create the repositories and upload")
     options = parser.parse_args(arguments)
     for name, kind, files in list(map(repository, options.paths)):

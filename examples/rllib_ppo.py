@@ -23,7 +23,9 @@ ROLLOUT = 8192  # steps of all environments between updates
 
 def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
     """Return the environments of a worker; its Gymnasium imports this package, which registers the ids."""
-    envs = gymnasium.make_vec(f"turning_env:{config['id']}", config["num_envs"], vectorization_mode="vector_entry_point")
+    envs = gymnasium.make_vec(
+        f"turning_env:{config['id']}", config["num_envs"], vectorization_mode="vector_entry_point"
+    )
     return TransformReward(envs, lambda rewards: rewards * config["reward_scale"])
 
 
@@ -34,10 +36,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     register_env("rough_turning", make)
     config = (
         PPOConfig()
-        .environment("rough_turning", env_config={"id": options.env, "reward_scale": options.reward_scale})
-        .env_runners(num_env_runners=0, num_envs_per_env_runner=options.num_envs, gym_env_vectorize_mode="vector_entry_point")
+        .environment(
+            "rough_turning", env_config={"id": options.env, "reward_scale": options.reward_scale}
+        )
+        .env_runners(
+            num_env_runners=0,
+            num_envs_per_env_runner=options.num_envs,
+            gym_env_vectorize_mode="vector_entry_point",
+        )
         .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64], fcnet_activation="relu"))
-        .training(gamma=options.discount, lr=1e-3, train_batch_size_per_learner=ROLLOUT, minibatch_size=512, num_epochs=5)
+        .training(
+            gamma=options.discount,
+            lr=1e-3,
+            train_batch_size_per_learner=ROLLOUT,
+            minibatch_size=512,
+            num_epochs=5,
+        )
         .debugging(seed=options.seed)
     )
     algorithm = config.build_algo()
@@ -46,10 +60,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     module = algorithm.get_module()
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
-        numbers: torch.Tensor = module.forward_inference({"obs": observations})["action_dist_inputs"]
+        numbers: torch.Tensor = module.forward_inference({"obs": observations})[
+            "action_dist_inputs"
+        ]
         return numbers.chunk(2, dim=1)[0]  # the other half holds standard deviations
 
-    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}")
+    print(
+        f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}"
+    )
     ray.shutdown()
     return 0
 

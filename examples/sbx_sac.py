@@ -17,14 +17,23 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     options = parser("sbx_sac", __doc__, 100_000, 64, ids=True).parse_args(arguments)
-    env = RoughTurningVecEnv(IDS.get(options.env, "shop"), options.num_envs, reward_scale=options.reward_scale)
+    env = RoughTurningVecEnv(
+        IDS.get(options.env, "shop"), options.num_envs, reward_scale=options.reward_scale
+    )
     layers = {"net_arch": [64, 64]}
     # One update per ten environment steps: more updates take time and gain little.
     updates = max(1, options.num_envs // 10)
-    settings = {"gamma": options.discount, "learning_rate": 1e-3, "learning_starts": 2000, "gradient_steps": updates}
+    settings = {
+        "gamma": options.discount,
+        "learning_rate": 1e-3,
+        "learning_starts": 2000,
+        "gradient_steps": updates,
+    }
     model = SAC("MlpPolicy", env, seed=options.seed, policy_kwargs=layers, **settings)
     model.learn(options.steps)
-    print(f"SAC after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}")
+    print(
+        f"SAC after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}"
+    )
     return 0
 
 

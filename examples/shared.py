@@ -29,11 +29,17 @@ def score(policy: Any, num_seeds: int = NUM_SEEDS, env_id: str = ENV_ID) -> str:
     The policy, any that ``turning_env.score`` accepts, plays the first tuning seeds, or the first validation jobs of the family.
     """
     if env_id == FAMILY_ID:
-        returns = play_family(Family.load("shop"), "validation", range(num_seeds), as_factory(policy))["return"]
+        returns = play_family(
+            Family.load("shop"), "validation", range(num_seeds), as_factory(policy)
+        )["return"]
     else:
-        returns = play(as_factory(policy), Scenario.load(IDS[env_id]), tuning_seeds(num_seeds))["return"]
+        returns = play(as_factory(policy), Scenario.load(IDS[env_id]), tuning_seeds(num_seeds))[
+            "return"
+        ]
     error = returns.std(ddof=1) / math.sqrt(num_seeds) if num_seeds > 1 else math.nan
-    return f"{returns.mean():.0f} s per episode (standard error {error:.0f}, {num_seeds} tuning seeds)"
+    return (
+        f"{returns.mean():.0f} s per episode (standard error {error:.0f}, {num_seeds} tuning seeds)"
+    )
 
 
 def at_least(least: int) -> Callable[[str], int]:
@@ -41,24 +47,50 @@ def at_least(least: int) -> Callable[[str], int]:
 
     def number(text: str) -> int:
         if not text.removeprefix("-").isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(f"is {text}, but must be a whole number of at least {least}")
+            raise argparse.ArgumentTypeError(
+                f"is {text}, but must be a whole number of at least {least}"
+            )
         return int(text)
 
     return number
 
 
-def parser(name: str, doc: str | None, steps: int, num_envs: int | None = None, ids: bool = False) -> argparse.ArgumentParser:
+def parser(
+    name: str, doc: str | None, steps: int, num_envs: int | None = None, ids: bool = False
+) -> argparse.ArgumentParser:
     """Return a parser with the options that all examples share; ``ids``: and with those of a task, for any id."""
     made = argparse.ArgumentParser(prog=f"python -m examples.{name}", **described(doc))
-    made.add_argument("--steps", type=at_least(1), default=steps, help="total steps of all environments (default: %(default)s)")
+    made.add_argument(
+        "--steps",
+        type=at_least(1),
+        default=steps,
+        help="total steps of all environments (default: %(default)s)",
+    )
     if num_envs is not None:
-        made.add_argument("--num-envs", type=at_least(1), default=num_envs, help="environments (default: %(default)s)")
+        made.add_argument(
+            "--num-envs",
+            type=at_least(1),
+            default=num_envs,
+            help="environments (default: %(default)s)",
+        )
     if ids:
-        made.add_argument("--env", choices=[*IDS, FAMILY_ID], default=ENV_ID, help="environment id (default: %(default)s)")
+        made.add_argument(
+            "--env",
+            choices=[*IDS, FAMILY_ID],
+            default=ENV_ID,
+            help="environment id (default: %(default)s)",
+        )
         made.add_argument("--discount", type=float, default=0.8, help="default: %(default)s")
-        made.add_argument("--reward-scale", type=float, default=1 / 3, help="factor on rewards [s] (default: 1/3)")
+        made.add_argument(
+            "--reward-scale", type=float, default=1 / 3, help="factor on rewards [s] (default: 1/3)"
+        )
     made.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    made.add_argument("--tuning-seeds", type=at_least(1), default=NUM_SEEDS, help="seeds of the score (default: %(default)s)")
+    made.add_argument(
+        "--tuning-seeds",
+        type=at_least(1),
+        default=NUM_SEEDS,
+        help="seeds of the score (default: %(default)s)",
+    )
     return made
 
 

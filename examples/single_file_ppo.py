@@ -85,14 +85,19 @@ class Rollouts:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.envs = gymnasium.make_vec(
-            ENV_ID, settings.num_envs, vectorization_mode="vector_entry_point", autoreset_mode=AutoresetMode.SAME_STEP
+            ENV_ID,
+            settings.num_envs,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode=AutoresetMode.SAME_STEP,
         )
         self.observations = torch.from_numpy(self.envs.reset(seed=settings.seed)[0])
 
     @torch.no_grad()
     def next(self, agent: Agent) -> dict[str, Tensor]:
         """Return the steps, advantages and returns of a rollout, each of shape (rollout, environments, ...)."""
-        steps: dict[str, list[Tensor]] = {name: [] for name in ("observation", "action", "log_probability", "reward", "end")}
+        steps: dict[str, list[Tensor]] = {
+            name: [] for name in ("observation", "action", "log_probability", "reward", "end")
+        }
         for _ in range(self.settings.rollout):
             policy = agent.policy(self.observations)
             action = policy.sample()
@@ -106,7 +111,9 @@ class Rollouts:
             for kept, value in zip(steps.values(), step, strict=True):
                 kept.append(value)
             self.observations = torch.from_numpy(observations)
-        return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(agent, steps)
+        return {name: torch.stack(values) for name, values in steps.items()} | self._advantages(
+            agent, steps
+        )
 
     def _advantages(self, agent: Agent, steps: dict[str, list[Tensor]]) -> dict[str, Tensor]:
         """Return generalised advantages, and returns = advantages + values, each of shape (rollout, environments)."""
@@ -132,7 +139,10 @@ def train(settings: Settings) -> Agent:
     """Train an agent for a number of steps, rounded up to whole rollouts."""
     torch.manual_seed(settings.seed)
     rollouts = Rollouts(settings)
-    (entries,), (actions,) = rollouts.envs.single_observation_space.shape or (0,), rollouts.envs.single_action_space.shape or (0,)
+    (entries,), (actions,) = (
+        rollouts.envs.single_observation_space.shape or (0,),
+        rollouts.envs.single_action_space.shape or (0,),
+    )
     agent = Agent(entries, actions)
     optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
     size = settings.num_envs * settings.rollout
@@ -143,7 +153,11 @@ def train(settings: Settings) -> Agent:
         for _ in range(settings.epochs):
             for indices in torch.randperm(size).chunk(settings.batches):
                 optimizer.zero_grad()
-                loss(agent, {name: values[indices] for name, values in rollout.items()}, settings.clip).backward()
+                loss(
+                    agent,
+                    {name: values[indices] for name, values in rollout.items()},
+                    settings.clip,
+                ).backward()
                 torch.nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
                 optimizer.step()
         falling.step()
@@ -153,10 +167,17 @@ def train(settings: Settings) -> Agent:
 @exits(ValueError)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m examples.single_file_ppo", **described(__doc__))
+    parser = argparse.ArgumentParser(
+        prog="python -m examples.single_file_ppo", **described(__doc__)
+    )
     for field in fields(Settings):
         kind: Any = field.type
-        parser.add_argument(f"--{field.name.replace('_', '-')}", type=kind, default=field.default, help="default: %(default)s")
+        parser.add_argument(
+            f"--{field.name.replace('_', '-')}",
+            type=kind,
+            default=field.default,
+            help="default: %(default)s",
+        )
     settings = Settings(**vars(parser.parse_args(arguments)))
     agent = train(settings)
     print(f"PPO after {settings.steps} steps: {score(agent.mean, settings.tuning_seeds)}")

@@ -29,13 +29,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     options = parser("skrl_ppo", __doc__, 200_000, 64, ids=True).parse_args(arguments)
     set_seed(options.seed)
-    envs = wrap_env(gymnasium.make_vec(options.env, options.num_envs, autoreset_mode="SameStep"), wrapper="gymnasium")
-    spaces = {"observation_space": envs.observation_space, "action_space": envs.action_space, "device": "cpu"}
+    envs = wrap_env(
+        gymnasium.make_vec(options.env, options.num_envs, autoreset_mode="SameStep"),
+        wrapper="gymnasium",
+    )
+    spaces = {
+        "observation_space": envs.observation_space,
+        "action_space": envs.action_space,
+        "device": "cpu",
+    }
     layers = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "relu"}]
     policy = gaussian_model(**spaces, network=layers, output="ACTIONS", initial_log_std=-1.0)
     value = deterministic_model(**spaces, network=layers, output="ONE")
     silent = ExperimentCfg(write_interval=0, checkpoint_interval=0)
-    cfg = PPO_CFG(rollouts=ROLLOUT, learning_epochs=5, mini_batches=8, discount_factor=options.discount, experiment=silent)
+    cfg = PPO_CFG(
+        rollouts=ROLLOUT,
+        learning_epochs=5,
+        mini_batches=8,
+        discount_factor=options.discount,
+        experiment=silent,
+    )
     cfg.time_limit_bootstrap = True
     cfg.rewards_shaper = lambda rewards, *_: rewards * options.reward_scale
     memory = RandomMemory(memory_size=ROLLOUT, num_envs=options.num_envs, device="cpu")
@@ -46,10 +59,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     policy.eval()
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
-        actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1]["mean_actions"]
+        actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1][
+            "mean_actions"
+        ]
         return actions
 
-    print(f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}")
+    print(
+        f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}"
+    )
     return 0
 
 

@@ -33,7 +33,9 @@ def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: fl
             num_envs,
             seed,
             env_kwargs={"render_mode": None},  # its default draws frames
-            wrapper_class=lambda env: TransformReward(env, lambda reward: reward_scale * float(reward)),
+            wrapper_class=lambda env: TransformReward(
+                env, lambda reward: reward_scale * float(reward)
+            ),
         )
     env = RoughTurningVecEnv(IDS.get(env_id, "shop"), num_envs, reward_scale=reward_scale)
     env.seed(seed)
@@ -43,9 +45,20 @@ def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: fl
 def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int, discount: float) -> Any:
     """Return an untrained model. Without a change of edges a short horizon matters most: life is charged as it is used."""
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
-    common: dict[str, Any] = {"learning_rate": 1e-3, "gamma": discount, "seed": seed, "device": "cpu"}
+    common: dict[str, Any] = {
+        "learning_rate": 1e-3,
+        "gamma": discount,
+        "seed": seed,
+        "device": "cpu",
+    }
     on_policy = common | {"n_steps": rollout // env.num_envs, "batch_size": 512, "n_epochs": 5}
-    off_policy = common | {"learning_starts": 2000, "batch_size": 256, "train_freq": 1, "tau": 0.01, "policy_kwargs": layers}
+    off_policy = common | {
+        "learning_starts": 2000,
+        "batch_size": 256,
+        "train_freq": 1,
+        "tau": 0.01,
+        "policy_kwargs": layers,
+    }
     match algorithm:
         case "ppo":
             return PPO("MlpPolicy", env, **on_policy, policy_kwargs=layers | {"log_std_init": -1.0})
@@ -62,18 +75,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
     command_line = parser("stable_baselines", __doc__, 500_000, 64, ids=True)
     algorithms = ("ppo", "recurrent_ppo", "sac", "tqc")
-    command_line.add_argument("--algorithm", choices=algorithms, default="ppo", help="default: %(default)s")
-    command_line.add_argument("--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s")
+    command_line.add_argument(
+        "--algorithm", choices=algorithms, default="ppo", help="default: %(default)s"
+    )
+    command_line.add_argument(
+        "--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s"
+    )
     text = "steps of all environments between two updates of ppo and recurrent_ppo (default: %(default)s)"
     command_line.add_argument("--rollout", type=at_least(2), default=4096, help=text)
     options = command_line.parse_args(arguments)
     if options.num_envs > options.rollout // 2:
-        command_line.error(f"--num-envs is {options.num_envs}, but must be at most {options.rollout // 2}, half of --rollout")
-    env = make_envs(options.vec_env, options.env, options.num_envs, options.seed, options.reward_scale)
+        command_line.error(
+            f"--num-envs is {options.num_envs}, but must be at most {options.rollout // 2}, half of --rollout"
+        )
+    env = make_envs(
+        options.vec_env, options.env, options.num_envs, options.seed, options.reward_scale
+    )
     model = new_model(options.algorithm, env, options.seed, options.rollout, options.discount)
     model.learn(options.steps, progress_bar=sys.stderr.isatty())
     env.close()
-    print(f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}")
+    print(
+        f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}"
+    )
     return 0
 
 

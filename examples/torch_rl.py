@@ -22,15 +22,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Check, roll out, print; return the exit status."""
     options = parser("torch_rl", __doc__, 100_000, 1024).parse_args(arguments)
     for env_id in (*IDS, FAMILY_ID):
-        check_env_specs(GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode=AutoresetMode.DISABLED)))
+        check_env_specs(
+            GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode=AutoresetMode.DISABLED))
+        )
         print(f"{env_id}: checked")
-    envs = GymWrapper(gymnasium.make_vec("RoughTurning-v0", options.num_envs, autoreset_mode=AutoresetMode.DISABLED))
+    envs = GymWrapper(
+        gymnasium.make_vec(
+            "RoughTurning-v0", options.num_envs, autoreset_mode=AutoresetMode.DISABLED
+        )
+    )
     envs.set_seed(options.seed)
     start = time.perf_counter()
     rollout = envs.rollout(-(-options.steps // options.num_envs), break_when_any_done=False)
     speed = rollout.numel() / (time.perf_counter() - start)
     reward = rollout["next", "reward"].mean().item()
-    print(f"random actions: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {speed:.0f} steps per second")
+    print(
+        f"random actions: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {speed:.0f} steps per second"
+    )
     return 0
 
 

@@ -33,26 +33,44 @@ def write_all(results: Path, agents: Path) -> list[Path]:
         env_id, home = folder.parts[-2:]
         played_on = f"{home}-unseen_jobs" if env_id == FAMILY_ID else home
         board = read_leaderboard(result_folder(results, env_id, played_on))
-        splits = [other for name in SPLITS if name != home and result_files(other := result_folder(results, env_id, name))]
+        splits = [
+            other
+            for name in SPLITS
+            if name != home and result_files(other := result_folder(results, env_id, name))
+        ]
         across = table.across([board, *map(read_leaderboard, splits)])
         agents_played = (each.policy for each in board.results if each.policy.kind == "agent")
-        played = {each.label: each for each in sorted(agents_played, key=lambda each: each.training_seed or 0)}
+        played = {
+            each.label: each
+            for each in sorted(agents_played, key=lambda each: each.training_seed or 0)
+        }
         for name, files in _agents(folder).items():
             for file in files:
-                if file.metadata.label not in played or played[file.metadata.label].sha256 != file.digest:
-                    raise ResultError(f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first")
+                if (
+                    file.metadata.label not in played
+                    or played[file.metadata.label].sha256 != file.digest
+                ):
+                    raise ResultError(
+                        f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first"
+                    )
             shown = board.names[files[0].metadata.label]
             trainings = [each for each in played.values() if board.names[each.label] == shown]
             path = folder / f"{name}.md"
             write_whole(path, render(files[0], trainings, board, across, folder))
             written.append(path)
-            sums += [f"{each.sha256}  {env_id}/{home}/{each.label}{ONNX_SUFFIX}\n" for each in trainings]
+            sums += [
+                f"{each.sha256}  {env_id}/{home}/{each.label}{ONNX_SUFFIX}\n" for each in trainings
+            ]
     write_whole(agents / SUMS, "".join(sums))
     return written
 
 
 def render(
-    file: AgentFile, trainings: Sequence[PolicySpec], board: Leaderboard, across: table.Across | None, folder: Path
+    file: AgentFile,
+    trainings: Sequence[PolicySpec],
+    board: Leaderboard,
+    across: table.Across | None,
+    folder: Path,
 ) -> str:
     """Return the card of an agent as Markdown.
 
@@ -62,23 +80,43 @@ def render(
     metadata = file.metadata
     name = board.names[metadata.label]
     standing = next(each for each in board.standings if each.name == name)
-    shown = (*columns.RETURNS, *columns.COMPARISONS, *columns.CONSTRAINT, *columns.LIMITS, *columns.WORKSHOP)
-    elsewhere = across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
+    shown = (
+        *columns.RETURNS,
+        *columns.COMPARISONS,
+        *columns.CONSTRAINT,
+        *columns.LIMITS,
+        *columns.WORKSHOP,
+    )
+    elsewhere = (
+        across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
+    )
     bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
-    ranges = [(text, len(list(group))) for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)]
+    ranges = [
+        (text, len(list(group)))
+        for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)
+    ]
     loader = FileSystemLoader(Path(__file__).parent)
-    templates = Environment(loader=loader, autoescape=False, undefined=StrictUndefined, trim_blocks=True)  # Markdown, not HTML
+    templates = Environment(
+        loader=loader, autoescape=False, undefined=StrictUndefined, trim_blocks=True
+    )  # Markdown, not HTML
     templates.filters |= {"shown": markdown_text, "few": few, "fenced": fenced}
     card = templates.get_template("model_card.md.j2").render(
         standing=standing,
         seeds=len(board.task.seeds),
         columns=columns.applying(shown, [standing]),
-        elsewhere={split: played for split, played in elsewhere.items() if split != metadata.scenario.name},
+        elsewhere={
+            split: played for split, played in elsewhere.items() if split != metadata.scenario.name
+        },
         trainings=trainings,
         metadata=metadata,
         memory_size=file.memory_size,
-        steps=f"decisions, each of {HOLD} environment steps," if metadata.parameters.get("guide") else "environment steps",
-        ranges=", ".join(f"{count} times {text}" if count > 7 else ", ".join([text] * count) for text, count in ranges),
+        steps=f"decisions, each of {HOLD} environment steps,"
+        if metadata.parameters.get("guide")
+        else "environment steps",
+        ranges=", ".join(
+            f"{count} times {text}" if count > 7 else ", ".join([text] * count)
+            for text, count in ranges
+        ),
         classes=CLASSES,
         verdicts=table.VERDICTS,
         max_values=MAX_VALUES,
@@ -99,9 +137,15 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
             raise ResultError(str(error)) from error
         metadata = file.metadata
         family = family_of(metadata.env_id, metadata.parameters)
-        place = Path(metadata.env_id) / (family or metadata.scenario).name / f"{file.metadata.label}{ONNX_SUFFIX}"
+        place = (
+            Path(metadata.env_id)
+            / (family or metadata.scenario).name
+            / f"{file.metadata.label}{ONNX_SUFFIX}"
+        )
         if place.parts != path.parts[-3:]:
-            raise ResultError(f"{path} holds {file.metadata.label} and should be at {place} in the folder of agents")
+            raise ResultError(
+                f"{path} holds {file.metadata.label} and should be at {place} in the folder of agents"
+            )
         agents.setdefault(file.metadata.label.rpartition("-seed")[0], []).append(file)
     for files in agents.values():
         files.sort(key=lambda file: file.metadata.seed)

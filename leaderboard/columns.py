@@ -17,7 +17,9 @@ class Cell:
     text: str
     interval: str
     number: float | None  # the number to sort by; None if there is no value or it is infinite
-    ends: tuple[float, float] | None = None  # low and high end of the interval, in the unit of number
+    ends: tuple[float, float] | None = (
+        None  # low and high end of the interval, in the unit of number
+    )
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,9 @@ class Column:
     field: str  # field of Standing
     decimals: int = 0  # lowest number of decimals; a narrow interval needs more
     factor: float = 1.0  # factor from the unit of Standing to unit
-    of_play: bool = False  # whether a policy without episodes, such as the clairvoyant bound, lacks the number
+    of_play: bool = (
+        False  # whether a policy without episodes, such as the clairvoyant bound, lacks the number
+    )
     lower_is_better: bool = False
 
     def value(self, standing: Standing) -> Estimate | float | None:
@@ -47,7 +51,9 @@ class Column:
             return Cell("", "", None)
         if isinstance(value, Estimate):
             decimals = max(self.decimals, value.decimals(self.factor))
-            text, low, high = (self._text(number, decimals) for number in (value.value, value.low, value.high))
+            text, low, high = (
+                self._text(number, decimals) for number in (value.value, value.low, value.high)
+            )
             return Cell(text, f"{low} to {high}", value.value, (value.low, value.high))
         return Cell(self._text(value, self.decimals), "", value if math.isfinite(value) else None)
 
@@ -126,44 +132,116 @@ FULL_COST = Column("full cost", "min/dm3", _FULL_COST, "full_cost", 2, 1, True, 
 RETURNS = (
     RETURN,
     FULL_COST,
-    Column("interquartile return", "s", "Mean of the middle half of all episodes' returns.", "interquartile_return"),
+    Column(
+        "interquartile return",
+        "s",
+        "Mean of the middle half of all episodes' returns.",
+        "interquartile_return",
+    ),
     ClassRank("rank in class", "-", _CLASS_RANK, "class_rank", lower_is_better=True),
 )
 _FULL_COST_SHARE = (
     "Cost of time, edges, overload and breakage over the worth of the metal, sums of all jobs; above 100 the metal does not pay. "
     "It is not per volume, as volumes of different materials do not add up."
 )
-_JOB_SCORE = (
-    "Interquartile mean over jobs of the place of the return between the fixed nominal optimum, 0, and the causal oracle, 100."
-)
+_JOB_SCORE = "Interquartile mean over jobs of the place of the return between the fixed nominal optimum, 0, and the causal oracle, 100."
 _OVER_TRUTH = "Return less that of the best rule with true laws on the same jobs: what the nominal model's faults still cost."
-_WITHOUT_LARGEST = f"Mean lead over the best other rule without the {LARGEST} seeds on which the two differ most."
+_WITHOUT_LARGEST = (
+    f"Mean lead over the best other rule without the {LARGEST} seeds on which the two differ most."
+)
 JOBS = (
     Column("full cost", "%", _FULL_COST_SHARE, "full_cost_share", 0, 100, lower_is_better=True),
     Column("job score", "-", _JOB_SCORE, "job_score", 0, 100),
     Column("over true laws", "s", _OVER_TRUTH, "over_truth"),
     Column("worst job", "s", "Lowest return of a job.", "worst_return"),
-    Column("feasible jobs", "% of jobs", "Jobs within the allowance of severe overload.", "feasible_jobs", 0, 100),
+    Column(
+        "feasible jobs",
+        "% of jobs",
+        "Jobs within the allowance of severe overload.",
+        "feasible_jobs",
+        0,
+        100,
+    ),
 )
-SCORE = (Column("score", "-", _SCORE, "score", 1, 100), Column("over causal", "s", _OVER_CAUSAL, "over_causal"))
+SCORE = (
+    Column("score", "-", _SCORE, "score", 1, 100),
+    Column("over causal", "s", _OVER_CAUSAL, "over_causal"),
+)
 COMPARISONS = (
-    Column("over fixed", "s", "Return less that of the task's best fixed parameters on the same seeds.", "over_fixed"),
-    Column("over published", "s", "Return less that of the task's published controller on the same seeds.", "over_published"),
+    Column(
+        "over fixed",
+        "s",
+        "Return less that of the task's best fixed parameters on the same seeds.",
+        "over_fixed",
+    ),
+    Column(
+        "over published",
+        "s",
+        "Return less that of the task's published controller on the same seeds.",
+        "over_published",
+    ),
     Column("over best other rule", "s", _BEST_RULE, "over_best_rule"),
-    Column("median lead", "s", "Median over seeds of the lead over the best other rule.", "median_over_best_rule", 1),
+    Column(
+        "median lead",
+        "s",
+        "Median over seeds of the lead over the best other rule.",
+        "median_over_best_rule",
+        1,
+    ),
     Column("lead without 3 largest", "s", _WITHOUT_LARGEST, "over_best_rule_without_largest", 1),
     Column(
-        "beats best other rule", "% of seeds", "Seeds with a higher return than the best other rule's.", "beats_best_rule", 0, 100
+        "beats best other rule",
+        "% of seeds",
+        "Seeds with a higher return than the best other rule's.",
+        "beats_best_rule",
+        0,
+        100,
     ),
 )
 LIMITS = (
-    Column("over a limit", "%", "Share of cutting time above a limit of force or power.", "overload_share", 2, 100, True, True),
+    Column(
+        "over a limit",
+        "%",
+        "Share of cutting time above a limit of force or power.",
+        "overload_share",
+        2,
+        100,
+        True,
+        True,
+    ),
     Column("over by 2 %", "%", _EXCESS.format(2), "share_above_2_percent", 2, 100, True, True),
-    Column("severely over", "%", "Cutting time above a limit by more than its tolerance.", "severe_share", 2, 100, True, True),
+    Column(
+        "severely over",
+        "%",
+        "Cutting time above a limit by more than its tolerance.",
+        "severe_share",
+        2,
+        100,
+        True,
+        True,
+    ),
     Column("over by 10 %", "%", _EXCESS.format(10), "share_above_10_percent", 2, 100, True, True),
-    Column("severely over, at least", "%", _SEVERE_LOWER_LIMIT, "severe_lower_limit", 2, 100, True, True),
+    Column(
+        "severely over, at least",
+        "%",
+        _SEVERE_LOWER_LIMIT,
+        "severe_lower_limit",
+        2,
+        100,
+        True,
+        True,
+    ),
     Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True, True),
-    Column("excess", "%", "Mean excess over force and power limits, added, while cutting.", "excess", 3, 100, True, True),
+    Column(
+        "excess",
+        "%",
+        "Mean excess over force and power limits, added, while cutting.",
+        "excess",
+        3,
+        100,
+        True,
+        True,
+    ),
 )
 CONSTRAINT = (
     Column("rank by cost", "-", _COST_RANK, "constraint_rank", lower_is_better=True),
@@ -175,9 +253,19 @@ WORKSHOP = (
     Column("time", "min", _TIME, "minutes", 2, 1, True, True),
     Column("cost per part", "min", _PART_COST, "part_cost", 2, 1, True, True),
     Column("roughness deviation", "%", _DEVIATION, "roughness_deviation", 2, 100, True, True),
-    Column("edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True, True),
+    Column(
+        "edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True, True
+    ),
     Column("broken edges", "per 100", _BROKEN, "broken_share", 1, 100, True, True),
-    Column("used life", "%", "Mean used share of the edge's life at the end of an episode.", "used_life", 1, 100, True),
+    Column(
+        "used life",
+        "%",
+        "Mean used share of the edge's life at the end of an episode.",
+        "used_life",
+        1,
+        100,
+        True,
+    ),
 )
 GROUPS = {
     "Result": RETURNS,
@@ -187,9 +275,14 @@ GROUPS = {
     "Limits": LIMITS,
     "Compared on the same seeds": COMPARISONS,
     "In the workshop": WORKSHOP,
-    "Given in training": tuple(Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()),
+    "Given in training": tuple(
+        Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()
+    ),
     "Run time and budget": (
-        *(Training(name, "", f"At run time the agent {what}.", name) for name, what in SEEN.items()),
+        *(
+            Training(name, "", f"At run time the agent {what}.", name)
+            for name, what in SEEN.items()
+        ),
         Training("steps", "", "Environment steps of the training.", "steps"),
     ),
 }
@@ -214,4 +307,8 @@ def groups(standings: Sequence[Standing]) -> dict[str, list[Column]]:
 
 def applying(columns: Sequence[Column], standings: Sequence[Standing]) -> list[Column]:
     """Return the columns that have a value for at least one of the standings."""
-    return [column for column in columns if any(column.value(standing) is not None for standing in standings)]
+    return [
+        column
+        for column in columns
+        if any(column.value(standing) is not None for standing in standings)
+    ]

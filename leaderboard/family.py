@@ -23,7 +23,14 @@ from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import Draw, Family, Job
 from turning_env.scenario.plan import columns_of, features, plan_of
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
-from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory, PolicySpec, ScenarioId
+from turning_env.scoring.policy import (
+    Actions,
+    Observations,
+    Policy,
+    PolicyFactory,
+    PolicySpec,
+    ScenarioId,
+)
 
 NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
 """Names of the policies that score 0 and 1 on a family; the latter is the oracle, on all tasks."""
@@ -41,15 +48,21 @@ def family_task(source: str | Path | Family, split: str | None, count: int) -> T
     family = Family.load(source)
     split = split or ("unseen_jobs" if "unseen_jobs" in family.splits else "train")
     if split not in family.splits:
-        raise ResultError(f"family {family.name!r} has no split {split!r}; it has {', '.join(family.splits)}")
+        raise ResultError(
+            f"family {family.name!r} has no split {split!r}; it has {', '.join(family.splits)}"
+        )
     jobs = family.jobs if split == "train" else family.held_out_jobs
     if count > jobs:
-        raise ResultError(f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has {jobs} jobs")
+        raise ResultError(
+            f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has {jobs} jobs"
+        )
     limits = {"overload_allowance": family.job(0).scenario.limits.overload_allowance}
     identity = ScenarioId(name=family.name, digest=family.digest())
     return Task(
         env_id=FAMILY_ID,
-        scenario=Scenario.load({"base": family.base, "name": f"{family.name}-{split}", "limits": limits}),
+        scenario=Scenario.load(
+            {"base": family.base, "name": f"{family.name}-{split}", "limits": limits}
+        ),
         seeds=list(range(count)),
         of_family=FamilySplit(family=identity, split=split, loaded=family),
     )
@@ -83,9 +96,13 @@ def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -
     else:
         found = spec(name, first, Scenario.load(family.base), own, [family.job(0).numbers])
     right = "" if name == CAUSAL else _RIGHT[knows]
-    plays = FamilyPlay(family if right is None else Truthful.of(family, right), _split(task), name, forgets, own)
+    plays = FamilyPlay(
+        family if right is None else Truthful.of(family, right), _split(task), name, forgets, own
+    )
     kind = found.kind if knows == "nominal" else "oracle"
-    return found.model_copy(update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays})
+    return found.model_copy(
+        update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays}
+    )
 
 
 def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
@@ -102,7 +119,9 @@ def _split(task: Task) -> str:
 class Truthful(Family):
     """A family whose nominal models are right in some fields; its jobs are otherwise the same."""
 
-    right: str | tuple[str, ...] = ""  # how the dotted names of these fields begin, or one of several beginnings
+    right: str | tuple[str, ...] = (
+        ""  # how the dotted names of these fields begin, or one of several beginnings
+    )
 
     @classmethod
     def of(cls, family: Family, right: str | tuple[str, ...] = "") -> "Truthful":
@@ -116,7 +135,10 @@ class Truthful(Family):
     def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
         draw = super()._drawn(split, numbers)
         nominal, true = draw.fields
-        told = {name: true[name] if name.startswith(self.right) else value for name, value in nominal.items()}
+        told = {
+            name: true[name] if name.startswith(self.right) else value
+            for name, value in nominal.items()
+        }
         columns = self.columns(told)
         plan = plan_of(columns, len(numbers))
         context = features(columns, plan) | {name: draw.features[name] for name in self.shown}
@@ -131,7 +153,9 @@ class FamilyPlay:
     split: str
     policy: str | PolicySpec  # a controller's name, or an agent that plays all jobs
     forgets: bool
-    own: Parameters = field(default_factory=dict)  # parameters that a controller has on this family alone
+    own: Parameters = field(
+        default_factory=dict
+    )  # parameters that a controller has on this family alone
 
     @property
     def context(self) -> Context:
@@ -154,8 +178,14 @@ class FamilyPlay:
             make = spec(self.policy, played, base, self.own, [job.numbers for job in jobs]).make
         return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
 
-    def __call__(self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-        if isinstance(self.policy, str) and self.policy in RULES and not RULES[self.policy].together:
+    def __call__(
+        self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
+    ) -> Episodes:
+        if (
+            isinstance(self.policy, str)
+            and self.policy in RULES
+            and not RULES[self.policy].together
+        ):
             played = []
             for seed in seeds:
                 job = self.family.job(seed, self.split)

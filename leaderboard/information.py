@@ -90,7 +90,9 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     gradient = given.isdisjoint(_REWARDS)
     has = {
         "context": "context" in p and p.get("hides_context") is not True,
-        "memory": p.get("memory", gradient) is True or "memory_cells" in p or (_whole(p, "frames") or 1) > 1,
+        "memory": p.get("memory", gradient) is True
+        or "memory_cells" in p
+        or (_whole(p, "frames") or 1) > 1,
         "belief": p.get("belief") is True or p.get("guide") is True,
         "rule": p.get("guide") is True,
         "position": p.get("position", gradient) is True,
@@ -113,7 +115,9 @@ def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
     """Return the inputs of a training; ``life_price`` and ``asymmetric`` are terms of it (``train/terms.py``)."""
     hidden = {"true states"} if parameters.get("asymmetric") is True else set()
     price, given = parameters.get("life_price"), _ALGORITHMS[algorithm] | hidden
-    return given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
+    return (
+        given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
+    )
 
 
 def _algorithm(command: str | None) -> str | None:

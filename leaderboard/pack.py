@@ -35,9 +35,17 @@ def pack(folder: Path, without: Collection[str] = ()) -> bool:
     task = read_part(Manifest, folder / MANIFEST_FILE).task
     ranked = (each for each in read_results(folder).values() if each.task.digest == task.digest)
     packed = [each for each in ranked if each.policy.name not in without]
-    own = [path for path in result_files(folder) if path.name != PACK_FILE and read_file(path)[0].task.digest == task.digest]
+    own = [
+        path
+        for path in result_files(folder)
+        if path.name != PACK_FILE and read_file(path)[0].task.digest == task.digest
+    ]
     path = folder / PACK_FILE
-    if not own and path.is_file() and [each.checksum for each in read_file(path)] == [each.checksum for each in packed]:
+    if (
+        not own
+        and path.is_file()
+        and [each.checksum for each in read_file(path)] == [each.checksum for each in packed]
+    ):
         return False
     write_part(ResultFile(task=task, results=packed), path)
     for each in own:
@@ -57,17 +65,30 @@ def contents(results: Path) -> dict[Path, str]:
         policies = []
         for name, group in groupby(ranked, key=lambda each: each.policy.title):
             same = list(group)
-            fields = {"returns": "return", "severe": "severe_overload_time", "engaged": "engaged_time"}
-            times = {key: np.round([each.episodes[field] for each in same], DIGITS).tolist() for key, field in fields.items()}
+            fields = {
+                "returns": "return",
+                "severe": "severe_overload_time",
+                "engaged": "engaged_time",
+            }
+            times = {
+                key: np.round([each.episodes[field] for each in same], DIGITS).tolist()
+                for key, field in fields.items()
+            }
             policies.append({"name": name, "kind": same[0].policy.kind} | times)
-        found[FOLDER / f"{board}{SUFFIX}"] = json.dumps({"env_id": place[0], "policies": policies}, allow_nan=False)
+        found[FOLDER / f"{board}{SUFFIX}"] = json.dumps(
+            {"env_id": place[0], "policies": policies}, allow_nan=False
+        )
     return found
 
 
 def write_shipped(results: Path) -> list[Path]:
     """Write the files in the wheel that have changed, and return their paths."""
     made = {path: text.encode() for path, text in contents(results).items()}
-    changed = {path: text for path, text in made.items() if not path.is_file() or lzma.decompress(path.read_bytes()) != text}
+    changed = {
+        path: text
+        for path, text in made.items()
+        if not path.is_file() or lzma.decompress(path.read_bytes()) != text
+    }
     for path, text in changed.items():
         write_whole(path, lzma.compress(text, preset=9 | lzma.PRESET_EXTREME))
     return list(changed)

@@ -38,15 +38,23 @@ SUMS = "SHA256SUMS"
 def agent_files(folder: Path) -> dict[str, Path]:
     """Return the agents' files in a folder and those below it, by their SHA-256; also those of ``SUMS`` that are not there."""
     sums = folder / SUMS
-    listed = (line.split(maxsplit=1) for line in (sums.read_text("utf-8").splitlines() if sums.exists() else ()))
-    found = {hashlib.sha256(path.read_bytes()).hexdigest(): path for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))}
+    listed = (
+        line.split(maxsplit=1)
+        for line in (sums.read_text("utf-8").splitlines() if sums.exists() else ())
+    )
+    found = {
+        hashlib.sha256(path.read_bytes()).hexdigest(): path
+        for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))
+    }
     return {digest: folder / place for digest, place in listed} | found
 
 
 @cache
 def shipped_agents() -> dict[str, str]:
     """Return the name of each agent that comes with the project, by its file's SHA-256."""
-    return {digest: path.stem.rpartition("-seed")[0] for digest, path in agent_files(AGENTS).items()}
+    return {
+        digest: path.stem.rpartition("-seed")[0] for digest, path in agent_files(AGENTS).items()
+    }
 
 
 def is_own(policy: PolicySpec) -> bool:
@@ -75,7 +83,9 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
                 name=CLAIRVOYANT,
                 kind="oracle",
                 description="bound: every bar known beforehand, nothing lags or breaks",
-                parameters={name: float(value) for name, value in clairvoyant.GRID._asdict().items()},
+                parameters={
+                    name: float(value) for name, value in clairvoyant.GRID._asdict().items()
+                },
                 compute=bound,
             )
         )
@@ -118,7 +128,10 @@ def named(
         known = [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, CAUSAL]
         default: Sequence[str] = family.VARIED if forgets or knows != "nominal" else family.POLICIES
     else:
-        default = known = [*catalogue.names(task.scenario), *(each.name for each in oracles(task.scenario))]
+        default = known = [
+            *catalogue.names(task.scenario),
+            *(each.name for each in oracles(task.scenario)),
+        ]
     if unknown := sorted(set(names or ()) - set(known)):
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
     specs, untuned, home = [], [], tuned_on or task.scenario
@@ -130,12 +143,18 @@ def named(
                 raise
             untuned.append(name)
     if untuned:
-        tell_once(f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them")
+        tell_once(
+            f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them"
+        )
     return specs
 
 
 def one_named(
-    name: str, task: Task, tuned_on: Scenario | None = None, knows: str = "nominal", forgets: bool = False
+    name: str,
+    task: Task,
+    tuned_on: Scenario | None = None,
+    knows: str = "nominal",
+    forgets: bool = False,
 ) -> PolicySpec:
     """Return a controller or an oracle, see ``named``; ResultError if it cannot play or is not tuned (from ``NotTuned``)."""
     try:
@@ -186,10 +205,17 @@ def agents(
             loaded.append(Submission(path=path, policy=_submitted(spec, path, name, keep)))
         except ModuleNotFoundError:  # a package is not installed: the fault of no agent
             raise
-        except Exception as error:  # a stranger's file may lead to any error, and must not stop the others
+        except (
+            Exception
+        ) as error:  # a stranger's file may lead to any error, and must not stop the others
             if refused is None and not isinstance(error, OSError | ValueError):
                 raise
-            _refuse(path, f"no agent can be loaded from {printable(str(path))}: {reason_of(error)}", refused, error)
+            _refuse(
+                path,
+                f"no agent can be loaded from {printable(str(path))}: {reason_of(error)}",
+                refused,
+                error,
+            )
     return _distinct(loaded, name, refused)
 
 
@@ -205,7 +231,9 @@ def _submitted(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> P
     return renamed(spec, (given or found) if keep else _own_name(path, found, given), seed)
 
 
-def _distinct(loaded: Sequence[Submission], name: str | None, refused: Refusals | None) -> list[PolicySpec]:
+def _distinct(
+    loaded: Sequence[Submission], name: str | None, refused: Refusals | None
+) -> list[PolicySpec]:
     """Return agents of different labels: those of one name get that of their folder before it; refuse what is still the same."""
     clashing = clashing_names(loaded) if name is None else set()
     specs: dict[str, Submission] = {}
@@ -217,9 +245,16 @@ def _distinct(loaded: Sequence[Submission], name: str | None, refused: Refusals 
                 policy = submission.policy
             first = specs.setdefault(policy.label, submission)
             if first is not submission and (is_own(policy) or first.policy.sha256 != policy.sha256):
-                raise ValueError(f"{printable(str(first.path))} is {policy.label} too: rename one, or play each with a --name")
+                raise ValueError(
+                    f"{printable(str(first.path))} is {policy.label} too: rename one, or play each with a --name"
+                )
         except ValueError as error:
-            _refuse(submission.path, f"{printable(str(submission.path))} is refused: {error}", refused, error)
+            _refuse(
+                submission.path,
+                f"{printable(str(submission.path))} is refused: {error}",
+                refused,
+                error,
+            )
     return [submission.policy for submission in specs.values()]
 
 
@@ -254,7 +289,9 @@ def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
     """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``TooSlow`` if it gives no actions in time)."""
-    if path.suffix == ONNX_SUFFIX or (any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()):
+    if path.suffix == ONNX_SUFFIX or (
+        any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()
+    ):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
     from train.training import load_agent  # imports torch, which takes seconds
 
@@ -287,7 +324,9 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
             training_seed=0,
             command=source,
             tuned_for=ScenarioId.of(task.scenario),
-            make=lambda num_envs: as_factory(source, space=space)(num_envs),  # a class is instantiated for every play
+            make=lambda num_envs: as_factory(source, space=space)(
+                num_envs
+            ),  # a class is instantiated for every play
         )
         return fitted(spec, task)
     except (OSError, TypeError, ValueError) as error:
@@ -299,7 +338,11 @@ def _own_name(source: object, found: str, given: str | None) -> str:
     taken = {*shipped_agents().values(), *catalogue.RULES, CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM}
     name = given or (f"my_{found}" if found in taken else found)
     if name in taken:
-        raise ResultError(f"{source} cannot be called {name}, as another policy is: choose another --name")
+        raise ResultError(
+            f"{source} cannot be called {name}, as another policy is: choose another --name"
+        )
     if given is None and name != found:
-        tell_once(f"{source} plays as {name}, as {found} comes with the project; --name gives it another name")
+        tell_once(
+            f"{source} plays as {name}, as {found} comes with the project; --name gives it another name"
+        )
     return name

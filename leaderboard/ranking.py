@@ -69,7 +69,12 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
         results=results,
         standings=rank(results),
         trajectories=_trajectories(folder, results),
-        left_out=[str(folder / label) for digest, others in by_task.items() if digest != chosen for label in others],
+        left_out=[
+            str(folder / label)
+            for digest, others in by_task.items()
+            if digest != chosen
+            for label in others
+        ],
     )
 
 
@@ -96,7 +101,11 @@ def read_leaderboards(
     """
     leaderboards: list[Leaderboard] = []
     folders = sorted(results.glob(f"{env_id or '*'}/*"), key=_place)
-    wanted = (each for each in folders if not scenarios or {each.name, each.name.rpartition("-")[0]} & {*scenarios})
+    wanted = (
+        each
+        for each in folders
+        if not scenarios or {each.name, each.name.rpartition("-")[0]} & {*scenarios}
+    )
     for folder in filter(result_files, wanted):
         if len(leaderboards) == most:
             break
@@ -107,14 +116,21 @@ def read_leaderboards(
     if not leaderboards:
         asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
         held = ", ".join(sorted(folder.name for folder in folders))
-        raise ResultError(f"{results} holds no results{asked} yet{held and f', only {held}'}: python -m leaderboard run")
+        raise ResultError(
+            f"{results} holds no results{asked} yet{held and f', only {held}'}: python -m leaderboard run"
+        )
     return leaderboards
 
 
 def _place(folder: Path) -> tuple[int, str, bool, str]:
     """Sort key of a leaderboard's folder."""
     env_id, scenario, ids = folder.parent.name, folder.name, [*IDS, FAMILY_ID]
-    return ids.index(env_id) if env_id in ids else len(ids), env_id, scenario != IDS.get(env_id), scenario
+    return (
+        ids.index(env_id) if env_id in ids else len(ids),
+        env_id,
+        scenario != IDS.get(env_id),
+        scenario,
+    )
 
 
 def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:

@@ -26,7 +26,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    model_validator,
+)
 
 from turning_env import MODEL_VERSION
 from turning_env.console import printable
@@ -45,7 +53,14 @@ RESULTS = Path(__file__).parent / "results"  # the results that come with the pr
 MAX_BYTES = 200_000_000  # largest size of a file, uncompressed
 SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TIMES)
 """The fields of an episode that results keep; of ``EXCESS_TIMES`` they keep sums alone, see ``ExcessShares``."""
-FAMILY_FIELDS = ("return", "reward_metal", "steps", "engaged_time", "overload_time", "severe_overload_time")
+FAMILY_FIELDS = (
+    "return",
+    "reward_metal",
+    "steps",
+    "engaged_time",
+    "overload_time",
+    "severe_overload_time",
+)
 """The fields of an episode that results on a family keep: volumes and edges of different jobs do not add up."""
 _FOLDER_NAME = "^[A-Za-z0-9_-][A-Za-z0-9_.-]{0,127}$"
 _RECORDED_VERSIONS = ("rough-turning", "numpy", "numba", "onnxruntime")
@@ -84,7 +99,9 @@ class FamilySplit(Part):
 
     family: ScenarioId  # name, and SHA-256 of the values
     split: str = Field(pattern=_FOLDER_NAME)
-    loaded: Family | None = Field(default=None, exclude=True, repr=False)  # the family, unless it was read from a file
+    loaded: Family | None = Field(
+        default=None, exclude=True, repr=False
+    )  # the family, unless it was read from a file
 
 
 class Task(Part):
@@ -95,7 +112,9 @@ class Task(Part):
     scenario: PortableScenario  # scenario; for a family, the values that all jobs share, under the name of family and split
     seeds: Seeds
     """Seeds, one per episode; for a family, job numbers. Private seeds are named by their places."""
-    private: str | None = None  # SHA-256 of private seeds, which a key determines; None: they are public
+    private: str | None = (
+        None  # SHA-256 of private seeds, which a key determines; None: they are public
+    )
     of_family: FamilySplit | None = None
 
     @model_validator(mode="after")
@@ -117,8 +136,14 @@ class Task(Part):
     @property
     def digest(self) -> str:
         """Return the SHA-256 of the task's identity. Results on different tasks are never ranked together."""
-        digest = digest_of([self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds])
-        return digest_of([digest, self.of_family.family.digest, self.of_family.split]) if self.of_family else digest
+        digest = digest_of(
+            [self.env_id, self.model_version, self.scenario.digest(), self.private or self.seeds]
+        )
+        return (
+            digest_of([digest, self.of_family.family.digest, self.of_family.split])
+            if self.of_family
+            else digest
+        )
 
 
 class ExcessShares(Part):
@@ -133,7 +158,9 @@ class ExcessShares(Part):
         if not episodes.keys() >= {*EXCESS_TIMES}:
             return None
         engaged = float(np.sum(episodes["engaged_time"])) or 1.0
-        over_2, over_10 = (min(float(np.sum(episodes[name])) / engaged, 1.0) for name in EXCESS_TIMES)
+        over_2, over_10 = (
+            min(float(np.sum(episodes[name])) / engaged, 1.0) for name in EXCESS_TIMES
+        )
         return cls(above_2_percent=over_2, above_10_percent=over_10)
 
 
@@ -149,14 +176,22 @@ class Result(Part):
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
-        optional = {"overload_time"} if self.task.of_family else set()  # older results on a family lack it
+        optional = (
+            {"overload_time"} if self.task.of_family else set()
+        )  # older results on a family lack it
         if set(self.episodes) | optional != set(self.task.fields):
-            raise ValueError(f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(self.task.fields)}")
+            raise ValueError(
+                f"episodes holds {', '.join(self.episodes)}, but must hold {', '.join(self.task.fields)}"
+            )
         for name, values in self.episodes.items():
             if len(values) != len(self.task.seeds):
-                raise ValueError(f"episodes.{name} holds {len(values)} values, but there are {len(self.task.seeds)} seeds")
+                raise ValueError(
+                    f"episodes.{name} holds {len(values)} values, but there are {len(self.task.seeds)} seeds"
+                )
         if self.checksum != _checksum(self.task, self.policy, self.episodes):
-            raise ValueError("checksum does not match task, policy and episodes: the file has been changed since it was written")
+            raise ValueError(
+                "checksum does not match task, policy and episodes: the file has been changed since it was written"
+            )
         return self
 
     @classmethod
@@ -175,7 +210,10 @@ class Result(Part):
 
     def same_as(self, other: "Result") -> bool:
         """Return whether task, policy and every number are the same, whatever else the files say."""
-        return self.is_of(other.task, other.policy) and (self.episodes, self.excess) == (other.episodes, other.excess)
+        return self.is_of(other.task, other.policy) and (self.episodes, self.excess) == (
+            other.episodes,
+            other.excess,
+        )
 
     def is_of(self, task: Task, policy: PolicySpec) -> bool:
         """Return whether this is the result of a policy on a task."""
@@ -205,7 +243,10 @@ class ResultFile(Part):
         """Give each result the task, which the file states once."""
         try:
             task = Task.model_validate(values["task"])
-            return values | {"task": task, "results": [each | {"task": task} for each in values["results"]]}
+            return values | {
+                "task": task,
+                "results": [each | {"task": task} for each in values["results"]],
+            }
         except (TypeError, KeyError, ValidationError):  # what is wrong is found in its place
             return values
 
@@ -241,7 +282,10 @@ class Manifest(Part):
 
     def text(self) -> str:
         """Return the manifest as JSON, a line per policy."""
-        entries = {label: entry.model_dump_json(by_alias=True, exclude_none=True) for label, entry in self.results.items()}
+        entries = {
+            label: entry.model_dump_json(by_alias=True, exclude_none=True)
+            for label, entry in self.results.items()
+        }
         lines = [f"  {json.dumps(label)}: {entry}" for label, entry in sorted(entries.items())]
         task = self.task.model_dump_json(exclude_none=True)
         return f'{{\n "task": {task},\n "results": {{\n' + ",\n".join(lines) + "\n }\n}\n"
@@ -264,7 +308,9 @@ def read_file(path: Path) -> list[Result]:
     for each in file.results:
         place = folder / PACK_FILE if path.name == PACK_FILE else result_path(folder, each.policy)
         if path.parts[-3:] != place.parts:
-            raise ResultError(f"{path} holds the result of {each.policy.label} and should be at {place} in the folder of results")
+            raise ResultError(
+                f"{path} holds the result of {each.policy.label} and should be at {place} in the folder of results"
+            )
     return file.results
 
 
@@ -294,7 +340,9 @@ def write_result(result: Result, folder: Path) -> None:
     """Write a result into its folder, unless the folder already says the same: no number changes, no file changes."""
     present = read_results(folder).get(result.policy.label)
     if present is None or not present.same_as(result):
-        write_part(ResultFile(task=result.task, results=[result]), result_path(folder, result.policy))
+        write_part(
+            ResultFile(task=result.task, results=[result]), result_path(folder, result.policy)
+        )
 
 
 @cache
@@ -305,8 +353,12 @@ def tell_once(text: str) -> None:
 
 def write_manifest(folder: Path, task: Task) -> None:
     """Write the manifest of a folder: the task that is ranked there and its results."""
-    results = [result for result in read_results(folder).values() if result.task.digest == task.digest]
-    manifest = Manifest(task=task, results={result.policy.label: Entry.of(result) for result in results})
+    results = [
+        result for result in read_results(folder).values() if result.task.digest == task.digest
+    ]
+    manifest = Manifest(
+        task=task, results={result.policy.label: Entry.of(result) for result in results}
+    )
     path = folder / MANIFEST_FILE
     if not path.is_file() or path.read_text("utf-8") != manifest.text():
         write_whole(path, manifest.text())
@@ -316,9 +368,16 @@ def start_results(folder: Path, task: Task) -> None:
     """Copy the results that come with the project into a folder that has no manifest yet, if they are on this task."""
     source = result_folder(RESULTS, task.env_id, task.scenario.name)
     manifest = source / MANIFEST_FILE
-    if (folder / MANIFEST_FILE).exists() or not manifest.is_file() or read_part(Manifest, manifest).task.digest != task.digest:
+    if (
+        (folder / MANIFEST_FILE).exists()
+        or not manifest.is_file()
+        or read_part(Manifest, manifest).task.digest != task.digest
+    ):
         return
-    for path in [*(each for each in source.glob("[!.]*.xz") if not (folder / each.name).exists()), manifest]:
+    for path in [
+        *(each for each in source.glob("[!.]*.xz") if not (folder / each.name).exists()),
+        manifest,
+    ]:
         write_whole(folder / path.name, path.read_bytes())
 
 
@@ -351,7 +410,12 @@ def _parsed(kind: type[PartType], content: bytes, compressed: bool) -> PartType:
 def write_part(part: Part, path: Path) -> None:
     """Write a file whole or not at all, compressed if its name ends in .xz; make its folder."""
     content = (json.dumps(part.model_dump(by_alias=True), allow_nan=False) + "\n").encode()
-    write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME) if path.name.endswith(".xz") else content)
+    write_whole(
+        path,
+        lzma.compress(content, preset=9 | lzma.PRESET_EXTREME)
+        if path.name.endswith(".xz")
+        else content,
+    )
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -363,7 +427,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def _complaint(error: ValidationError) -> str:
     """Return the field, the value and the allowed values of the first error."""
     detail: Any = error.errors()[0]
-    field, message = ".".join(str(part) for part in detail["loc"]), detail["msg"].removeprefix("Value error, ")
+    field, message = (
+        ".".join(str(part) for part in detail["loc"]),
+        detail["msg"].removeprefix("Value error, "),
+    )
     if field and detail["type"] != "missing":
         value = repr(detail["input"])
         message = f"{value if len(value) <= 60 else value[:60] + '...'} is not allowed: {message}"

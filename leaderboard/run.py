@@ -34,10 +34,15 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import Workers, spread
 
 Attempt = Episodes | ResultError
-MIN_KEY = 16  # least number of characters of a private key: who sees results must not find it by trying
+MIN_KEY = (
+    16  # least number of characters of a private key: who sees results must not find it by trying
+)
 
 
-def attempt(piece: tuple[PolicySpec, Scenario, Sequence[int]], on_step: Callable[[int], None] = lambda ended: None) -> Attempt:
+def attempt(
+    piece: tuple[PolicySpec, Scenario, Sequence[int]],
+    on_step: Callable[[int], None] = lambda ended: None,
+) -> Attempt:
     """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
     spec, scenario, seeds = piece
     try:
@@ -56,7 +61,9 @@ def _failure(spec: PolicySpec, what: str, error: Exception) -> ResultError:
         raise error
     # An agent, or a policy of one's own code, may raise anything, and must not stop the others.
     place = traceback.extract_tb(error.__traceback__)[-1]
-    return ResultError(f"{spec.label} {what}: {reason_of(error)} ({place.filename}, line {place.lineno})")
+    return ResultError(
+        f"{spec.label} {what}: {reason_of(error)} ({place.filename}, line {place.lineno})"
+    )
 
 
 @dataclass(frozen=True)
@@ -77,7 +84,9 @@ class TaskRun:
 def private_seeds(key: str, count: int) -> list[int]:
     """Return the first ``count`` seeds that a key of at least 16 characters determines; its owner knows them."""
     if len(key) < MIN_KEY:
-        raise ResultError(f"--private-key: the private key has {len(key)} characters, but must have at least {MIN_KEY}")
+        raise ResultError(
+            f"--private-key: the private key has {len(key)} characters, but must have at least {MIN_KEY}"
+        )
     first = 1_000_000 + (int.from_bytes(sha256(f"seeds {key}".encode()).digest()[:8]) >> 1)
     return [first + seed for seed in held_out_seeds(count)]
 
@@ -90,7 +99,9 @@ class PoliciesFailed(ResultError):
         self.reasons = reasons
 
 
-def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None, *, replace: bool = False) -> None:
+def play_all(
+    runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None, *, replace: bool = False
+) -> None:
     """Have all policies of all runs play, and write each result as it is finished.
 
     Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code do not. Then the
@@ -114,7 +125,9 @@ def play_all(runs: Sequence[TaskRun], fresh: bool, over: Workers | None = None, 
         _play_all(runs, fresh, over, replace)
 
 
-def _play_all(asked: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool) -> None:
+def _play_all(
+    asked: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool
+) -> None:
     runs, complaints = [], list[ResultError]()
     for each in asked:
         admitted, refused = _admitted(each, replace_others)
@@ -129,7 +142,9 @@ def _play_all(asked: Sequence[TaskRun], fresh: bool, over: Workers | None, repla
     total = sum(len(each.policies) * len(each.seeds) for each in runs)
     done = total - sum(len(piece[2]) for _, piece in pieces)
     # miniters=0 redraws the bar while no episode ends; disable=None keeps it quiet without a terminal.
-    with tqdm(total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None) as bar:
+    with tqdm(
+        total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None
+    ) as bar:
 
         def play_here(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> Attempt:
             def on_step(ended: int) -> None:
@@ -150,7 +165,9 @@ def _play_all(asked: Sequence[TaskRun], fresh: bool, over: Workers | None, repla
     complaints += failed.values()
     for each in runs:
         able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
-        if able and each.private is None and not each.task.of_family:  # a trajectory would reveal private bars
+        if (
+            able and each.private is None and not each.task.of_family
+        ):  # a trajectory would reveal private bars
             complaints += _record_trajectories(replace(each, policies=able), fresh, over)
         if able:
             with folder_lock(each.folder.parent, wait=True):
@@ -176,11 +193,15 @@ def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultE
         if other is None or not is_of_another(other.policy, spec):
             policies.append(spec)
         elif replace_others:
-            tell_once(f"{spec.label} in {run.folder} is the result of another agent, which makes way")
+            tell_once(
+                f"{spec.label} in {run.folder} is the result of another agent, which makes way"
+            )
             policies.append(spec)
         else:
             reason = f"{spec.label} in {run.folder} is the result of another agent, which stands: --replace lets this one take "
-            refused.append(ResultError(f"{reason}its place; --name, or another name of the file, keeps both"))
+            refused.append(
+                ResultError(f"{reason}its place; --name, or another name of the file, keeps both")
+            )
     return replace(run, policies=policies), refused
 
 
@@ -209,7 +230,11 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     names, wanted, trajectories = _recorded(run)
     # The first training seed represents an agent.
     able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
-    missing = [place for place in wanted if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))]
+    missing = [
+        place
+        for place in wanted
+        if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))
+    ]
     pieces = [(place, (able[place[0]], run.task.scenario, place[1])) for place in missing]
     try:
         with tqdm(total=len(missing), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
@@ -230,15 +255,31 @@ def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> lis
     return complaints
 
 
-def _recorded(run: TaskRun) -> tuple[dict[str, str], list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
+def _recorded(
+    run: TaskRun,
+) -> tuple[dict[str, str], list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
     """Return (names of standings; policy and seed of each trajectory that the folder should hold; those that it holds)."""
     leaderboard = read_leaderboard(run.folder, run.task)
-    names, episodes = leaderboard.names, leaderboard.trajectories.episodes if leaderboard.trajectories else []
-    compared, ranked = comparators(run.task.scenario), [each for each in leaderboard.standings if each.kind != "oracle"]
+    names, episodes = (
+        leaderboard.names,
+        leaderboard.trajectories.episodes if leaderboard.trajectories else [],
+    )
+    compared, ranked = (
+        comparators(run.task.scenario),
+        [each for each in leaderboard.standings if each.kind != "oracle"],
+    )
     always = {each.name for each in ranked if each.own} | {compared.fixed, compared.published}
-    chosen = [each.name for place, each in enumerate(ranked) if place < MAX_RECORDED or each.name in always]
+    chosen = [
+        each.name
+        for place, each in enumerate(ranked)
+        if place < MAX_RECORDED or each.name in always
+    ]
     wanted = [(name, seed) for name in chosen for seed in run.task.seeds[:RECORDED_SEEDS]]
-    return names, wanted, {(names[episode.policy.label], episode.seed): episode for episode in episodes}
+    return (
+        names,
+        wanted,
+        {(names[episode.policy.label], episode.seed): episode for episode in episodes},
+    )
 
 
 def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:

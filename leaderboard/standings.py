@@ -78,18 +78,26 @@ class Standing:
     severe_share: float  # of cutting time
     severe_lower_limit: float  # one-sided lower confidence limit of severe_share
     severe_limit: float  # one-sided upper confidence limit of severe_share
-    best_rule: str | None  # of the other policies that are rules, the feasible one with the highest mean return, if any is
+    best_rule: (
+        str | None
+    )  # of the other policies that are rules, the feasible one with the highest mean return, if any is
     over_best_rule: Estimate | None  # [s]
     over_causal: Estimate | None  # [s]
     median_over_best_rule: float | None = None  # over seeds [s]
-    over_best_rule_without_largest: float | None = None  # mean over seeds but the ``LARGEST`` with the largest differences [s]
+    over_best_rule_without_largest: float | None = (
+        None  # mean over seeds but the ``LARGEST`` with the largest differences [s]
+    )
     beats_best_rule: float | None = None  # share of seeds
-    class_rank: int | None = None  # among the policies of its class, by the same order; None for an oracle
+    class_rank: int | None = (
+        None  # among the policies of its class, by the same order; None for an oracle
+    )
     constraint_rank: int | None = None  # among feasible policies, by cost
     over_fixed: Estimate | None = None  # [s]
     over_published: Estimate | None = None  # [s]
     score: Estimate | None = None  # 0 the fixed parameters, 1 the causal oracle
-    full_cost: Estimate | None = None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
+    full_cost: Estimate | None = (
+        None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
+    )
     minutes: float | None = None  # of an episode, with edge changes and downtime [min]
     part_cost: float | None = None  # edges included; None if no parts are turned [min]
     roughness_deviation: float | None = None  # mean, relative; None if no roughness is held
@@ -104,7 +112,9 @@ class Standing:
     broken_share: float | None = None  # of edges used up
     used_life: float | None = None  # at the end
     # Of families, whose volumes and edges do not add up:
-    full_cost_share: Estimate | None = None  # cost of time, edges, overload and breakage over the worth of the metal
+    full_cost_share: Estimate | None = (
+        None  # cost of time, edges, overload and breakage over the worth of the metal
+    )
     job_score: Estimate | None = None  # 0 the fixed nominal optimum, 1 the causal oracle
     over_truth: Estimate | None = None  # over the best rule with true laws [s]
     worst_return: float | None = None  # of a job [s]
@@ -147,7 +157,9 @@ def _rank(results: Sequence[Result]) -> list[Standing]:
             return -each.full_cost.value if each.full_cost else -math.inf
         return each.mean_return.value
 
-    standings.sort(key=lambda each: (rank_key(each.kind, each.feasible, merit(each), each.unranked), each.name))
+    standings.sort(
+        key=lambda each: (rank_key(each.kind, each.feasible, merit(each), each.unranked), each.name)
+    )
     return _with_ranks(standings, board.costs)
 
 
@@ -156,19 +168,27 @@ def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
     return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
 
 
-def _metal_cost(name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap) -> tuple[float, Floats]:
+def _metal_cost(
+    name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap
+) -> tuple[float, Floats]:
     """Return the cost of metal [cm3] that has cost ``minutes``, and that in each resample [min/dm3]."""
     volume = removed / 1000.0
-    return _share(minutes, volume), ratio(bootstrap.means(minutes, name), bootstrap.means(volume, name))
+    return _share(minutes, volume), ratio(
+        bootstrap.means(minutes, name), bootstrap.means(volume, name)
+    )
 
 
-def _with_ranks(standings: Sequence[Standing], costs: Mapping[str, tuple[float, Floats]]) -> list[Standing]:
+def _with_ranks(
+    standings: Sequence[Standing], costs: Mapping[str, tuple[float, Floats]]
+) -> list[Standing]:
     """Return standings, which are in order, with their ranks within classes and on the constraint track."""
     # Oracles and, where learning games the task, agents are shown, but do not take part in the ranking.
     contestants = [standing for standing in standings if standing.unranked is None]
 
     # The constraint track ranks feasible policies by the cost of their metal.
-    by_cost = [standing.name for standing in contestants if standing.feasible and standing.name in costs]
+    by_cost = [
+        standing.name for standing in contestants if standing.feasible and standing.name in costs
+    ]
     by_cost.sort(key=lambda name: costs[name][0])
 
     ranked = []
@@ -190,7 +210,9 @@ def _place(name: str, order: Sequence[str]) -> int | None:
     return 1 + order.index(name) if name in order else None
 
 
-def _over_cheapest_other(name: str, by_cost: Sequence[str], costs: Mapping[str, tuple[float, Floats]]) -> Estimate | None:
+def _over_cheapest_other(
+    name: str, by_cost: Sequence[str], costs: Mapping[str, tuple[float, Floats]]
+) -> Estimate | None:
     """Return the cost of a policy less that of the cheapest other on the constraint track [min/dm3]."""
     others = [other for other in by_cost if other != name]
     if name not in costs or not others:
@@ -224,7 +246,9 @@ def _description(policy: PolicySpec) -> str:
     if policy.name in RULES:
         return RULES[policy.name].description
     if policy.kind == "agent" and not is_own(policy) and policy.tuned_for is not None:
-        return description_of_training(policy.parameters, policy.parameters.get("steps"), policy.tuned_for.name)
+        return description_of_training(
+            policy.parameters, policy.parameters.get("steps"), policy.tuned_for.name
+        )
     return policy.description
 
 
@@ -236,8 +260,12 @@ def highest(returns: Mapping[str, float]) -> str | None:
 def best_rule(standings: Sequence[Standing]) -> Standing | None:
     """Return the rule with the highest mean return, a feasible one if there is any; None without a rule."""
     rules = {standing.name: standing for standing in standings if standing.kind == "rule"}
-    feasible = {name: standing.mean_return.value for name, standing in rules.items() if standing.feasible}
-    best = highest(feasible or {name: standing.mean_return.value for name, standing in rules.items()})
+    feasible = {
+        name: standing.mean_return.value for name, standing in rules.items() if standing.feasible
+    }
+    best = highest(
+        feasible or {name: standing.mean_return.value for name, standing in rules.items()}
+    )
     return None if best is None else rules[best]
 
 
@@ -248,11 +276,16 @@ class _Board:
         self.groups, self.task = groups, next(iter(groups.values()))[0].task
         self.scenario = self.task.scenario
         self.played = {
-            name: {field: np.array([each.episodes[field] for each in group]) for field in group[0].episodes}
+            name: {
+                field: np.array([each.episodes[field] for each in group])
+                for field in group[0].episodes
+            }
             for name, group in groups.items()
         }  # arrays of shape (training seeds, seeds)
         self.bootstrap = Bootstrap(len(self.task.seeds))
-        self.means = {name: self.bootstrap.means(each["return"], name) for name, each in self.played.items()}
+        self.means = {
+            name: self.bootstrap.means(each["return"], name) for name, each in self.played.items()
+        }
         policies = {name: group[0].policy for name, group in groups.items()}
         self.severe_limits = {name: self._severe_limits(name) for name in groups}
         self.rules = {
@@ -269,7 +302,9 @@ class _Board:
     def _severe_limits(self, name: str) -> tuple[float, float]:
         """Return the lower and upper confidence limits of a policy's share of severe overload."""
         episodes = self.played[name]
-        return self.bootstrap.severe_limits(episodes["severe_overload_time"], episodes["engaged_time"], name)
+        return self.bootstrap.severe_limits(
+            episodes["severe_overload_time"], episodes["engaged_time"], name
+        )
 
     def _feasibility(self, name: str) -> Feasibility:
         return feasibility(self.severe_limits[name], self.scenario.limits.overload_allowance)
@@ -277,7 +312,9 @@ class _Board:
     def _best_other_rule(self, name: str) -> str | None:
         """Return the other rule with the highest mean return, a feasible one if there is any."""
         others = {rule: mean for rule, mean in self.rules.items() if rule != name}
-        feasible = {rule: mean for rule, mean in others.items() if self._feasibility(rule) == "feasible"}
+        feasible = {
+            rule: mean for rule, mean in others.items() if self._feasibility(rule) == "feasible"
+        }
         return highest(feasible or others)
 
     def _excess_share(self, name: str, field: str) -> float | None:
@@ -294,7 +331,11 @@ class _Board:
     def standing(self, name: str) -> Standing:
         """Return the standing of one policy."""
         policy, episodes, scenario = self.groups[name][0].policy, self.played[name], self.scenario
-        returns, engaged, severe = episodes["return"], episodes["engaged_time"], episodes["severe_overload_time"]
+        returns, engaged, severe = (
+            episodes["return"],
+            episodes["engaged_time"],
+            episodes["severe_overload_time"],
+        )
         best_rule = self._best_other_rule(name)
         severe_lower_limit, severe_limit = self.severe_limits[name]
         interquartile = self.bootstrap.interquartile_means(returns, name)
@@ -305,19 +346,29 @@ class _Board:
             information=information(policy, policy.trained_on or scenario),
             description=_description(policy),
             own=is_own(policy),
-            training_seeds=tuple(sorted(each.policy.training_seed or 0 for each in self.groups[name] if policy.kind == "agent")),
+            training_seeds=tuple(
+                sorted(
+                    each.policy.training_seed or 0
+                    for each in self.groups[name]
+                    if policy.kind == "agent"
+                )
+            ),
             unranked=reason_not_to_rank(policy.kind, scenario),
             feasible=self._feasibility(name) == "feasible",
             feasibility=self._feasibility(name),
             mean_return=Estimate.of(float(np.mean(returns)), self.means[name]),
-            interquartile_return=Estimate.of(interquartile_mean(returns.ravel()).item(), interquartile),
+            interquartile_return=Estimate.of(
+                interquartile_mean(returns.ravel()).item(), interquartile
+            ),
             severe_share=_share(severe, engaged),
             severe_lower_limit=severe_lower_limit,
             severe_limit=severe_limit,
             best_rule=best_rule,
             over_best_rule=self._difference(name, best_rule),
             over_causal=self._difference(name, CAUSAL),
-            overload_share=_share(episodes["overload_time"], engaged) if "overload_time" in episodes else None,
+            overload_share=_share(episodes["overload_time"], engaged)
+            if "overload_time" in episodes
+            else None,
             share_above_2_percent=self._excess_share(name, "above_2_percent"),
             share_above_10_percent=self._excess_share(name, "above_10_percent"),
             **self._leads(name, best_rule),
@@ -347,14 +398,22 @@ class _Board:
         """Return the share of the gap in return from a policy to the causal oracle that another closes."""
         if not {start, CAUSAL} <= self.played.keys() or name in (start, CAUSAL):
             return None
-        low, high, mean = (float(np.mean(self.played[each]["return"])) for each in (start, CAUSAL, name))
+        low, high, mean = (
+            float(np.mean(self.played[each]["return"])) for each in (start, CAUSAL, name)
+        )
         means, least = self.means, self.means[start]
-        return Estimate.of((mean - low) / (high - low), (means[name] - least) / (means[CAUSAL] - least))
+        return Estimate.of(
+            (mean - low) / (high - low), (means[name] - least) / (means[CAUSAL] - least)
+        )
 
     def _of_episodes(self, name: str) -> dict[str, Any]:
         """Return the numbers for tasks on one scenario."""
         episodes, scenario, compared = self.played[name], self.scenario, comparators(self.scenario)
-        engaged, removed, edges = episodes["engaged_time"], episodes["removed"], episodes["edges_used"]
+        engaged, removed, edges = (
+            episodes["engaged_time"],
+            episodes["removed"],
+            episodes["edges_used"],
+        )
         minutes, cost_minutes = total_minutes(episodes, scenario), _cost_minutes(episodes, scenario)
         found: dict[str, Any] = {
             "over_fixed": self._difference(name, compared.fixed),
@@ -371,7 +430,9 @@ class _Board:
             found["cost"] = Estimate.of(*self.costs[name])
         if name in self.costs and scenario.control.aim == "removal":
             all_minutes = cost_minutes - episodes["reward_overload"] / 60.0
-            found["full_cost"] = Estimate.of(*_metal_cost(name, all_minutes, removed, self.bootstrap))
+            found["full_cost"] = Estimate.of(
+                *_metal_cost(name, all_minutes, removed, self.bootstrap)
+            )
         if scenario.control.action == "part":
             found["part_cost"] = _share(cost_minutes, episodes["steps"])
         if scenario.control.aim == "roughness":
@@ -380,7 +441,10 @@ class _Board:
 
     def _of_jobs(self, name: str) -> dict[str, Any]:
         """Return the numbers for families."""
-        episodes, returns = self.played[name], {each: played["return"] for each, played in self.played.items()}
+        episodes, returns = (
+            self.played[name],
+            {each: played["return"] for each, played in self.played.items()},
+        )
         worth = episodes["reward_metal"]
         cost = worth - returns[name]
         costs = self.bootstrap.means(cost, name) / self.bootstrap.means(worth, name)
@@ -395,7 +459,11 @@ class _Board:
             scores = (returns[name] - low) / (high - low)
             middle = self.bootstrap.interquartile_means(scores, name)
             found["job_score"] = Estimate.of(interquartile_mean(scores.ravel()).item(), middle)
-        true = {each: float(returns[each].mean()) for each, group in self.groups.items() if group[0].policy.knows == "true_laws"}
+        true = {
+            each: float(returns[each].mean())
+            for each, group in self.groups.items()
+            if group[0].policy.knows == "true_laws"
+        }
         return found | {"over_truth": self._difference(name, highest(true))}
 
 
@@ -408,7 +476,10 @@ def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
     economics = scenario.economics
     total: Floats = episodes["time"] / 60.0
     if scenario.control.edge_changes == "end":
-        stops = economics.edge_change_time * episodes["edges_used"] + economics.breakage_downtime * episodes["edges_broken"]
+        stops = (
+            economics.edge_change_time * episodes["edges_used"]
+            + economics.breakage_downtime * episodes["edges_broken"]
+        )
         total = total + stops
     return total
 

@@ -56,7 +56,9 @@ def renamed(policy: PolicySpec, name: str, seed: int) -> PolicySpec:
     """Return an agent under the name and training seed of its file; the description keeps what the agent calls itself."""
     if (name, seed) == (policy.name, policy.training_seed):
         return policy
-    description = f"calls itself {policy.name}, training seed {policy.training_seed}; {policy.description}"
+    description = (
+        f"calls itself {policy.name}, training seed {policy.training_seed}; {policy.description}"
+    )
     values = dict(policy) | {"name": name, "training_seed": seed, "description": description}
     return PolicySpec.model_validate(values)
 
@@ -76,7 +78,9 @@ def with_folder(submission: Submission) -> Submission:
     """Return an agent with the name of its folder before its own; ValueError if the folder's name cannot name a policy."""
     folder = FileName.of(submission.path).folder
     if not re.fullmatch(NAME, folder):
-        raise ValueError(f"another file has its name, and its folder {printable(folder)!r} cannot name a policy: rename the file")
+        raise ValueError(
+            f"another file has its name, and its folder {printable(folder)!r} cannot name a policy: rename the file"
+        )
     policy = submission.policy
     qualified = PolicySpec.model_validate(dict(policy) | {"name": f"{folder}_{policy.name}"})
     return Submission(path=submission.path, policy=qualified)

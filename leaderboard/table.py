@@ -12,8 +12,14 @@ from turning_env import SPLITS
 from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import Feasibility
 
-COLUMNS = {column.field: column for group in GROUPS.values() for column in group}  # all columns by field
-UNITS = {field: each.unit if each.factor == 1.0 else "share" for field, each in COLUMNS.items() if not isinstance(each, Training)}
+COLUMNS = {
+    column.field: column for group in GROUPS.values() for column in group
+}  # all columns by field
+UNITS = {
+    field: each.unit if each.factor == 1.0 else "share"
+    for field, each in COLUMNS.items()
+    if not isinstance(each, Training)
+}
 """Units of the numbers of a standing."""
 
 
@@ -48,11 +54,19 @@ def render(leaderboard: Leaderboard) -> str:
     return "\n".join(lines)
 
 
-def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], policies: Collection[str]) -> str:
+def selection(
+    leaderboards: Sequence[Leaderboard], fields: Sequence[str], policies: Collection[str]
+) -> str:
     """Return some numbers of some policies, or of all if none is named, as a Markdown table; without numbers, ``across``."""
     if not fields and (splits := across(leaderboards)):
         head, *rows = _across_rows(splits)
-        return markdown([dict(zip(head, row, strict=True)) for row in rows if not policies or row[0] in policies])
+        return markdown(
+            [
+                dict(zip(head, row, strict=True))
+                for row in rows
+                if not policies or row[0] in policies
+            ]
+        )
     fields = list(dict.fromkeys(fields))
     found = []
     for each in leaderboards:
@@ -60,7 +74,10 @@ def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], polici
         titles = [f"{title} {unit}".strip() for title, unit in zip(head, units, strict=True)]
         first = {"scenario": each.task.scenario.name} if len(leaderboards) > 1 else {}
         named = (row for row in rows if not policies or row[1] in policies)
-        found += [first | {"policy": f"`{row[1]}`"} | dict(zip(titles[3:], row[3:], strict=True)) for row in named]
+        found += [
+            first | {"policy": f"`{row[1]}`"} | dict(zip(titles[3:], row[3:], strict=True))
+            for row in named
+        ]
     if not found:
         raise ResultError(f"no policy is called {' or '.join(policies)}")
     return markdown(found)
@@ -68,8 +85,16 @@ def selection(leaderboards: Sequence[Leaderboard], fields: Sequence[str], polici
 
 def markdown(rows: Sequence[Mapping[str, str]]) -> str:
     """Return a Markdown table of texts by heading."""
-    headings = list(dict.fromkeys(heading for cells in sorted(rows, key=lambda cells: -len(cells)) for heading in cells))
-    lines = [headings, ["---"] * len(headings), *([cells.get(heading, "") for heading in headings] for cells in rows)]
+    headings = list(
+        dict.fromkeys(
+            heading for cells in sorted(rows, key=lambda cells: -len(cells)) for heading in cells
+        )
+    )
+    lines = [
+        headings,
+        ["---"] * len(headings),
+        *([cells.get(heading, "") for heading in headings] for cells in rows),
+    ]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -114,17 +139,30 @@ def _rows(standings: Sequence[Standing], columns: Sequence[Column]) -> list[list
         if not any(cell.text for cell in cells):
             continue
         name = f"{standing.name} (yours)" if standing.own else standing.name
-        row = [str(place) if ranked else "", name, str(len(standing.training_seeds) or ""), feasible]
-        rows.append(row + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells])
+        row = [
+            str(place) if ranked else "",
+            name,
+            str(len(standing.training_seeds) or ""),
+            feasible,
+        ]
+        rows.append(
+            row
+            + [f"{cell.text} ({cell.interval})" if cell.interval else cell.text for cell in cells]
+        )
     return rows
 
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 0) -> str:
     """Return rows of texts as lines, every column to the right but the one at place ``left``."""
     widths = [max(map(len, texts)) for texts in zip(*rows, strict=True)]
-    sides: list[Callable[[str, int], str]] = [str.ljust if place == left else str.rjust for place in range(len(widths))]
+    sides: list[Callable[[str, int], str]] = [
+        str.ljust if place == left else str.rjust for place in range(len(widths))
+    ]
     return "\n".join(
-        "  ".join(side(*each) for side, each in zip(sides, zip(row, widths, strict=True), strict=True)).rstrip() for row in rows
+        "  ".join(
+            side(*each) for side, each in zip(sides, zip(row, widths, strict=True), strict=True)
+        ).rstrip()
+        for row in rows
     )
 
 
@@ -143,17 +181,29 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
 
     A policy counts on a split if it was tuned for the first leaderboard's scenario, and so does an oracle.
     """
-    splits = {each.task.scenario.name: each for each in leaderboards if each.task.scenario.name in SPLITS}
+    splits = {
+        each.task.scenario.name: each for each in leaderboards if each.task.scenario.name in SPLITS
+    }
     tuned_for = [result.policy.tuned_for for each in splits.values() for result in each.results]
     for base in leaderboards:
         home = ScenarioId.of(base.task.scenario)
         if home not in tuned_for or home.name in splits:
             continue
-        chosen = [each for name in SPLITS if (each := splits.get(name)) and each.task.env_id == base.task.env_id]
-        rows = {each.name: {home.name: _full_cost(each)} for each in base.standings if each.full_cost}
+        chosen = [
+            each
+            for name in SPLITS
+            if (each := splits.get(name)) and each.task.env_id == base.task.env_id
+        ]
+        rows = {
+            each.name: {home.name: _full_cost(each)} for each in base.standings if each.full_cost
+        }
         for split in chosen:
             names, policies = split.names, [result.policy for result in split.results]
-            counted = {names[policy.label] for policy in policies if policy.tuned_for == home or policy.kind == "oracle"}
+            counted = {
+                names[policy.label]
+                for policy in policies
+                if policy.tuned_for == home or policy.kind == "oracle"
+            }
             for standing in split.standings:
                 if standing.name in rows and standing.name in counted:
                     rows[standing.name][split.task.scenario.name] = _full_cost(standing)
@@ -162,18 +212,25 @@ def across(leaderboards: Sequence[Leaderboard]) -> Across | None:
 
 
 def _full_cost(standing: Standing) -> tuple[Cell, Feasibility]:
-    return FULL_COST.cell(standing), "feasible" if standing.kind == "oracle" else standing.feasibility
+    return FULL_COST.cell(
+        standing
+    ), "feasible" if standing.kind == "oracle" else standing.feasibility
 
 
 def render_across(table: Across) -> str:
     """Return the table as text."""
-    head = f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; {MEANING}"
+    head = (
+        f"full cost [min/dm3] of policies tuned for {table.tuned_for} on other scenarios; {MEANING}"
+    )
     return f"{head}\n\n{aligned(_across_rows(table))}"
 
 
 def _across_rows(table: Across) -> list[list[str]]:
     rows = [["policy", *table.scenarios]]
     for policy, cells in table.rows.items():
-        texts = {scenario: cell.text + MARKS[feasibility] for scenario, (cell, feasibility) in cells.items()}
+        texts = {
+            scenario: cell.text + MARKS[feasibility]
+            for scenario, (cell, feasibility) in cells.items()
+        }
         rows.append([policy, *(texts.get(scenario, "") for scenario in table.scenarios)])
     return rows

@@ -41,10 +41,14 @@ class Trajectory(Part):
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if set(self.series) != {"minutes", *SERIES}:
-            raise ValueError(f"series holds {', '.join(self.series)}, but must hold {', '.join(('minutes', *SERIES))}")
+            raise ValueError(
+                f"series holds {', '.join(self.series)}, but must hold {', '.join(('minutes', *SERIES))}"
+            )
         lengths = {len(values) for values in self.series.values()}
         if len(lengths) != 1 or not 1 <= min(lengths) <= self.steps:
-            raise ValueError(f"the series must be of one length, of at least one and at most {self.steps} steps")
+            raise ValueError(
+                f"the series must be of one length, of at least one and at most {self.steps} steps"
+            )
         return self
 
 
@@ -59,7 +63,11 @@ class Trajectories(Part):
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
     """Play one episode and keep its trajectory, thinned. Raise ValueError if an action has the wrong shape or is not finite."""
     # After a whole part the tool may be in air, so the part's means are recorded.
-    reported = {"thrust_force": "mean_thrust_force", "power": "mean_power"} if scenario.control.action == "part" else {}
+    reported = (
+        {"thrust_force": "mean_thrust_force", "power": "mean_power"}
+        if scenario.control.action == "part"
+        else {}
+    )
     env, policy = RoughTurningEnv(scenario), spec.make(1)
     observation, _ = env.reset(seed=seed)
     policy.reset(np.ones(1, np.bool_))
@@ -72,7 +80,10 @@ def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
         ended = terminated or truncated
     whole = dict(zip(("minutes", *SERIES), np.array(rows).T, strict=True))
     steps = kept(whole, scenario)
-    series = {name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]] for name, values in whole.items()}
+    series = {
+        name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]]
+        for name, values in whole.items()
+    }
     return Trajectory(policy=spec, seed=seed, steps=len(rows), series=series)
 
 
@@ -85,7 +96,10 @@ def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDAr
     count = len(trajectory["minutes"])
     if count <= MAX_STEPS:
         return np.arange(count)
-    load = np.maximum(trajectory["thrust_force"] / scenario.limits.thrust_force, trajectory["power"] / scenario.limits.power)
+    load = np.maximum(
+        trajectory["thrust_force"] / scenario.limits.thrust_force,
+        trajectory["power"] / scenario.limits.power,
+    )
     chosen = {count - 1}
     for group in np.array_split(np.arange(count), (MAX_STEPS - 1) // 2):
         metal = group[trajectory["depth_of_cut"][group] > 0.0]

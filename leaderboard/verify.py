@@ -35,7 +35,9 @@ from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
-BOUND_SEEDS = 4  # seeds of a result in a quick look for one of a bound, which takes seconds per seed
+BOUND_SEEDS = (
+    4  # seeds of a result in a quick look for one of a bound, which takes seconds per seed
+)
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,20 @@ class Selection:
         return (
             self.env_id in (None, path.parent.parent.name)
             and self.scenario in (None, path.parent.name)
-            and (self.policies is None or not {path.name, re.sub(r"-seed\d+$", "", path.name)}.isdisjoint(self.policies))
+            and (
+                self.policies is None
+                or not {path.name, re.sub(r"-seed\d+$", "", path.name)}.isdisjoint(self.policies)
+            )
         )
 
 
 def verify(
-    results: Path, agents_folder: Path, selection: Selection, memory: Path, seeds: int | None = None, over: Workers | None = None
+    results: Path,
+    agents_folder: Path,
+    selection: Selection,
+    memory: Path,
+    seeds: int | None = None,
+    over: Workers | None = None,
 ) -> list[str]:
     """Play every selected result again.
 
@@ -79,16 +89,36 @@ def verify(
     if not found and not complaints:
         raise ResultError(f"{results} holds no such results")
     known = set() if seeds is not None else _remembered(memory)
-    wanted = [(path, each) for path, each in found.items() if each.player is not None and each.result.checksum not in known]
+    wanted = [
+        (path, each)
+        for path, each in found.items()
+        if each.player is not None and each.result.checksum not in known
+    ]
     # A bound has no steps, and takes as long as any.
-    longest_first = sorted(wanted, key=lambda each: -(max(each[1].result.episodes["steps"]) or math.inf))
+    longest_first = sorted(
+        wanted, key=lambda each: -(max(each[1].result.episodes["steps"]) or math.inf)
+    )
     complaints += _beyond_the_bound({path: each.result for path, each in found.items()})
-    with tqdm(total=len(found), initial=len(found) - len(wanted), unit="result", dynamic_ncols=True, disable=None) as bar:
-        for path, played in spread(over, _play, [(path, (each, _chosen(each.result, seeds))) for path, each in longest_first]):
+    with tqdm(
+        total=len(found),
+        initial=len(found) - len(wanted),
+        unit="result",
+        dynamic_ncols=True,
+        disable=None,
+    ) as bar:
+        for path, played in spread(
+            over,
+            _play,
+            [(path, (each, _chosen(each.result, seeds))) for path, each in longest_first],
+        ):
             result = found[path].result
             bar.set_description(result.policy.label)
             bar.update()
-            wrong = [str(played)] if isinstance(played, ResultError) else differences(result, played, _chosen(result, seeds))
+            wrong = (
+                [str(played)]
+                if isinstance(played, ResultError)
+                else differences(result, played, _chosen(result, seeds))
+            )
             complaints += [_complaint(path, each) for each in wrong]
             if not wrong and seeds is None:
                 known.add(result.checksum)
@@ -114,12 +144,17 @@ class _Found(NamedTuple):
     player: PolicySpec | Path | None
 
 
-def _examine(results: Path, agents_folder: Path, selection: Selection) -> tuple[dict[Path, _Found], list[str]]:
+def _examine(
+    results: Path, agents_folder: Path, selection: Selection
+) -> tuple[dict[Path, _Found], list[str]]:
     """Return all results that can be read, by folder and label, and the complaints about them and about agents without one."""
     found: dict[Path, _Found] = {}
     complaints, files, absent = list[str](), agent_files(agents_folder), 0
     for folder in sorted(results.glob("*/*")):
-        if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (None, folder.name):
+        if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (
+            None,
+            folder.name,
+        ):
             continue
         manifest = folder / MANIFEST_FILE
         entries: dict[str, Entry] = {}
@@ -135,15 +170,26 @@ def _examine(results: Path, agents_folder: Path, selection: Selection) -> tuple[
                 found[place] = _Found(result, player_of(result, files))
                 absent += found[place].player is None
                 if entries.get(label) != Entry.of(result):
-                    raise ResultError(f"{manifest.name} beside it says otherwise: run python -m leaderboard run again")
+                    raise ResultError(
+                        f"{manifest.name} beside it says otherwise: run python -m leaderboard run again"
+                    )
             except ResultError as error:
                 complaints.append(_complaint(place, error))
     if absent:
-        tqdm.write(f"not played: {absent} results of training seeds that are not in {agents_folder}: make seeds", file=sys.stderr)
-    played = {(place.parent.with_name(each.result.task.home), each.result.policy.sha256) for place, each in found.items()}
+        tqdm.write(
+            f"not played: {absent} results of training seeds that are not in {agents_folder}: make seeds",
+            file=sys.stderr,
+        )
+    played = {
+        (place.parent.with_name(each.result.task.home), each.result.policy.sha256)
+        for place, each in found.items()
+    }
     for digest, path in files.items():
         folder = results / path.parent.relative_to(agents_folder)
-        selected = selection.holds(path.with_suffix("")) and len(path.relative_to(agents_folder).parts) == 3
+        selected = (
+            selection.holds(path.with_suffix(""))
+            and len(path.relative_to(agents_folder).parts) == 3
+        )
         if selected and (folder, digest) not in played:
             complaints.append(f"{path}: has no result in {folder}")
     return found, complaints
@@ -181,19 +227,27 @@ def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path | 
     """
     policy, task, scenario = result.policy, result.task, result.task.scenario
     if task.private is not None:
-        raise ResultError("was played on private seeds: only the owner of their key can play it again, by run --private-key KEY")
+        raise ResultError(
+            "was played on private seeds: only the owner of their key can play it again, by run --private-key KEY"
+        )
     if task.model_version != MODEL_VERSION:
-        raise ResultError(f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}")
+        raise ResultError(
+            f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}"
+        )
     if task.of_family:
         family_of(task)
     elif scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
     if policy.kind == "agent":
         if (path := files.get(policy.sha256 or "")) is None:
-            raise ResultError(f"{policy.label} is no longer what played: none of the agents' files has its SHA-256")
+            raise ResultError(
+                f"{policy.label} is no longer what played: none of the agents' files has its SHA-256"
+            )
         return path if path.exists() else None
     now = one_named(policy.name, task, _tuned_on(policy.tuned_for), policy.knows, policy.forgets)
-    if fields := [name for name, value in now.identity.items() if value != policy.identity.get(name)]:
+    if fields := [
+        name for name, value in now.identity.items() if value != policy.identity.get(name)
+    ]:
         raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
     return now
 
@@ -204,7 +258,9 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
         return None
     scenario = Scenario.load(known.name)
     if ScenarioId.of(scenario) != known:
-        raise ResultError(f"is not of the present preset {scenario.name!r}, which its policy was tuned for: values differ")
+        raise ResultError(
+            f"is not of the present preset {scenario.name!r}, which its policy was tuned for: values differ"
+        )
     return scenario
 
 
@@ -217,25 +273,36 @@ def differences(result: Result, episodes: Episodes, places: Sequence[int]) -> li
         other = recorded.view(np.int64) != played.view(np.int64)
         if other.any():
             largest = float(np.max(np.abs(recorded - played)))
-            complaints.append(f"{name} differs for {int(other.sum())} of {len(other)} seeds, by up to {largest:g}")
+            complaints.append(
+                f"{name} differs for {int(other.sum())} of {len(other)} seeds, by up to {largest:g}"
+            )
     whole = len(places) == len(result.task.seeds)
     if whole and result.excess is not None and result.excess != ExcessShares.of(episodes):
-        complaints.append(f"excess is {result.excess}, but comes back as {ExcessShares.of(episodes)}")
+        complaints.append(
+            f"excess is {result.excess}, but comes back as {ExcessShares.of(episodes)}"
+        )
     return complaints
 
 
 def _beyond_the_bound(results: Mapping[Path, Result]) -> list[str]:
     """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
     complaints = []
-    bounds = {folder: read_results(folder, lambda _: None).get(CLAIRVOYANT) for folder in {path.parent for path in results}}
+    bounds = {
+        folder: read_results(folder, lambda _: None).get(CLAIRVOYANT)
+        for folder in {path.parent for path in results}
+    }
     for path, result in results.items():
         bound = bounds[path.parent]  # ``check`` tells of one that cannot be read
         if bound is None or bound.task.digest != result.task.digest:
             continue
-        allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(result.episodes["time"])
+        allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(
+            result.episodes["time"]
+        )
         beyond = np.array(result.episodes["return"]) - allowed
         if count := int((beyond > 0.0).sum()):
-            complaints.append(f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s")
+            complaints.append(
+                f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s"
+            )
     return complaints
 
 

@@ -49,7 +49,9 @@ class Show:
 
     def advance(self) -> None:
         """Play one step. Raise ValueError if the policy's action has the wrong shape or is not finite."""
-        self._observation, _, terminated, truncated, _ = self.env.step(self._policy.act(self._observation[None])[0])
+        self._observation, _, terminated, truncated, _ = self.env.step(
+            self._policy.act(self._observation[None])[0]
+        )
         self.ended = terminated or truncated
 
     def frame(self) -> Frame:
@@ -82,20 +84,33 @@ def _watch(options: argparse.Namespace) -> None:
         raise ResultError(f"{options.out} must end in one of {', '.join(_WRITERS)}")
     names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
     if options.env == FAMILY_ID:
-        task = family_task(options.scenario or "shop", options.split or "train", max(options.seed, 0) + 1)
+        task = family_task(
+            options.scenario or "shop", options.split or "train", max(options.seed, 0) + 1
+        )
         task = task.model_copy(update={"seeds": [options.seed]})
     elif options.split:
         raise ResultError(f"--split is of {FAMILY_ID}, not of {options.env}")
     else:
-        task = Task(env_id=options.env, scenario=Scenario.load(options.scenario or IDS[options.env]), seeds=[options.seed])
-    shows = [Show(policy(name, task), task, "human" if options.human else "rgb_array") for name in names]
+        task = Task(
+            env_id=options.env,
+            scenario=Scenario.load(options.scenario or IDS[options.env]),
+            seeds=[options.seed],
+        )
+    shows = [
+        Show(policy(name, task), task, "human" if options.human else "rgb_array") for name in names
+    ]
     try:
         if options.human:
             for _ in steps(shows, options.steps, 1):
                 pass
         else:
-            filmed, rate = frames(shows, options.steps, options.every), shows[0].env.metadata["render_fps"]
-            replace_file(options.out, lambda partial: _WRITERS[options.out.suffix](filmed, partial, rate))
+            filmed, rate = (
+                frames(shows, options.steps, options.every),
+                shows[0].env.metadata["render_fps"],
+            )
+            replace_file(
+                options.out, lambda partial: _WRITERS[options.out.suffix](filmed, partial, rate)
+            )
             print(f"wrote {options.out}")
     finally:
         for show in shows:
@@ -132,7 +147,9 @@ def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Fram
     for _ in steps(shows, most, every):
         pictures = [show.frame() for show in shows]
         gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
-        frame: Frame = np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis=1)
+        frame: Frame = np.concatenate(
+            [part for picture in pictures for part in (gap, picture)][1:], axis=1
+        )
         yield frame
 
 
@@ -143,7 +160,9 @@ def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) ->
     height, width, _ = first.shape
     # Few bits are enough for areas of one colour; every player knows yuv420p.
     quality = ["-crf", "23", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
-    video: Any = FFMPEG_VideoWriter(str(path), (width, height), frames_per_second, "libx264", ffmpeg_params=quality)
+    video: Any = FFMPEG_VideoWriter(
+        str(path), (width, height), frames_per_second, "libx264", ffmpeg_params=quality
+    )
     with video:
         video.write_frame(first)
         for frame in frames:
@@ -154,12 +173,18 @@ def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> N
     from PIL import Image
 
     # Keeps also rare colours; all that frames have are in the first.
-    first = Image.fromarray(next(frames)).quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    rest = (Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
+    first = Image.fromarray(next(frames)).quantize(
+        method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )
+    rest = (
+        Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames
+    )
     # Viewers ignore pauses shorter than 2/100 s.
     pause = max(1000 // frames_per_second, 20)
     with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
-        first.save(file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True)
+        first.save(
+            file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True
+        )
 
 
 def _write_still(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
@@ -180,21 +205,47 @@ _WRITERS: dict[str, Callable[[Iterator[Frame], Path, int], None]] = {
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m leaderboard.watch", **described(__doc__))
     ids = [*IDS, FAMILY_ID]
-    parser.add_argument("--env", choices=ids, default="RoughTurning-v0", help="the environment's id (default: RoughTurning-v0)")
-    parser.add_argument("--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own")
+    parser.add_argument(
+        "--env",
+        choices=ids,
+        default="RoughTurning-v0",
+        help="the environment's id (default: RoughTurning-v0)",
+    )
+    parser.add_argument(
+        "--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own"
+    )
     parser.add_argument("--split", metavar="NAME", help="split of a family (default: train)")
     who = parser.add_mutually_exclusive_group(required=True)
     who.add_argument("--policy", metavar="NAME", help="a rule-based controller")
-    who.add_argument("--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own")
-    parser.add_argument("--beside", metavar="NAME_OR_AGENT", help="another policy or agent, on the same bars, beside the first")
-    parser.add_argument(
-        "--seed", type=int, default=0, help="determines the edge and the bars, or is the job's number (default: 0)"
+    who.add_argument(
+        "--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own"
     )
-    parser.add_argument("--steps", type=positive, metavar="N", help="at most so many steps (default: the episode)")
+    parser.add_argument(
+        "--beside",
+        metavar="NAME_OR_AGENT",
+        help="another policy or agent, on the same bars, beside the first",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="determines the edge and the bars, or is the job's number (default: 0)",
+    )
+    parser.add_argument(
+        "--steps", type=positive, metavar="N", help="at most so many steps (default: the episode)"
+    )
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end")
+    where.add_argument(
+        "--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end"
+    )
     where.add_argument("--human", action="store_true", help="show it in a window")
-    parser.add_argument("--every", type=positive, default=1, metavar="N", help="film every so many steps (default: 1)")
+    parser.add_argument(
+        "--every",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="film every so many steps (default: 1)",
+    )
     return parser
 
 

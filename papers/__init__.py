@@ -36,7 +36,9 @@ def changed(preset: Source, **sections: dict[str, Any]) -> Scenario:
     return Scenario.model_validate(values)
 
 
-def record(policy: Policy, scenario: Scenario, seeds: Sequence[int], seconds: float | None = None) -> dict[str, NDArray[Any]]:
+def record(
+    policy: Policy, scenario: Scenario, seeds: Sequence[int], seconds: float | None = None
+) -> dict[str, NDArray[Any]]:
     """Play an episode of each seed, for some seconds or until all have ended.
 
     Returns:
@@ -52,4 +54,7 @@ def record(policy: Policy, scenario: Scenario, seeds: Sequence[int], seconds: fl
         observations, _, terminated, truncated, infos = env.step(policy.act(observations))
         kept.append(infos | {"observation": observations.copy()})
         ended = bool((terminated | truncated).all())
-    return {name: np.array([each[name] for each in kept]) for name in (*(quantity.name for quantity in INFO), "observation")}
+    return {
+        name: np.array([each[name] for each in kept])
+        for name in (*(quantity.name for quantity in INFO), "observation")
+    }

@@ -6,7 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from papers import DATA, rows
-from papers.reproduce import alaskari_oraby, constant_force, fuzzy_override, part_programming, servo_current
+from papers.reproduce import (
+    alaskari_oraby,
+    constant_force,
+    fuzzy_override,
+    part_programming,
+    servo_current,
+)
 from papers.reproduce.checks import VERDICTS, Check
 
 FIGURES: dict[str, dict[str, str]] = tomllib.loads((DATA / "figures.toml").read_text("utf-8"))
@@ -25,7 +31,13 @@ class Item:
 
     def checks(self, checks: Sequence[Check]) -> list[Check]:
         """Return its checks among those of its paper, each description once."""
-        return list({check.what: check for check in checks if self.pattern and re.match(self.pattern, check.what)}.values())
+        return list(
+            {
+                check.what: check
+                for check in checks
+                if self.pattern and re.match(self.pattern, check.what)
+            }.values()
+        )
 
     def agreement(self, checks: Sequence[Check]) -> str:
         """Return the number of its checks by verdict, with the reasons."""
@@ -33,7 +45,9 @@ class Item:
         for verdict in VERDICTS:
             if same := [check for check in found if check.verdict == verdict]:
                 reasons = "; ".join(dict.fromkeys(check.reason for check in same if check.reason))
-                texts.append(f"{verdict.capitalize()} ({len(same)}){': ' * bool(reasons)}{reasons}.")
+                texts.append(
+                    f"{verdict.capitalize()} ({len(same)}){': ' * bool(reasons)}{reasons}."
+                )
         return " ".join(texts)
 
     def description(self, checks: Sequence[Check]) -> list[str]:
@@ -54,22 +68,54 @@ class Paper:
 
     def checks(self) -> list[Check]:
         """Return all checks; those of ``by_construction.csv`` say from what they follow."""
-        known = {row["pattern"]: row["source"] for row in rows("by_construction.csv") if row["page"] == self.page}
-        sources = ((check, [known[pattern] for pattern in known if re.match(pattern, check.what)]) for check in self.compare())
-        return [replace(check, constructed=found[0] if found else check.constructed) for check, found in sources]
+        known = {
+            row["pattern"]: row["source"]
+            for row in rows("by_construction.csv")
+            if row["page"] == self.page
+        }
+        sources = (
+            (check, [known[pattern] for pattern in known if re.match(pattern, check.what)])
+            for check in self.compare()
+        )
+        return [
+            replace(check, constructed=found[0] if found else check.constructed)
+            for check, found in sources
+        ]
 
     @property
     def items(self) -> list[Item]:
         """Equations, tables, figures and claims of the paper in the order of the page."""
         own = (row for row in rows("items.csv") if row["page"] == self.page)
-        return [Item(**{name: value for name, value in row.items() if name != "page"}) for row in own]
+        return [
+            Item(**{name: value for name, value in row.items() if name != "page"}) for row in own
+        ]
 
 
 PAPERS = (
-    Paper("Alaskari and Oraby (2018), grid search", alaskari_oraby.checks, alaskari_oraby.tables, "grid_search"),
+    Paper(
+        "Alaskari and Oraby (2018), grid search",
+        alaskari_oraby.checks,
+        alaskari_oraby.tables,
+        "grid_search",
+    ),
     Paper("Fuzzy feed override", fuzzy_override.checks, fuzzy_override.tables, "fuzzy_override"),
-    Paper("Cus and Zuperl (2015), roughness control", constant_force.checks, constant_force.tables, "constant_force"),
-    Paper("Sharmazanashvili (2008), part programming", part_programming.checks, part_programming.tables, "part_programming"),
-    Paper("Wang, Ai, Ze and He, servo current", servo_current.checks, servo_current.tables, "servo_current"),
+    Paper(
+        "Cus and Zuperl (2015), roughness control",
+        constant_force.checks,
+        constant_force.tables,
+        "constant_force",
+    ),
+    Paper(
+        "Sharmazanashvili (2008), part programming",
+        part_programming.checks,
+        part_programming.tables,
+        "part_programming",
+    ),
+    Paper(
+        "Wang, Ai, Ze and He, servo current",
+        servo_current.checks,
+        servo_current.tables,
+        "servo_current",
+    ),
 )
 """All papers. To add one, also add its items to ``papers/data/items.csv``."""

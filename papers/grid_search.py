@@ -16,7 +16,10 @@ from turning_env import Scenario
 from turning_env.physics.records import parameter_records
 
 Array = NDArray[np.float64]
-FINE = (76, 109)  # cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own
+FINE = (
+    76,
+    109,
+)  # cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own
 
 
 SCENARIO = Scenario.load("paper")
@@ -43,12 +46,20 @@ class Responses(NamedTuple):
     def within(self) -> NDArray[np.bool_]:
         """Whether wear, force and power are all within their limits."""
         force, power, _ = LIMITS
-        return (self.thrust_force <= force) & (self.power <= power) & (self.wear <= SCENARIO.tool.wear_criterion)
+        return (
+            (self.thrust_force <= force)
+            & (self.power <= power)
+            & (self.wear <= SCENARIO.tool.wear_criterion)
+        )
 
 
 def _now(wear: float, start: float) -> tuple[float, float, float]:
     """Return the used share of life [-] at a wear [mm], and the cutting times [min] at which a minute begins and ends."""
-    return float((wear / SCENARIO.tool.wear_criterion) ** (1.0 / SCENARIO.material.wear.time)), start, start + 1.0
+    return (
+        float((wear / SCENARIO.tool.wear_criterion) ** (1.0 / SCENARIO.material.wear.time)),
+        start,
+        start + 1.0,
+    )
 
 
 def chosen(wear: float, start: float) -> tuple[float, float] | None:
@@ -65,7 +76,9 @@ def chosen(wear: float, start: float) -> tuple[float, float] | None:
 def responses(wear: float, start: float, speed: Array, feed: Array) -> Responses:
     """Return the responses if the next minute is cut with pairs, arrays of one shape: see ``chosen``."""
     used, force, power = predict(_PARAMETERS, speed, feed, *_now(wear, start))
-    return Responses(speed, feed, SCENARIO.tool.wear_criterion * used**SCENARIO.material.wear.time, force, power)
+    return Responses(
+        speed, feed, SCENARIO.tool.wear_criterion * used**SCENARIO.material.wear.time, force, power
+    )
 
 
 def best_at_each_speed(wear: float, start: float) -> Responses:
@@ -76,14 +89,20 @@ def best_at_each_speed(wear: float, start: float) -> Responses:
     now, (force, power, _) = _now(wear, start), LIMITS
     feeds = []
     for speed in SPEEDS:
-        found = (highest_feed(_PARAMETERS, speed, FEEDS, *now, force, power, life) for life in (1.0, math.inf))
+        found = (
+            highest_feed(_PARAMETERS, speed, FEEDS, *now, force, power, life)
+            for life in (1.0, math.inf)
+        )
         feeds.append(FEEDS[next((index for index in found if index >= 0), 0)])
     return responses(wear, start, SPEEDS, np.array(feeds))
 
 
 def plane(wear: float, start: float) -> Responses:
     """Return the responses on the whole plane, arrays of shape (feeds, cutting speeds)."""
-    axes = (np.linspace(values[0], values[-1], count) for values, count in zip((SPEEDS, FEEDS), FINE, strict=True))
+    axes = (
+        np.linspace(values[0], values[-1], count)
+        for values, count in zip((SPEEDS, FEEDS), FINE, strict=True)
+    )
     return responses(wear, start, *np.meshgrid(*axes))
 
 
@@ -107,7 +126,9 @@ def whole_life() -> tuple[Minute, ...]:
     for step in range(len(kept["wear"])):
         if chosen(wear, step) is None:
             break
-        now = {name: values[step, 0].item() for name, values in kept.items() if name != "observation"}
+        now = {
+            name: values[step, 0].item() for name, values in kept.items() if name != "observation"
+        }
         wear = now["wear"]
         state = now["removed"], wear, now["thrust_force"], now["power"], now["finished"]
         minutes.append(Minute((now["cutting_speed"], now["feed"]), *state))
@@ -127,7 +148,9 @@ def sides(minute: int) -> int:
         return 0
     last = found.within.shape[0] - 1
     tops = (last - np.argmax(found.within[::-1], axis=0))[columns]
-    force, power = (values[np.minimum(tops + 1, last), columns] for values in (found.thrust_force, found.power))
+    force, power = (
+        values[np.minimum(tops + 1, last), columns] for values in (found.thrust_force, found.power)
+    )
     # What ends the region upwards, in every column: the range of feeds, force, power or wear.
     above = np.select([tops == last, force > LIMITS[0], power > LIMITS[1]], [0, 1, 2], 3)
     return int(2 + np.count_nonzero(np.diff(above)) + (tops[0] > 0) + (tops[-1] > 0))

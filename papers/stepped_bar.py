@@ -16,7 +16,9 @@ from turning_env.scoring.policy import PolicyFactory
 
 RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
 STEPS = (1.0, 2.0, 3.0)  # depths of cut of the paper's test [mm]
-SPREADS: dict[str, Any] = {f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")}
+SPREADS: dict[str, Any] = {
+    f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")
+}
 """The spreads of a bar, none."""
 
 
@@ -39,7 +41,9 @@ def stepped_bar(
     base = Scenario.load("override_torque")
     ripple = {"depth_ripple": 0.0}
     if ripple_period is not None:
-        revolutions = 1000.0 * base.control.initial_cutting_speed / (np.pi * base.workpiece.diameter)  # [1/min]
+        revolutions = (
+            1000.0 * base.control.initial_cutting_speed / (np.pi * base.workpiece.diameter)
+        )  # [1/min]
         ripple = {"depth_ripple": RIPPLE, "depth_ripple_period": ripple_period / 60.0 * revolutions}
     return changed(
         "override_torque",

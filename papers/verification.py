@@ -33,12 +33,18 @@ class VerificationTest:
     cutting_speed: float  # cutting speed [m/min], stated
     feed: float  # feed [mm/rev], from the ratio of rates, at 2.5 mm depth of cut
     rate_ratio: float  # removal rate of the grid search over that of the test, stated
-    life: float | None = None  # cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge
-    total_ratio: float | None = None  # metal per edge of the grid search over that of the test, stated
+    life: float | None = (
+        None  # cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge
+    )
+    total_ratio: float | None = (
+        None  # metal per edge of the grid search over that of the test, stated
+    )
 
 
 TESTS = tuple(
-    VerificationTest(row.pop("name"), **{name: float(value) if value else None for name, value in row.items()})  # type: ignore[arg-type]
+    VerificationTest(
+        row.pop("name"), **{name: float(value) if value else None for name, value in row.items()}
+    )  # type: ignore[arg-type]
     for row in rows("verification_tests.csv")
 )
 """T5 and T8 by the stated inverse of their ratio of rates, 0.58 and 0.73."""
@@ -79,15 +85,24 @@ def played(tests: Sequence[VerificationTest], wear_factor: float = 1.0) -> list[
     scenario = undisturbed(wear_factor)
     speeds = np.array([test.cutting_speed for test in tests])
     feeds = np.array([test.feed for test in tests])
-    episodes = play(lambda num_envs: FixedParameters(scenario, speeds, feeds), scenario, range(len(tests)))
+    episodes = play(
+        lambda num_envs: FixedParameters(scenario, speeds, feeds), scenario, range(len(tests))
+    )
     minutes = episodes["engaged_time"] / 60.0
-    return [Outcome(float(removed / life), float(life)) for removed, life in zip(episodes["removed"], minutes, strict=True)]
+    return [
+        Outcome(float(removed / life), float(life))
+        for removed, life in zip(episodes["removed"], minutes, strict=True)
+    ]
 
 
 def wear(test: VerificationTest, minutes: float) -> float:
     """Return the wear of the nominal model after a cutting time [mm]."""
     scenario = undisturbed()
-    return float(scenario.material.wear(test.cutting_speed, test.feed, scenario.workpiece.depth_of_cut, time=minutes))
+    return float(
+        scenario.material.wear(
+            test.cutting_speed, test.feed, scenario.workpiece.depth_of_cut, time=minutes
+        )
+    )
 
 
 def implied_wear_factor(test: VerificationTest, life: float) -> float:
@@ -103,8 +118,12 @@ def until_failure(test: VerificationTest) -> tuple[float, bool]:
     life = test.life or played([test])[0].life
     scenario = undisturbed(implied_wear_factor(test, life))
     collapse = Scenario.load("practitioner").edge_failure.collapse_temperature
-    scenario = changed(scenario, edge_failure={"collapse_temperature": collapse}, tool={"wear_criterion": 0.32})
-    episodes = play(lambda num_envs: FixedParameters(scenario, test.cutting_speed, test.feed), scenario, [0])
+    scenario = changed(
+        scenario, edge_failure={"collapse_temperature": collapse}, tool={"wear_criterion": 0.32}
+    )
+    episodes = play(
+        lambda num_envs: FixedParameters(scenario, test.cutting_speed, test.feed), scenario, [0]
+    )
     return float(episodes["engaged_time"][0]) / 60.0, bool(episodes["edges_broken"][0])
 
 
@@ -112,7 +131,12 @@ def with_measured_wear(interval: float) -> Scenario:
     """Return the preset `measured_wear` with a control interval [s], for tests and controllers: see ``undisturbed``."""
     speed = max(test.cutting_speed for test in TESTS)
     control = {"interval": interval, "time_limit": 1000.0}
-    return changed("measured_wear", machine={"cutting_speed_max": speed}, tool={"edge_strength": 1e6}, control=control)
+    return changed(
+        "measured_wear",
+        machine={"cutting_speed_max": speed},
+        tool={"edge_strength": 1e6},
+        control=control,
+    )
 
 
 def force_and_power(test: VerificationTest, flank_wear: float) -> tuple[float, float]:

@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 BARS = 24  # length of the row for a nominal insert, which lasts for half of it; the row's end hardly matters then
 LIVES = 100  # steps of the used share of life
 _POINTS = np.array([0.25, 0.75])  # of a stretch, at which loads are expected
-_SPEEDS = np.array([-0.1, -0.05, 0.0, 0.05, 0.1])  # log steps from the speed at which force and power meet their limits
+_SPEEDS = np.array(
+    [-0.1, -0.05, 0.0, 0.05, 0.1]
+)  # log steps from the speed at which force and power meet their limits
 _LADDER = 4  # speeds beside them
 _FEEDS = np.arange(-0.16, 0.09, 0.02)  # log steps from the feed at the limit
 
@@ -48,9 +50,20 @@ class NodeFilter:
         self._depth = work.depth_of_cut
         along = work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread
         bar = work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread
-        self._fields = tuple(zip(bar, along, (work.depth_correlation_length, work.hardness_correlation_length), strict=True))
-        self._exponents = np.array([[law.depth_of_cut, law.hardness] for law in (material.thrust_force, material.power)])
-        self._variance = np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DEVIATION**2
+        self._fields = tuple(
+            zip(
+                bar,
+                along,
+                (work.depth_correlation_length, work.hardness_correlation_length),
+                strict=True,
+            )
+        )
+        self._exponents = np.array(
+            [[law.depth_of_cut, law.hardness] for law in (material.thrust_force, material.power)]
+        )
+        self._variance = (
+            np.array([sensors.force_noise, sensors.power_noise]) ** 2 + READING_DEVIATION**2
+        )
         self.mean = np.zeros((bars, 8))
         self.covariance = np.zeros((bars, 8, 8)) + np.diag(
             [each for b, a, _ in self._fields for each in (a * a + b * b, 1, 1, 1)]
@@ -63,9 +76,14 @@ class NodeFilter:
             here, behind, offset, ahead = range(first, first + 4)
             end = (place + distance) / length + 1e-12
             share = end - np.floor(end)
-            weights = along * (1.0 - share**2) / (1.0 + share**2), along * 2.0 * share / (1.0 + share**2)
+            weights = (
+                along * (1.0 - share**2) / (1.0 + share**2),
+                along * 2.0 * share / (1.0 + share**2),
+            )
             transition[offset, offset], transition[here, offset] = 1.0, bar
-            if np.floor(end) > np.floor(place / length + 1e-12):  # the node ahead is behind, and the next one is unknown
+            if np.floor(end) > np.floor(
+                place / length + 1e-12
+            ):  # the node ahead is behind, and the next one is unknown
                 transition[behind, ahead], transition[here, ahead] = 1.0, weights[0]
                 growth[ahead, ahead], growth[here, here] = 1.0, weights[1] ** 2
                 growth[here, ahead] = growth[ahead, here] = weights[1]
@@ -78,7 +96,10 @@ class NodeFilter:
         """Return the log ratios of force and power to nominal, shape (bars, 2), and their derivatives, shape (bars, 2, 8)."""
         depth = np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
         derivatives = np.zeros((len(mean), 2, 8))
-        derivatives[:, :, 0], derivatives[:, :, 4] = self._exponents[:, 0] / depth[:, np.newaxis], self._exponents[:, 1]
+        derivatives[:, :, 0], derivatives[:, :, 4] = (
+            self._exponents[:, 0] / depth[:, np.newaxis],
+            self._exponents[:, 1],
+        )
         return np.stack([np.log(depth), mean[:, 4]], axis=1) @ self._exponents.T, derivatives
 
     def read(self, log_depth: Array, log_hardness: Array, noise: Array) -> None:
@@ -87,8 +108,14 @@ class NodeFilter:
         ``noise`` is standard normal, shape (bars, 2).
         """
         loads, derivatives = self._loads(self.mean)
-        surprise = np.stack([log_depth, log_hardness], axis=1) @ self._exponents.T + np.sqrt(self._variance) * noise - loads
-        spread = derivatives @ self.covariance @ derivatives.swapaxes(1, 2) + np.diag(self._variance)
+        surprise = (
+            np.stack([log_depth, log_hardness], axis=1) @ self._exponents.T
+            + np.sqrt(self._variance) * noise
+            - loads
+        )
+        spread = derivatives @ self.covariance @ derivatives.swapaxes(1, 2) + np.diag(
+            self._variance
+        )
         gain = np.linalg.solve(spread, derivatives @ self.covariance).swapaxes(1, 2)
         self.mean += np.einsum("nij,nj->ni", gain, surprise)
         covariance = self.covariance - gain @ derivatives @ self.covariance
@@ -103,7 +130,9 @@ class NodeFilter:
         loads, derivatives = self._loads(mean)
         variances = np.einsum("nai,nij,naj->na", derivatives, covariance, derivatives)
         depth = self._depth * np.maximum(1.0 + mean[:, 0], MIN_DEPTH)
-        return np.stack([depth, mean[:, 4], *loads.T, *np.sqrt(np.clip(variances, 0.0, MAX_SPREAD**2)).T])
+        return np.stack(
+            [depth, mean[:, 4], *loads.T, *np.sqrt(np.clip(variances, 0.0, MAX_SPREAD**2)).T]
+        )
 
 
 def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVES) -> float:
@@ -126,13 +155,24 @@ def bound(scenario: Scenario, seed: int, stretch: float = 3.2, lives: int = LIVE
     bars = math.ceil(BARS * math.exp(-log_wear_factor / wear.time))
     fields = np.empty((3, bars * cells))
     survey(states, parameters, scratch, fields, cells)
-    lengths, believed = beliefs(scenario, fields[:2].reshape(2, bars, cells), np.random.default_rng(seed))
-    life = wear.depth_of_cut * np.log(believed[0] / scenario.workpiece.depth_of_cut) + wear.hardness * believed[1]
+    lengths, believed = beliefs(
+        scenario, fields[:2].reshape(2, bars, cells), np.random.default_rng(seed)
+    )
+    life = (
+        wear.depth_of_cut * np.log(believed[0] / scenario.workpiece.depth_of_cut)
+        + wear.hardness * believed[1]
+    )
     believed[1] = np.exp((life + log_wear_factor) / wear.time)
-    return float(_best_return(states, parameters, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives))
+    return float(
+        _best_return(
+            states, parameters, scratch, lengths, believed, _SPEEDS, _LADDER, _FEEDS, lives
+        )
+    )
 
 
-def beliefs(scenario: Scenario, truth: Array, generator: np.random.Generator) -> tuple[Array, Array]:
+def beliefs(
+    scenario: Scenario, truth: Array, generator: np.random.Generator
+) -> tuple[Array, Array]:
     """Return the stretches' lengths [mm] and the belief on their metal before they are cut.
 
     Args:
@@ -155,7 +195,9 @@ def beliefs(scenario: Scenario, truth: Array, generator: np.random.Generator) ->
             place += lengths[i - 1]
             log_depth = truth[0, :, i - 1] - np.log(scenario.workpiece.depth_of_cut)
             known.read(log_depth, truth[1, :, i - 1], generator.normal(size=(bars, 2)))
-        believed[:, :, i] = np.stack([known.belief(place, length * point) for point in _POINTS], axis=-1)
+        believed[:, :, i] = np.stack(
+            [known.belief(place, length * point) for point in _POINTS], axis=-1
+        )
     return np.broadcast_to(lengths, (bars, cells + 1)).copy(), believed
 
 
@@ -167,7 +209,9 @@ def expected_excess(log_mean, spread):
 
 
 @compiled_entry
-def _best_return(states, parameters, scratches, lengths, beliefs, speed_steps, ladder, feed_steps, lives):
+def _best_return(
+    states, parameters, scratches, lengths, beliefs, speed_steps, ladder, feed_steps, lives
+):
     """Return the bound on the return [s]; ``beliefs`` as from ``beliefs``, with the factor on the rate of wear in place 1."""
     state, p = states[0], parameters[0]
     wear_law, force_law, power_law = p.wear_law, p.force_law, p.power_law
@@ -176,12 +220,17 @@ def _best_return(states, parameters, scratches, lengths, beliefs, speed_steps, l
     crossing = 60.0 / p.revolutions_per_metre[0]  # time [s] of 1 mm at 1 m/min and 1 mm/rev
     air = p.approach[0] * crossing * np.exp(-high_speed - high_feed)
     log_depth = np.log(p.depth_of_cut[0])
-    at_nominal = wear_law.log_coefficient[0] + wear_law.depth_of_cut[0] * log_depth - p.log_wear_criterion[0]
+    at_nominal = (
+        wear_law.log_coefficient[0] + wear_law.depth_of_cut[0] * log_depth - p.log_wear_criterion[0]
+    )
     nominal_life = at_nominal * p.life_exponent[0] - np.log(60.0)
     speeds = np.empty(speed_steps.shape[0] + 2 + ladder)
     values, next_values = np.zeros(lives + 1), np.zeros(lives + 1)
     points = beliefs.shape[3]
-    meet = force_law.cutting_speed[0] * power_law.feed[0] - force_law.feed[0] * power_law.cutting_speed[0]
+    meet = (
+        force_law.cutting_speed[0] * power_law.feed[0]
+        - force_law.feed[0] * power_law.cutting_speed[0]
+    )
     for bar in range(lengths.shape[0] - 1, -1, -1):
         for i in range(lengths.shape[1] - 1, -1, -1):
             length = lengths[bar, i]
@@ -195,14 +244,24 @@ def _best_return(states, parameters, scratches, lengths, beliefs, speed_steps, l
             for j in range(lives):
                 used = (j / lives) ** 2
                 log_wear = p.log_wear_criterion[0] + wear_law.time[0] * np.log(max(used, 1e-9))
-                force = force_law.log_coefficient[0] + force_law.depth_of_cut[0] * log_depth + force_law.wear[0] * log_wear
+                force = (
+                    force_law.log_coefficient[0]
+                    + force_law.depth_of_cut[0] * log_depth
+                    + force_law.wear[0] * log_wear
+                )
                 force -= np.log(p.thrust_force_limit[0])
-                power = power_law.log_coefficient[0] + power_law.depth_of_cut[0] * log_depth + power_law.wear[0] * log_wear
+                power = (
+                    power_law.log_coefficient[0]
+                    + power_law.depth_of_cut[0] * log_depth
+                    + power_law.wear[0] * log_wear
+                )
                 power -= np.log(p.power_limit[0])
                 f, w = force + force_mean, power + power_mean
                 for k in range(speeds.shape[0]):
                     if k < speed_steps.shape[0]:
-                        speed = (w * force_law.feed[0] - f * power_law.feed[0]) / meet + speed_steps[k]
+                        speed = (
+                            w * force_law.feed[0] - f * power_law.feed[0]
+                        ) / meet + speed_steps[k]
                     elif k == speed_steps.shape[0]:
                         speed = -(f + force_law.feed[0] * high_feed) / force_law.cutting_speed[0]
                     elif k == speed_steps.shape[0] + 1:
@@ -221,15 +280,37 @@ def _best_return(states, parameters, scratches, lengths, beliefs, speed_steps, l
                     for step in feed_steps:
                         feed = min(max(kink + step, low_feed), high_feed)
                         time = length * crossing * np.exp(-speed - feed)
-                        f_here = force + force_law.cutting_speed[0] * speed + force_law.feed[0] * feed
-                        w_here = power + power_law.cutting_speed[0] * speed + power_law.feed[0] * feed
+                        f_here = (
+                            force + force_law.cutting_speed[0] * speed + force_law.feed[0] * feed
+                        )
+                        w_here = (
+                            power + power_law.cutting_speed[0] * speed + power_law.feed[0] * feed
+                        )
                         over = 0.0
                         for q in range(points):
-                            over += expected_excess(f_here + beliefs[2, bar, i, q], beliefs[4, bar, i, q]) / points
-                            over += expected_excess(w_here + beliefs[3, bar, i, q], beliefs[5, bar, i, q]) / points
-                        taylor = nominal_life + (wear_law.cutting_speed[0] * speed + wear_law.feed[0] * feed) * p.life_exponent[0]
+                            over += (
+                                expected_excess(
+                                    f_here + beliefs[2, bar, i, q], beliefs[4, bar, i, q]
+                                )
+                                / points
+                            )
+                            over += (
+                                expected_excess(
+                                    w_here + beliefs[3, bar, i, q], beliefs[5, bar, i, q]
+                                )
+                                / points
+                            )
+                        taylor = (
+                            nominal_life
+                            + (wear_law.cutting_speed[0] * speed + wear_law.feed[0] * feed)
+                            * p.life_exponent[0]
+                        )
                         using = rate * np.exp(taylor) * time
-                        gain = worth - time * (1.0 + p.overload_price[0] * over) - p.edge_price[0] * using
+                        gain = (
+                            worth
+                            - time * (1.0 + p.overload_price[0] * over)
+                            - p.edge_price[0] * using
+                        )
                         after = used + using
                         if after >= 1.0:
                             gain *= (1.0 - used) / using

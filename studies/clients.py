@@ -33,7 +33,9 @@ class Client(NamedTuple):
     recipe: str  # module in examples
     uses: str
     packages: tuple[str, ...]
-    words: str = "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"  # options that make it small
+    words: str = (
+        "--env RoughTurning-Family-v0 --steps 5000 --tuning-seeds 2"  # options that make it small
+    )
 
 
 CLIENTS = {
@@ -53,17 +55,31 @@ CLIENTS = {
 def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | None]:
     """Install and run a recipe in an empty folder; return the versions of library and Gymnasium, and the failure, if any."""
     client, python = CLIENTS[library], new_python(folder)
-    install = [str(Path(sys.executable).with_name("uv")), "pip", "install", "--quiet", "--python", python]
+    install = [
+        str(Path(sys.executable).with_name("uv")),
+        "pip",
+        "install",
+        "--quiet",
+        "--python",
+        python,
+    ]
     # Folders of pip's settings may hold a build of torch without CUDA.
     config = [sys.executable, "-m", "pip", "config", "get", "global.find-links"]
-    said = subprocess.run(config, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+    said = subprocess.run(
+        config, check=False, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ).stdout
     install += [word for wheels in said.split() for word in ("--find-links", wheels)]
     # The clone's version of torch.
     pin = re.findall(r"^torch==\S+", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE)
     shutil.copytree(ROOT / "examples", folder / "examples")
     versions, stage = ["-", "-"], "the installation"
     try:
-        subprocess.run([*install, str(wheel), *pin, *client.packages], cwd=folder, check=True, timeout=MAX_INSTALL)
+        subprocess.run(
+            [*install, str(wheel), *pin, *client.packages],
+            cwd=folder,
+            check=True,
+            timeout=MAX_INSTALL,
+        )
         asked = [python, "-c", VERSIONS, library, "gymnasium"]
         versions = json.loads(subprocess.run(asked, check=True, stdout=subprocess.PIPE).stdout)
         stage = "the recipe"
@@ -78,9 +94,13 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
 
 def with_row(text: str, library: str, row: str) -> str:
     """Return a Markdown text with a library's row of the table replaced; ValueError unless there is exactly one."""
-    replaced, count = re.subn(rf"^\| {re.escape(library)} \|.*$", lambda _: row, text, flags=re.MULTILINE)
+    replaced, count = re.subn(
+        rf"^\| {re.escape(library)} \|.*$", lambda _: row, text, flags=re.MULTILINE
+    )
     if count != 1:
-        raise ValueError(f"there must be one table row that begins with | {library} |, but there are {count}")
+        raise ValueError(
+            f"there must be one table row that begins with | {library} |, but there are {count}"
+        )
     return replaced
 
 
@@ -88,8 +108,15 @@ def with_row(text: str, library: str, row: str) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Test libraries one after the other; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m studies.clients", **described(__doc__))
-    parser.add_argument("libraries", nargs="*", metavar="LIBRARY", help=f"libraries to test: {', '.join(CLIENTS)} (default: all)")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="Markdown file whose table to update")
+    parser.add_argument(
+        "libraries",
+        nargs="*",
+        metavar="LIBRARY",
+        help=f"libraries to test: {', '.join(CLIENTS)} (default: all)",
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="Markdown file whose table to update"
+    )
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.libraries if name not in CLIENTS]:
         raise ValueError(f"LIBRARY is {unknown[0]!r}, but must be one of {', '.join(CLIENTS)}")
@@ -101,7 +128,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 versions, fault = attempt(name, wheel, Path(folder))
             failed |= fault is not None
             what = CLIENTS[name].uses if fault is None else f"fails: {fault}"
-            cells = (name, *versions, what, f"`examples.{CLIENTS[name].recipe}`", datetime.date.today().isoformat())
+            cells = (
+                name,
+                *versions,
+                what,
+                f"`examples.{CLIENTS[name].recipe}`",
+                datetime.date.today().isoformat(),
+            )
             row = f"| {' | '.join(cells)} |"
             print(row, flush=True)
             if options.write is not None:

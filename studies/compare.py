@@ -49,7 +49,9 @@ FOLDER = Path(__file__).parent
 STUDIES = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
-def with_changes(env_id: str, changes: Mapping[str, dict[str, Any]], name: str | None = None) -> Scenario:
+def with_changes(
+    env_id: str, changes: Mapping[str, dict[str, Any]], name: str | None = None
+) -> Scenario:
     """Return an id's scenario with other values by section, perhaps under another name."""
     return Scenario.load({"base": IDS[env_id], "name": name or IDS[env_id], **changes})
 
@@ -66,13 +68,19 @@ class Variant(BaseModel):
     like: str = ""  # variant that supplies the fields this one lacks, and with which it is compared instead of the first
     algorithm: str = ""
     policy: str = ""
-    settings: dict[str, Any] = {}  # hyperparameters of the algorithm, or parameters of the controller
-    scenario: dict[str, dict[str, Any]] = {}  # values of the scenario that differ in training and in play, by section
+    settings: dict[
+        str, Any
+    ] = {}  # hyperparameters of the algorithm, or parameters of the controller
+    scenario: dict[
+        str, dict[str, Any]
+    ] = {}  # values of the scenario that differ in training and in play, by section
     trainings: int = Field(0, ge=0)  # number of training seeds; 0: that of the study
     true_fields: str | tuple[str, ...] | None = None
     """Prefix, or prefixes, of the fields whose true values the controller receives on jobs; None: of none."""
     family: str | None = None  # family of the jobs; None: the id's own
-    hidden: tuple[str, ...] | None = None  # prefixes of the family's hidden fields that the jobs have; None: all
+    hidden: tuple[str, ...] | None = (
+        None  # prefixes of the family's hidden fields that the jobs have; None: all
+    )
 
 
 class Study(BaseModel):
@@ -89,28 +97,40 @@ class Study(BaseModel):
     splits: bool = False  # whether the variants also play the splits
     scenarios: dict[str, dict[str, dict[str, Any]]] = {}
     """Values by section of further scenarios on which controllers are ranked; the table then compares these rankings."""
-    overload_prices: tuple[float, ...] = ()  # prices of overload at which the same episodes are charged again
+    overload_prices: tuple[
+        float, ...
+    ] = ()  # prices of overload at which the same episodes are charged again
     variants: dict[str, Variant] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _has_what_it_names(self) -> Self:
         if self.task not in (*IDS, FAMILY_ID):
-            raise ValueError(f"task is {self.task!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
+            raise ValueError(
+                f"task is {self.task!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}"
+            )
         before: list[str] = []
         for name, own in self.variants.items():
             if own.like and own.like not in before:
-                raise ValueError(f"variants.{name}.like is {own.like!r}, but must be a variant before it: {', '.join(before)}")
+                raise ValueError(
+                    f"variants.{name}.like is {own.like!r}, but must be a variant before it: {', '.join(before)}"
+                )
             before.append(name)
             each = self.variant(name)
             if bool(each.algorithm) == bool(each.policy):
                 raise ValueError(f"variants.{name} needs one of algorithm, policy and like")
             if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
-                raise ValueError(f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}")
+                raise ValueError(
+                    f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}"
+                )
             if self.task in IDS:
                 with_changes(self.task, each.scenario)
             known = hyperparameters(each.algorithm, self.task) if each.algorithm else each.settings
-            if unknown := [key for key in self.settings | each.settings if key not in known and each.algorithm]:
-                raise ValueError(f"variants.{name}.settings has {unknown[0]!r}, but must be of {', '.join(known)}")
+            if unknown := [
+                key for key in self.settings | each.settings if key not in known and each.algorithm
+            ]:
+                raise ValueError(
+                    f"variants.{name}.settings has {unknown[0]!r}, but must be of {', '.join(known)}"
+                )
         return self
 
     @classmethod
@@ -118,12 +138,16 @@ class Study(BaseModel):
         """Return the study of a name or of a TOML file. Raise Mistake if there is no such study, or it cannot be read."""
         path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
         if not path.is_file():
-            raise Mistake(f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file")
+            raise Mistake(
+                f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file"
+            )
         try:
             return cls.model_validate(tomllib.loads(path.read_text("utf-8")))
         except ValidationError as error:
             first = error.errors()[0]
-            raise Mistake(f"{path}: {' '.join([*map(str, first['loc']), *first['msg'].split()])}") from error
+            raise Mistake(
+                f"{path}: {' '.join([*map(str, first['loc']), *first['msg'].split()])}"
+            ) from error
         except ValueError as error:
             raise Mistake(f"{path}: {error}") from error
 
@@ -133,14 +157,18 @@ class Study(BaseModel):
         if not own.like:
             return own
         whole, fields = self.variant(own.like).model_dump(), own.model_dump(exclude_unset=True)
-        return Variant.model_validate(whole | fields | {"settings": whole["settings"] | own.settings})
+        return Variant.model_validate(
+            whole | fields | {"settings": whole["settings"] | own.settings}
+        )
 
     def count(self, name: str) -> int:
         """Return the number of trainings of a variant."""
         variant = self.variant(name)
         return (variant.trainings or self.trainings) if variant.algorithm else 1
 
-    def with_options(self, task: str | None, trainings: int | None, steps: int | None, episodes: int | None) -> "Study":
+    def with_options(
+        self, task: str | None, trainings: int | None, steps: int | None, episodes: int | None
+    ) -> "Study":
         """Return the study with the given task and numbers in place of its own."""
         values = self.model_dump(exclude_unset=True)
         given = {"task": task, "trainings": trainings, "episodes": episodes}
@@ -169,18 +197,26 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
         return with_changes(study.task, variant.scenario)
     if variant.hidden is None:
         return home
-    hidden = {name: formula for name, formula in home.hidden.items() if name.startswith(variant.hidden)}
-    return Family.model_validate(home.model_dump(exclude_none=True) | {"name": f"{home.name}-part", "hidden": hidden})
+    hidden = {
+        name: formula for name, formula in home.hidden.items() if name.startswith(variant.hidden)
+    }
+    return Family.model_validate(
+        home.model_dump(exclude_none=True) | {"name": f"{home.name}-part", "hidden": hidden}
+    )
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
     """Return the training of a variant with a training seed, which the recorded command repeats on the id's own scenario."""
     variant = study.variant(name)
     settings = study.settings | variant.settings
-    words = [f"--set {shlex.quote(f'{key}={json.dumps(value)}')}" for key, value in settings.items()]
+    words = [
+        f"--set {shlex.quote(f'{key}={json.dumps(value)}')}" for key, value in settings.items()
+    ]
     words = [*(["--scenario", variant.family] if variant.family else []), f"--seed {seed}", *words]
     command = " ".join([f"python -m train.{variant.algorithm} --env {study.task}", *words])
-    return Run.plan(variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings)
+    return Run.plan(
+        variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings
+    )
 
 
 def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
@@ -209,7 +245,14 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     """
     name, seed = piece
     variant, seconds = study.variant(name), None
-    kept = [study.task, study.seeds, study.episodes, MODEL_VERSION, seed, variant.model_dump(mode="json")]
+    kept = [
+        study.task,
+        study.seeds,
+        study.episodes,
+        MODEL_VERSION,
+        seed,
+        variant.model_dump(mode="json"),
+    ]
     home = home_of(study, variant)
     if variant.algorithm:
         run = run_of(study, name, seed, runs)
@@ -223,29 +266,47 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
             rule, first = catalogue.RULES.get(variant.policy), home.job(0).scenario
             kept.append(rule.version if rule else VERSION)
             told = "" if variant.policy == CAUSAL else variant.true_fields
-            plays = FamilyPlay(home if told is None else Truthful.of(home, told), split, variant.policy, False, variant.settings)
+            plays = FamilyPlay(
+                home if told is None else Truthful.of(home, told),
+                split,
+                variant.policy,
+                False,
+                variant.settings,
+            )
             found = partial(plays, first, jobs, lambda ended: None)
         else:
             make = informed(spec, [home.job(number, split).scenario for number in jobs])
             found = partial(play_family, home, split, jobs, make)
         return Played({study.task: _cached(runs, kept, found)}, seconds)
     episodes = {}
-    others = [with_changes(study.task, changes, title) for title, changes in study.scenarios.items()]
+    others = [
+        with_changes(study.task, changes, title) for title, changes in study.scenarios.items()
+    ]
     for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ()), *others):
         if variant.policy:
             spec = _controller(variant, scenario, Scenario.load(IDS[study.task]))
             kept.append(spec.identity)
-        seeds, make = (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes), informed(spec, scenario)
-        episodes[scenario.name] = _cached(runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds))
+        seeds, make = (
+            (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes),
+            informed(spec, scenario),
+        )
+        episodes[scenario.name] = _cached(
+            runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds)
+        )
     return Played(episodes, seconds)
 
 
 def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicySpec:
     """Return the variant's controller for a scenario, tuned for ``home`` unless its settings say otherwise."""
     nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario, home)
-    rule, parameters = catalogue.playable(variant.policy, nominal), tuned.parameters | variant.settings
+    rule, parameters = (
+        catalogue.playable(variant.policy, nominal),
+        tuned.parameters | variant.settings,
+    )
     values: Any = parameters
-    return tuned.model_copy(update={"parameters": parameters, "make": partial(rule.controller, nominal, **values)})
+    return tuned.model_copy(
+        update={"parameters": parameters, "make": partial(rule.controller, nominal, **values)}
+    )
 
 
 def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
@@ -254,7 +315,9 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     if not path.exists():
         content = json.dumps({field: values.tolist() for field, values in work().items()})
         replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
-    return {field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()}
+    return {
+        field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()
+    }
 
 
 class Row:
@@ -269,7 +332,10 @@ class Row:
     def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
         self.name, self._bootstrap = name, bootstrap
         self.scenarios = {
-            scenario: {field: np.stack([each.episodes[scenario][field] for each in trained]) for field in fields}
+            scenario: {
+                field: np.stack([each.episodes[scenario][field] for each in trained])
+                for field in fields
+            }
             for scenario, fields in trained[0].episodes.items()
         }
         self._own = next(iter(self.scenarios.values()))
@@ -280,12 +346,17 @@ class Row:
         own, returns, bootstrap = self._own, self._own["return"], self._bootstrap
         total = {field: float(values.sum()) for field, values in own.items()}
         means = bootstrap.means(returns, self.name)
-        cells = {"Variant": f"`{self.name}`", "Return [s]": _text(Estimate.of(returns.mean(), means))}
+        cells = {
+            "Variant": f"`{self.name}`",
+            "Return [s]": _text(Estimate.of(returns.mean(), means)),
+        }
         if other is not None:
             others = other._own["return"]
             leads = returns.mean(axis=0) - others.mean(axis=0)
             cells["Compared with"] = f"`{other.name}`"
-            cells["Difference [s]"] = _text(Estimate.of(leads.mean(), means - bootstrap.means(others, other.name)))
+            cells["Difference [s]"] = _text(
+                Estimate.of(leads.mean(), means - bootstrap.means(others, other.name))
+            )
             cells["Median [s]"] = f"{np.median(leads):.1f}"
             cells["Better [% of seeds]"] = f"{100.0 * (leads > 0.0).mean():.0f}"
         if len(returns) > 1:
@@ -298,13 +369,21 @@ class Row:
         if volume > 0.0:
             cost = total["reward_metal"] - total["return"]
             cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
-            cells["Cost without overload [min/dm3]"] = f"{(cost + total['reward_overload']) / 60.0 / volume:.2f}"
+            cells["Cost without overload [min/dm3]"] = (
+                f"{(cost + total['reward_overload']) / 60.0 / volume:.2f}"
+            )
         cells["Over a limit [% of cutting time]"] = f"{100.0 * total['overload_time'] / cut:.1f}"
         home, *splits = self.scenarios
-        cells["By > 5 % [%]"] = f"{100.0 * total['severe_overload_time'] / cut:.2f}{self._verdict(home)}"
-        cells["Edges broken per 100"] = f"{100.0 * total['edges_broken'] / max(total['edges_used'], 1e-9):.1f}"
+        cells["By > 5 % [%]"] = (
+            f"{100.0 * total['severe_overload_time'] / cut:.2f}{self._verdict(home)}"
+        )
+        cells["Edges broken per 100"] = (
+            f"{100.0 * total['edges_broken'] / max(total['edges_used'], 1e-9):.1f}"
+        )
         for split in splits:
-            cells[f"`{split}` [s]"] = f"{self.scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
+            cells[f"`{split}` [s]"] = (
+                f"{self.scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
+            )
         if self._seconds:
             cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
         return cells
@@ -315,13 +394,17 @@ class Row:
 
     def _is_feasible(self, scenario: str) -> bool:
         episodes = self.scenarios[scenario]
-        limit = self._bootstrap.severe_limit(episodes["severe_overload_time"], episodes["engaged_time"], self.name)
+        limit = self._bootstrap.severe_limit(
+            episodes["severe_overload_time"], episodes["engaged_time"], self.name
+        )
         return limit <= Scenario().limits.overload_allowance
 
     def rank_key(self, scenario: str) -> RankKey:
         """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
         episodes = self.scenarios[scenario]
-        cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(episodes["removed"].sum(), 1e-9)
+        cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(
+            episodes["removed"].sum(), 1e-9
+        )
         return rank_key("rule", self._is_feasible(scenario), -cost)
 
 
@@ -348,15 +431,21 @@ def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
         keys = {row.name: row.rank_key(scenario) for row in rows}
         home = home or keys
         order, known = sorted(keys, key=keys.__getitem__), sorted(home, key=home.__getitem__)
-        swapped = [pair for pair in combinations(order, 2) if known.index(pair[0]) > known.index(pair[1])]
+        swapped = [
+            pair for pair in combinations(order, 2) if known.index(pair[0]) > known.index(pair[1])
+        ]
         yield {
             "Scenario": f"`{scenario}`",
             "Kendall's tau": f"{1.0 - 4.0 * len(swapped) / max(len(order) * (len(order) - 1), 1):.2f}",
             "First": f"`{order[0]}`",
             "No longer feasible": ", ".join(
-                f"`{name}`" for name in order if keys[name].is_not_feasible and not home[name].is_not_feasible
+                f"`{name}`"
+                for name in order
+                if keys[name].is_not_feasible and not home[name].is_not_feasible
             ),
-            "Pairs that change order": ", ".join(f"`{better}` before `{worse}`" for better, worse in swapped),
+            "Pairs that change order": ", ".join(
+                f"`{better}` before `{worse}`" for better, worse in swapped
+            ),
         }
 
 
@@ -366,17 +455,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m studies", **described(__doc__))
     parser.add_argument("study", metavar="NAME", help=f"{', '.join(STUDIES)}, or a TOML file")
-    parser.add_argument("--task", choices=[*IDS, FAMILY_ID], help="task to compare on (default: as the study says)")
-    parser.add_argument("--variants", nargs="+", metavar="NAME", help="variants to compare (default: all)")
-    counts = {"trainings": "trainings of each variant", "steps": "environment steps of a training", "episodes": "seeds to play"}
+    parser.add_argument(
+        "--task", choices=[*IDS, FAMILY_ID], help="task to compare on (default: as the study says)"
+    )
+    parser.add_argument(
+        "--variants", nargs="+", metavar="NAME", help="variants to compare (default: all)"
+    )
+    counts = {
+        "trainings": "trainings of each variant",
+        "steps": "environment steps of a training",
+        "episodes": "seeds to play",
+    }
     for name, what in counts.items():
-        parser.add_argument(f"--{name}", type=positive, metavar="N", help=f"{what} (default: as the study says)")
+        parser.add_argument(
+            f"--{name}", type=positive, metavar="N", help=f"{what} (default: as the study says)"
+        )
     which = "folder for the trained agents, named after their variants, as ONNX files, and for their learning curves"
     parser.add_argument("--agents", type=Path, metavar="FOLDER", help=which)
     who = parser.add_mutually_exclusive_group()
-    who.add_argument("--jobs", type=positive, default=1, metavar="N", help="variants at the same time (default: %(default)s)")
-    who.add_argument("--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
+    who.add_argument(
+        "--jobs",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="variants at the same time (default: %(default)s)",
+    )
+    who.add_argument(
+        "--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786"
+    )
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)"
+    )
     parsed = parser.parse_args(arguments)
     study = Study.read(parsed.study)
     if unknown := [name for name in parsed.variants or () if name not in study.variants]:
@@ -384,18 +493,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study = study.with_options(parsed.task, parsed.trainings, parsed.steps, parsed.episodes)
     names = [name for name in study.variants if not parsed.variants or name in parsed.variants]
     # One training seed after the other, so that an interrupted command leaves whole rows.
-    pieces = sorted(((name, seed) for name in names for seed in range(study.count(name))), key=lambda piece: piece[1])
+    pieces = sorted(
+        ((name, seed) for name in names for seed in range(study.count(name))),
+        key=lambda piece: piece[1],
+    )
     runs = parsed.runs / Path(parsed.study).stem / (parsed.task or "")
     work = partial(played, study=study, runs=runs)
     done: dict[tuple[str, int], Played] = {}
-    with workers(parsed.jobs, parsed.scheduler) as over, tqdm(total=len(pieces), unit="play", disable=None) as bar:
+    with (
+        workers(parsed.jobs, parsed.scheduler) as over,
+        tqdm(total=len(pieces), unit="play", disable=None) as bar,
+    ):
         for piece, outcome in spread(over, work, [(piece, piece) for piece in pieces]):
             done[piece] = outcome
             bar.set_postfix_str(f"{piece[0]}, seed {piece[1]}")
             bar.update()
     if parsed.agents:
         publish(
-            [(name, run_of(study, name, seed, runs)) for name, seed in pieces if study.variant(name).algorithm], parsed.agents
+            [
+                (name, run_of(study, name, seed, runs))
+                for name, seed in pieces
+                if study.variant(name).algorithm
+            ],
+            parsed.agents,
         )
-    print(table(study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}))
+    print(
+        table(
+            study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}
+        )
+    )
     return 0

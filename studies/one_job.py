@@ -32,8 +32,14 @@ def record(env: FamilyEnv, policy: Policy, job: int) -> tuple[dict[str, Any], fl
     policy.reset(np.ones(1, np.bool_))
     rows, total, clock, ended = [], 0.0, 0.0, False
     while not ended:
-        observation, reward, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
-        total, clock, ended = total + float(reward), clock + info["time"] / 60.0, terminated or truncated
+        observation, reward, terminated, truncated, info = env.step(
+            policy.act(observation[np.newaxis])[0]
+        )
+        total, clock, ended = (
+            total + float(reward),
+            clock + info["time"] / 60.0,
+            terminated or truncated,
+        )
         rows.append((clock, *(info[name] for name in SHOWN)))
     return dict(zip(("clock", *SHOWN), np.array(rows, np.float64).T, strict=True)), total
 
@@ -50,7 +56,13 @@ def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path
             speed.plot(values["clock"], speeds, color=colour, label=f"{name}: {total:.0f} s")
             life.plot(values["clock"], np.where(stopped, np.nan, values["used_life"]), color=colour)
             before = np.maximum(np.flatnonzero(values["edges_broken"] > 0) - 1, 0)
-            life.plot(values["clock"][before], values["used_life"][before], "x", color=colour, markersize=9)
+            life.plot(
+                values["clock"][before],
+                values["used_life"][before],
+                "x",
+                color=colour,
+                markersize=9,
+            )
         speed.set_ylabel("cutting speed\nover start value [-]")
         life.set_ylabel("used life [-]\nx: edge broken")
         life.set_xlabel("machine time [min]")
@@ -64,18 +76,34 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.one_job", **described(__doc__))
     parser.add_argument("--family", default="unmodelled", help="family (default: %(default)s)")
     parser.add_argument("--split", default="validation", help="split (default: %(default)s)")
-    parser.add_argument("--job", type=int, default=0, help="number of the job (default: %(default)s)")
+    parser.add_argument(
+        "--job", type=int, default=0, help="number of the job (default: %(default)s)"
+    )
     parser.add_argument("--rule", default="self_tuning", help="rule (default: %(default)s)")
     parser.add_argument("--agent", type=Path, required=True, metavar="FILE", help="agent's file")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="picture to write: .svg, .png or .pdf")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="picture to write: .svg, .png or .pdf",
+    )
     parsed = parser.parse_args(arguments)
     env = FamilyEnv(parsed.family, parsed.split)
     env.reset(seed=parsed.job)
     scenario = env.job().scenario
-    rule = spec(parsed.rule, scenario, Scenario.load(env.family.base), tuned.on_family(env.family, parsed.rule)).make(1)
+    rule = spec(
+        parsed.rule,
+        scenario,
+        Scenario.load(env.family.base),
+        tuned.on_family(env.family, parsed.rule),
+    ).make(1)
     agent = informed(load(parsed.agent), [scenario])(1)
     hidden = FamilyEnv(parsed.family, parsed.split, "hidden")
-    runs = {parsed.rule: record(hidden, rule, parsed.job), parsed.agent.stem: record(env, agent, parsed.job)}
+    runs = {
+        parsed.rule: record(hidden, rule, parsed.job),
+        parsed.agent.stem: record(env, agent, parsed.job),
+    }
     draw(runs, START_SHARE * scenario.machine.cutting_speed_max, parsed.out)
     for name, (values, total) in runs.items():
         print(f"{name}: {total:.0f} s, {values['edges_broken'].sum():.0f} edges broken")

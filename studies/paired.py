@@ -56,9 +56,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.paired", **described(__doc__))
     parser.add_argument("first", help="policy, as it is named on the leaderboard")
     parser.add_argument("second", help="policy whose returns are subtracted")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of results (default: those that ship)")
+    parser.add_argument(
+        "--results", type=Path, default=RESULTS, help="folder of results (default: those that ship)"
+    )
     parser.add_argument("--env", default=FAMILY_ID, help="environment id (default: %(default)s)")
-    parser.add_argument("--scenarios", nargs="+", required=True, metavar="NAME", help="scenarios, or families with a split")
+    parser.add_argument(
+        "--scenarios",
+        nargs="+",
+        required=True,
+        metavar="NAME",
+        help="scenarios, or families with a split",
+    )
     parsed = parser.parse_args(arguments)
     folders = [result_folder(parsed.results, parsed.env, name) for name in parsed.scenarios]
     print(markdown([differences(parsed.first, parsed.second, folder) for folder in folders]))

@@ -84,7 +84,9 @@ def arcs(moves: int) -> str:
 def air(moves: int) -> str:
     """Return moves beside the bar."""
     blocks = ["G1 X59. F0.2", "Z-10."]
-    blocks += [f"G1 X{70 + number % 7}. Z2.\nG0 X{80 + number % 5}. Z-100." for number in range(moves // 2)]
+    blocks += [
+        f"G1 X{70 + number % 7}. Z2.\nG0 X{80 + number % 5}. Z-100." for number in range(moves // 2)
+    ]
     return HEAD + "\n".join(blocks)
 
 
@@ -102,8 +104,12 @@ def cycles(moves: int) -> str:
     for number in range(count):
         first, last = 2 * number + 1, 2 * number + 2
         diameter = 60.0 - depth * number
-        blocks.append(f"G0 X{diameter + 1.0:.3f} Z2.\nG71 U{depth / 6.0:.4f} R0.3\nG71 P{first} Q{last} U0.02 W0.01 F0.25")
-        blocks.append(f"N{first} G0 X{diameter - depth:.3f}\nG1 Z-50.\nX{diameter:.3f} Z-100.\nN{last} Z-{LENGTH}")
+        blocks.append(
+            f"G0 X{diameter + 1.0:.3f} Z2.\nG71 U{depth / 6.0:.4f} R0.3\nG71 P{first} Q{last} U0.02 W0.01 F0.25"
+        )
+        blocks.append(
+            f"N{first} G0 X{diameter - depth:.3f}\nG1 Z-50.\nX{diameter:.3f} Z-100.\nN{last} Z-{LENGTH}"
+        )
         blocks.append(f"G70 P{first} Q{last}")
     return HEAD + "\n".join(blocks)
 
@@ -136,18 +142,32 @@ def measure(text: str, scenario: Scenario, adapted: str | None) -> tuple[int, fl
 def main(arguments: list[str] | None = None) -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m studies.program_times", **described(__doc__))
-    parser.add_argument("--moves", nargs="+", type=int, default=[1_000, 10_000], metavar="N", help="default: 1000 10000")
-    parser.add_argument("--kinds", nargs="+", choices=tuple(KINDS), default=tuple(KINDS), help="default: all")
+    parser.add_argument(
+        "--moves",
+        nargs="+",
+        type=int,
+        default=[1_000, 10_000],
+        metavar="N",
+        help="default: 1000 10000",
+    )
+    parser.add_argument(
+        "--kinds", nargs="+", choices=tuple(KINDS), default=tuple(KINDS), help="default: all"
+    )
     parser.add_argument("--adapt", choices=("words", "blocks"), help="also adapt feeds and speeds")
     options = parser.parse_args(arguments)
     if min(options.moves) < 10:
         parser.error("--moves must be 10 or more")
     scenario = Scenario.load("rough_turning")
-    print("| Program | Straight moves | Time [s] | Per 1,000 moves [s] | Memory [MB] |\n|---|---|---|---|---|")
+    print(
+        "| Program | Straight moves | Time [s] | Per 1,000 moves [s] | Memory [MB] |\n|---|---|---|---|---|"
+    )
     for kind in options.kinds:
         for moves in options.moves:
             count, seconds = measure(KINDS[kind](moves), scenario, options.adapt)
-            print(f"| {kind} | {count:,} | {seconds:.1f} | {1000.0 * seconds / count:.2f} | {highest_memory()} |", flush=True)
+            print(
+                f"| {kind} | {count:,} | {seconds:.1f} | {1000.0 * seconds / count:.2f} | {highest_memory()} |",
+                flush=True,
+            )
     return 0
 
 

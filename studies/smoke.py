@@ -36,7 +36,10 @@ def digest_of_plays(steps: int = 60) -> str:
     """Return the SHA-256 of every preset's first steps in two episodes, single and as a batch of three."""
     whole = hashlib.sha256()
     for preset in turning_env.presets():
-        env, envs = turning_env.RoughTurningEnv(preset), turning_env.RoughTurningVectorEnv(3, preset)
+        env, envs = (
+            turning_env.RoughTurningEnv(preset),
+            turning_env.RoughTurningVectorEnv(3, preset),
+        )
         generator = np.random.default_rng(21)
         for seed in range(2):
             whole.update(env.reset(seed=seed)[0].tobytes() + envs.reset(seed=seed)[0].tobytes())
@@ -46,7 +49,9 @@ def digest_of_plays(steps: int = 60) -> str:
                 whole.update(observations.tobytes() + rewards.tobytes())
                 if not ended:
                     observation, reward, terminated, truncated, info = env.step(actions[0])
-                    whole.update(observation.tobytes() + repr((reward, sorted(info.items()))).encode())
+                    whole.update(
+                        observation.tobytes() + repr((reward, sorted(info.items()))).encode()
+                    )
                     ended = terminated or truncated
         envs.close()
     return whole.hexdigest()

@@ -45,9 +45,13 @@ from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.console import described, exits
 
-Program = Callable[[Path], int]  # a function that fills a folder, or continues to fill it, and returns the exit status
+Program = Callable[
+    [Path], int
+]  # a function that fills a folder, or continues to fill it, and returns the exit status
 
-SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}})
+SCENARIO = Scenario.model_validate(
+    {"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}}
+)
 LOG = ".log"  # output of a program, in its folder
 MAX_GROWTH = 8_000_000  # growth of memory that is tolerated [bytes]
 MAX_SECONDS = 600.0  # time after which a program counts as hung [s]
@@ -57,31 +61,57 @@ MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program
 def training(folder: Path) -> int:
     """Train PPO for a few seconds, with eight checkpoints."""
     small = {"num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2, "steps": 4096}
-    train(Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", small), ppo.ALGORITHM, checkpoint_every=512)
+    train(
+        Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", small),
+        ppo.ALGORITHM,
+        checkpoint_every=512,
+    )
     return 0
 
 
 def tuning_of_rules(folder: Path) -> int:
     """Search for the parameters of two rules."""
     words = ["--scenario", _scenario(folder), "--rules", "fixed_tuned", "rescaled_grid_search"]
-    return rule_tuning.main([*words, "--trials", "10", "--seeds", "4", "--out", str(folder / "tuned" / "short.json")])
+    return rule_tuning.main(
+        [*words, "--trials", "10", "--seeds", "4", "--out", str(folder / "tuned" / "short.json")]
+    )
 
 
 def tuning_of_an_agent(folder: Path) -> int:
     """Search for PPO's hyperparameters, which trains an agent per setting."""
-    words = ["--algorithm", "ppo", "--scenario", _scenario(folder), "--steps", "4096", "--trials", "3"]
+    words = [
+        "--algorithm",
+        "ppo",
+        "--scenario",
+        _scenario(folder),
+        "--steps",
+        "4096",
+        "--trials",
+        "3",
+    ]
     return tune.main([*words, "--runs", str(folder / "runs")])
 
 
 def leaderboard(folder: Path, more: Sequence[str] = ()) -> int:
     """Play a few rules."""
-    words = ["run", "--results", str(folder / "results"), "--env", "RoughTurning-Override-v1", "--seeds", "16", *more]
+    words = [
+        "run",
+        "--results",
+        str(folder / "results"),
+        "--env",
+        "RoughTurning-Override-v1",
+        "--seeds",
+        "16",
+        *more,
+    ]
     rules = ["constant_force_limit", "programmed_feed", "fuzzy_override", "omative", "tmac"]
     return leaderboard_command.main([*words, "--policies", *rules])
 
 
 def _scenario(folder: Path) -> str:
-    path = folder.parent / "short.toml"  # beside the folders, because written files contain its path
+    path = (
+        folder.parent / "short.toml"
+    )  # beside the folders, because written files contain its path
     SCENARIO.save(path)
     return str(path)
 
@@ -115,7 +145,9 @@ def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
         RuntimeError: the program fails although it was not killed.
     """
     toll = Toll()
-    _started(_nothing, folder / "warm").join()  # the server of processes imports all that is needed, once
+    _started(
+        _nothing, folder / "warm"
+    ).join()  # the server of processes imports all that is needed, once
     start = time.monotonic()
     _finish(program, folder / "undisturbed")
     toll.seconds = time.monotonic() - start
@@ -185,7 +217,11 @@ def files(folder: Path) -> Iterator[Path]:
     """Yield the result files, without hidden files, which are being written, and TensorBoard's, which grow."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
-        if path.is_file() and "tensorboard" not in parts and not any(part.startswith(".") for part in parts):
+        if (
+            path.is_file()
+            and "tensorboard" not in parts
+            and not any(part.startswith(".") for part in parts)
+        ):
             yield path
 
 
@@ -227,10 +263,16 @@ def _read(path: Path) -> bytes:
             raise ValueError("it has no end")
         case ".csv":
             rows = list(csv.DictReader(content.decode("utf-8").splitlines()))
-            return json.dumps([{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]).encode()
+            return json.dumps(
+                [{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]
+            ).encode()
         case ".zip":  # a model of Stable-Baselines3: weights and optimisers' states; the rest names times and paths
             with zipfile.ZipFile(path) as archive:
-                return b"".join(archive.read(name) for name in sorted(archive.namelist()) if name.endswith((".pth", ".pt")))
+                return b"".join(
+                    archive.read(name)
+                    for name in sorted(archive.namelist())
+                    if name.endswith((".pth", ".pt"))
+                )
     return content
 
 
@@ -273,7 +315,10 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
             else:
                 observation, _, worn, late, _ = single.step(actions[index])
                 ended[index] = worn or late
-            if observation.tobytes() != observations[index].tobytes() or ended[index] != (terminated | truncated)[index]:
+            if (
+                observation.tobytes() != observations[index].tobytes()
+                or ended[index] != (terminated | truncated)[index]
+            ):
                 apart.add(index)
     growth, seconds = process.memory_info().rss - settled, time.perf_counter() - start
     env.close()
@@ -285,8 +330,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Soak, print and judge; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m studies.soak", **described(__doc__))
     parser.add_argument("--only", choices=("kills", "steps"), help="run this part alone")
-    parser.add_argument("--kills", type=int, default=20, metavar="N", help="kills of each program (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=100_000_000, metavar="N", help="steps of a batch (default: %(default)s)")
+    parser.add_argument(
+        "--kills",
+        type=int,
+        default=20,
+        metavar="N",
+        help="kills of each program (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=100_000_000,
+        metavar="N",
+        help="steps of a batch (default: %(default)s)",
+    )
     parsed = parser.parse_args(arguments)
     for name, least in (("kills", 1), ("steps", 10_000)):
         if (value := getattr(parsed, name)) < least:
@@ -296,7 +353,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         held &= _kill_all(parsed.kills, Random(0))
     if parsed.only != "kills":
         came = step_long(parsed.steps)
-        print("\n| steps | episodes | per second | growth [MB] | differing from single environments |\n|---|---|---|---|---|")
+        print(
+            "\n| steps | episodes | per second | growth [MB] | differing from single environments |\n|---|---|---|---|---|"
+        )
         rate, growth = f"{came.steps / came.seconds:.0f}", f"{came.growth / 1e6:.1f}"
         print(f"| {came.steps} | {came.episodes} | {rate} | {growth} | {came.differing} |")
         held &= came.growth <= MAX_GROWTH and came.differing == 0
@@ -304,7 +363,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _kill_all(kills: int, random: Random) -> bool:
-    print("| program | kills | files torn | other results | processes left | undisturbed [s] |\n|---|---|---|---|---|---|")
+    print(
+        "| program | kills | files torn | other results | processes left | undisturbed [s] |\n|---|---|---|---|---|---|"
+    )
     held = True
     with ExitStack() as stack:
         programs = dict(PROGRAMS)
@@ -312,8 +373,12 @@ def _kill_all(kills: int, random: Random) -> bool:
             from distributed import LocalCluster
 
             local: Callable[..., LocalCluster] = LocalCluster
-            cluster = stack.enter_context(local(n_workers=2, threads_per_worker=1, dashboard_address=None))
-            programs["leaderboard, Dask"] = partial(leaderboard, more=("--scheduler", cluster.scheduler_address))
+            cluster = stack.enter_context(
+                local(n_workers=2, threads_per_worker=1, dashboard_address=None)
+            )
+            programs["leaderboard, Dask"] = partial(
+                leaderboard, more=("--scheduler", cluster.scheduler_address)
+            )
         for name, program in programs.items():
             with TemporaryDirectory() as folder:
                 toll = kill(program, kills, Path(folder), random)

@@ -113,7 +113,9 @@ def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any
         drawn: Any = rng.integers(0, space.n, (_ACTIONS, *num_envs))
     else:
         assert isinstance(space, gymnasium.spaces.Box)
-        drawn = rng.uniform(space.low, space.high, (_ACTIONS, *num_envs, *space.shape)).astype(space.dtype)
+        drawn = rng.uniform(space.low, space.high, (_ACTIONS, *num_envs, *space.shape)).astype(
+            space.dtype
+        )
     return cycle(drawn).__next__
 
 
@@ -132,7 +134,9 @@ def calls_within(case: Case, seconds: float) -> int:
     case.step()  # compiles, or loads compiled code
     count = 1
     # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
-    while (taken := count * case.steps / max(timed(case, count).rate for _ in range(3))) < 0.2 * seconds:
+    while (
+        taken := count * case.steps / max(timed(case, count).rate for _ in range(3))
+    ) < 0.2 * seconds:
         count *= 2
     return max(1, round(count * seconds / taken))
 
@@ -178,19 +182,25 @@ def gymnax_cases() -> Iterator[Case]:
 
     def step(state: Any, key: Any) -> tuple[Any, Any]:
         act, move = jax.random.split(key)
-        _, state, reward, *_ = env.step(move, state, env.action_space(parameters).sample(act), parameters)
+        _, state, reward, *_ = env.step(
+            move, state, env.action_space(parameters).sample(act), parameters
+        )
         return state, reward
 
     def scan(states: Any, key: Any) -> Any:
         def all_envs(states: Any, key: Any) -> Any:
-            return jax.vmap(step)(states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0]))
+            return jax.vmap(step)(
+                states, jax.random.split(key, jax.tree_util.tree_leaves(states)[0].shape[0])
+            )
 
         return jax.lax.scan(all_envs, states, jax.random.split(key, _SCAN))
 
     compiled_scan = jax.jit(scan)
     for num_envs in SIZES[2:]:
         key = jax.random.PRNGKey(0)
-        _, states = jax.vmap(env.reset, in_axes=(0, None))(jax.random.split(key, num_envs), parameters)
+        _, states = jax.vmap(env.reset, in_axes=(0, None))(
+            jax.random.split(key, num_envs), parameters
+        )
 
         def run(states: Any = states, key: Any = key) -> None:
             jax.block_until_ready(compiled_scan(states, key))
@@ -206,11 +216,27 @@ def motor_cases() -> Iterator[Case]:
 
 def training_cases() -> Iterator[Case]:
     """Yield trainings by PPO, a rollout and its updates at a time: Stable-Baselines3, the reference first, SBX, ``train.ppo``."""
-    sb3, util = importlib.import_module("stable_baselines3"), importlib.import_module("stable_baselines3.common.env_util")
-    ppo, run, training = (importlib.import_module(f"train.{name}") for name in ("ppo", "run", "training"))
-    same = {"n_steps": 32, "batch_size": 2048, "n_epochs": 3, "policy_kwargs": {"net_arch": [64, 64]}, "device": "cpu"}
-    libraries = {"Stable-Baselines3": sb3} | ({"SBX": importlib.import_module("sbx")} if find_spec("sbx") else {})
-    tasks = {"Gymnasium Pendulum": util.make_vec_env("Pendulum-v1", 512), MAIN: RoughTurningVecEnv(IDS[MAIN], 512)}
+    sb3, util = (
+        importlib.import_module("stable_baselines3"),
+        importlib.import_module("stable_baselines3.common.env_util"),
+    )
+    ppo, run, training = (
+        importlib.import_module(f"train.{name}") for name in ("ppo", "run", "training")
+    )
+    same = {
+        "n_steps": 32,
+        "batch_size": 2048,
+        "n_epochs": 3,
+        "policy_kwargs": {"net_arch": [64, 64]},
+        "device": "cpu",
+    }
+    libraries = {"Stable-Baselines3": sb3} | (
+        {"SBX": importlib.import_module("sbx")} if find_spec("sbx") else {}
+    )
+    tasks = {
+        "Gymnasium Pendulum": util.make_vec_env("Pendulum-v1", 512),
+        MAIN: RoughTurningVecEnv(IDS[MAIN], 512),
+    }
     models: dict[str, Any] = {}
     for (library, module), (task, envs) in product(libraries.items(), tasks.items()):
         models[f"{library}, {task}"] = module.PPO("MlpPolicy", envs, **same)
@@ -220,7 +246,9 @@ def training_cases() -> Iterator[Case]:
         models[", ".join(["train.ppo", env_id, *terms])] = training.new_model(plan, ppo.ALGORITHM)
     for name, model in models.items():
         model.tensorboard_log, steps = None, model.n_steps * model.n_envs
-        yield Case(name, model.n_envs, steps, partial(model.learn, steps, reset_num_timesteps=False))
+        yield Case(
+            name, model.n_envs, steps, partial(model.learn, steps, reset_num_timesteps=False)
+        )
 
 
 PEERS: dict[str, Callable[[], Iterator[Case]]] = {
@@ -252,7 +280,10 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
 
 def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
     """Return the lines of a Markdown table of medians over the turns; ratios are to the first case in the same turn."""
-    lines = ["| Case | Environments | Steps per second | Per CPU second | Ratio |", "|---|---:|---:|---:|---:|"]
+    lines = [
+        "| Case | Environments | Steps per second | Per CPU second | Ratio |",
+        "|---|---:|---:|---:|---:|",
+    ]
     rounded = EngFormatter(places=1, sep=" ")
     for case, turns in zip(cases, timings, strict=True):
         rate, cpu_rate = (rounded(statistics.median(rates)) for rates in zip(*turns, strict=True))
@@ -280,9 +311,17 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
     with ExitStack() as stack:
         checkouts: list[Any] = []
         for folder in (Path(__file__).parents[1], other.resolve()):
-            command, variables = [sys.executable, "-P", "-c", _TURNS, str(seconds)], os.environ | {"PYTHONPATH": str(folder)}
+            command, variables = (
+                [sys.executable, "-P", "-c", _TURNS, str(seconds)],
+                os.environ | {"PYTHONPATH": str(folder)},
+            )
             process = subprocess.Popen(
-                command, env=variables, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+                command,
+                env=variables,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                bufsize=1,
             )
             checkouts.append(stack.enter_context(process))
         turns = []
@@ -295,17 +334,28 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
                 raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
             turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
     names = f"one {MAIN}", f"{NUM_ENVS} environments"
-    return [f"{name}: {text(ratios)} times {other}" for name, ratios in zip(names, zip(*turns, strict=True), strict=True)]
+    return [
+        f"{name}: {text(ratios)} times {other}"
+        for name, ratios in zip(names, zip(*turns, strict=True), strict=True)
+    ]
 
 
 @exits()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print and draw; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m studies.throughput", **described(__doc__))
-    parser.add_argument("--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)")
-    parser.add_argument("--training", action="store_true", help="measure trainings by PPO instead of environments")
-    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout to compare with")
+    parser.add_argument(
+        "--repeats", type=int, default=9, help="turns that every case gets (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=0.25, help="length of one turn in s (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--training", action="store_true", help="measure trainings by PPO instead of environments"
+    )
+    parser.add_argument(
+        "--against", type=Path, metavar="DIR", help="another checkout to compare with"
+    )
     options = parser.parse_args(arguments)
     if options.repeats < 1 or not options.seconds > 0:
         parser.error("--repeats must be at least 1, and --seconds above 0")
@@ -314,9 +364,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise Mistake(f"--against {options.against}: there is no folder turning_env")
         print(*against(options.against, options.repeats, options.seconds), sep="\n")
         return 0
-    cases, remarks = runnable_cases({"stable_baselines3": training_cases} if options.training else PEERS)
+    cases, remarks = runnable_cases(
+        {"stable_baselines3": training_cases} if options.training else PEERS
+    )
     timings = measure(cases, options.repeats, options.seconds)
-    print(f"Machine: {machine()}. Versions: {', '.join(remarks)}.", "", *table(cases, timings), sep="\n")
+    print(
+        f"Machine: {machine()}. Versions: {', '.join(remarks)}.",
+        "",
+        *table(cases, timings),
+        sep="\n",
+    )
     return 0
 
 

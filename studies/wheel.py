@@ -23,7 +23,10 @@ from studies.smoke import DIGEST, digest_of_plays
 from turning_env.console import described, exits
 
 ROOT = Path(__file__).resolve().parents[1]
-GYMNASIUMS = ("gymnasium==1.1.1", "gymnasium<2")  # the oldest and the newest Gymnasium that pyproject.toml allows
+GYMNASIUMS = (
+    "gymnasium==1.1.1",
+    "gymnasium<2",
+)  # the oldest and the newest Gymnasium that pyproject.toml allows
 SMOKE = "import runpy, sys; runpy.run_path(sys.argv[1])['main']()"
 """Code that runs a file without adding its folder to the module search path."""
 TRAIN = """
@@ -42,7 +45,11 @@ print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "
 
 def built(folder: Path) -> Path:
     """Build the wheel into a folder and return its path. Raise subprocess.CalledProcessError if it cannot be built."""
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder], cwd=ROOT, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder],
+        cwd=ROOT,
+        check=True,
+    )
     (wheel,) = folder.glob("*.whl")
     return wheel
 
@@ -63,7 +70,9 @@ def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str
             "pip.txt": _pip(constraints),  # an older pip ignores hashes in constraints
             "wheel.txt": f"{wheel} --hash=sha256:{sha256(wheel.read_bytes()).hexdigest()}\n",
             "constraints.txt": constraints,
-            "others.txt": "\n".join(re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)),
+            "others.txt": "\n".join(
+                re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)
+            ),
         }
         for file, text in requirements.items():
             (folder / file).write_text(text, "utf-8")
@@ -76,12 +85,21 @@ def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str
 
         def play() -> None:
             smoke = [inside, "-I", "-W", "error", "-c", SMOKE, str(ROOT / "studies" / "smoke.py")]
-            said = subprocess.run(smoke, cwd=empty, check=True, stdout=subprocess.PIPE, text=True).stdout
+            said = subprocess.run(
+                smoke, cwd=empty, check=True, stdout=subprocess.PIPE, text=True
+            ).stdout
             print(said, end="", flush=True)
             found.add(said.rpartition(DIGEST)[2].strip())
 
         install("-r", f"{folder / 'pip.txt'}")
-        install("--only-binary", ":all:", "-c", f"{folder / 'constraints.txt'}", "-r", f"{folder / 'wheel.txt'}")
+        install(
+            "--only-binary",
+            ":all:",
+            "-c",
+            f"{folder / 'constraints.txt'}",
+            "-r",
+            f"{folder / 'wheel.txt'}",
+        )
         for command in ("-m pip list", "-m pip check", "-I -m turning_env presets"):
             run(*command.split())
         run("-I", "-c", SCORE)
@@ -112,7 +130,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m studies.wheel", **described(__doc__))
     pins = "file of pinned versions (default: that of the clone)"
     parser.add_argument("--constraints", type=Path, default=ROOT / "constraints.txt", help=pins)
-    parser.add_argument("--python", nargs="+", default=[sys.executable], help="interpreters to test (default: this one)")
+    parser.add_argument(
+        "--python",
+        nargs="+",
+        default=[sys.executable],
+        help="interpreters to test (default: this one)",
+    )
     parsed = parser.parse_args(arguments)
     constraints = parsed.constraints.read_text("utf-8")
     _pip(constraints)
@@ -125,7 +148,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number, python in enumerate(parsed.python):
             try:
                 if digests(wheel, constraints, python, () if number else GYMNASIUMS) != {expected}:
-                    faults.append(f"{python}: the same actions give other numbers than in the clone")
+                    faults.append(
+                        f"{python}: the same actions give other numbers than in the clone"
+                    )
             except subprocess.CalledProcessError as error:
                 faults.append(f"{python}: {error.cmd[0]} ended with status {error.returncode}")
     print(*faults, sep="\n", end="\n" if faults else "", file=sys.stderr)

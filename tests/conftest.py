@@ -17,7 +17,12 @@ settings.register_profile("suite", deadline=None, derandomize=True, database=Non
 # ``make soak``: other inputs with every run, and a hundred times as many (``tried`` in tests/soundness/acting.py). Failures are
 # printed in the form that ``hypothesis.reproduce_failure`` takes.
 settings.register_profile(
-    "soak", deadline=None, derandomize=False, database=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+    "soak",
+    deadline=None,
+    derandomize=False,
+    database=None,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
 )
 # Workers share the cores: with more threads they wait for one another. NumPy and torch read this when they are imported.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -77,7 +82,10 @@ def opened(browser: Any) -> Iterator[Callable[..., Any]]:
         page, own = context.new_page(), address.partition("#")[0]
         page.on("console", lambda message: heard.append(message.text))
         page.on("pageerror", lambda error: heard.append(str(error)))
-        page.on("request", lambda request: None if request.url.startswith(own) else heard.append(request.url))
+        page.on(
+            "request",
+            lambda request: None if request.url.startswith(own) else heard.append(request.url),
+        )
         page.goto(address)
         return page
 

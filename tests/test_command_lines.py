@@ -108,9 +108,20 @@ leaderboard run: --private-key short --results made => the private key has 5 cha
 """
 """Mistakes with a part of what is said of them."""
 CASES = [
-    *((f"train.{name}", mistake, "") for name in ALGORITHMS for mistake in ("--env nothing", "--steps 1 --runs file")),
-    *((line.split(": ")[0], each, "") for line in LISTED.strip().splitlines() for each in line.split(": ")[1].split(" | ")),
-    *((line.split(": ")[0], *line.split(": ", 1)[1].split(" => ")) for line in SAID.strip().splitlines()),
+    *(
+        (f"train.{name}", mistake, "")
+        for name in ALGORITHMS
+        for mistake in ("--env nothing", "--steps 1 --runs file")
+    ),
+    *(
+        (line.split(": ")[0], each, "")
+        for line in LISTED.strip().splitlines()
+        for each in line.split(": ")[1].split(" | ")
+    ),
+    *(
+        (line.split(": ")[0], *line.split(": ", 1)[1].split(" => "))
+        for line in SAID.strip().splitlines()
+    ),
 ]
 COMMANDS = list(dict.fromkeys(command for command, _, _ in CASES))
 
@@ -166,12 +177,18 @@ def test_every_command_is_among_these() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_shows_examples_that_parse(command: str, capsys, parse: Callable[[list[str]], None]) -> None:
+def test_help_shows_examples_that_parse(
+    command: str, capsys, parse: Callable[[list[str]], None]
+) -> None:
     assert status_of(command, ["--help"]) == 0
-    _, title, shown = re.split(r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE)
+    _, title, shown = re.split(
+        r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE
+    )
     examples = [shlex.split(line) for line in shown.splitlines() if line.startswith("  python -m ")]
     words = command.split()
-    assert len([each for each in examples if each[2 : 2 + len(words)] == words]) >= (1 if title == "example" else 2)
+    assert len([each for each in examples if each[2 : 2 + len(words)] == words]) >= (
+        1 if title == "example" else 2
+    )
     for example in examples:
         parse(example[2:])
 
@@ -179,16 +196,27 @@ def test_help_shows_examples_that_parse(command: str, capsys, parse: Callable[[l
 @pytest.mark.slow
 def test_every_command_in_the_documentation_parses(parse: Callable[[list[str]], None]) -> None:
     pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-    shown = [block for page in pages for block in blocks(page.read_text("utf-8")) if block.language == "bash"]
+    shown = [
+        block
+        for page in pages
+        for block in blocks(page.read_text("utf-8"))
+        if block.language == "bash"
+    ]
     lines = [shlex.split(line) for block in shown for line in commands(block)]
-    own = [line[2:] for line in lines if line[:2] == ["python", "-m"] and line[2].partition(".")[0] in PACKAGES]
+    own = [
+        line[2:]
+        for line in lines
+        if line[:2] == ["python", "-m"] and line[2].partition(".")[0] in PACKAGES
+    ]
     assert len(own) > 50
     for words in own:
         parse(words)
 
 
 @pytest.mark.parametrize(("command", "mistake", "said"), CASES)
-def test_mistake_is_an_error_of_one_line_and_writes_nothing(command, mistake, said, tmp_path, monkeypatch, capsys) -> None:
+def test_mistake_is_an_error_of_one_line_and_writes_nothing(
+    command, mistake, said, tmp_path, monkeypatch, capsys
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
     assert status_of(command, shlex.split(mistake)) == 2
@@ -204,7 +232,10 @@ def test_reader_that_leaves_early_is_no_error() -> None:
     code = "from turning_env.console import exits; raise SystemExit(exits(checks={})(lambda: print('x' * 10**6) or 0)())"
     for checks, status in ((False, 0), (True, 1)):
         with subprocess.Popen(
-            [sys.executable, "-c", code.format(checks)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            [sys.executable, "-c", code.format(checks)],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
         ) as process:
             assert process.stdout is not None
             assert process.stderr is not None

@@ -14,8 +14,13 @@ def test_all_that_the_set_up_asks_for_is_pinned_with_hashes() -> None:
     """Direct requirements: ``make constraints`` resolves theirs, and ``make audit`` compares all with what is installed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     extras = project["project"]["optional-dependencies"]
-    groups = project["dependency-groups"] | {name: needs for name, needs in extras.items() if name != "peers"}
-    wanted = [*project["project"]["dependencies"], *(need for needs in groups.values() for need in needs)]
+    groups = project["dependency-groups"] | {
+        name: needs for name, needs in extras.items() if name != "peers"
+    }
+    wanted = [
+        *project["project"]["dependencies"],
+        *(need for needs in groups.values() for need in needs),
+    ]
     names = {re.match(r"[\w-]+", need)[0].lower().replace("_", "-") for need in wanted}  # type: ignore[index]
     assert len(re.findall(r"(?m)^[\w.-]+==.*\\\n    --hash=sha256:[0-9a-f]{64}", TEXT)) == len(PINS)
     assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'

@@ -35,7 +35,9 @@ def learns(env: Any) -> None:
 
 
 def made_by_gymnasium(env_id: str, tmp_path: Path) -> None:
-    envs = gymnasium.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep")
+    envs = gymnasium.make_vec(
+        env_id, num_envs=2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep"
+    )
     observations, _ = envs.reset(seed=0)
     assert observations in envs.observation_space
     assert gymnasium.make(env_id).reset(seed=1)[0].tolist() == observations[1].tolist()
@@ -88,11 +90,34 @@ def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
     from examples.offline import main
 
     behaviour = "load_rule" if env_id == "RoughTurning-v0" else "idle"
-    assert main(["make", "--env", env_id, "--behaviours", behaviour, "--episodes", "1", "--out", str(tmp_path)]) == 0
+    assert (
+        main(
+            [
+                "make",
+                "--env",
+                env_id,
+                "--behaviours",
+                behaviour,
+                "--episodes",
+                "1",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
 
 
 DOORS = (
-    *(made_by_gymnasium, drawn, learned_with_make_vec_env, learned_in_a_batch, taken_by_torchrl, scored, recorded_for_minari),
+    *(
+        made_by_gymnasium,
+        drawn,
+        learned_with_make_vec_env,
+        learned_in_a_batch,
+        taken_by_torchrl,
+        scored,
+        recorded_for_minari,
+    ),
     pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
 )
 

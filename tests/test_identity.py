@@ -50,14 +50,25 @@ def test_words_fields_controllers_disturbances_and_entries_invalidate_nothing(co
     edit(copy / "baselines" / "fixed.py", '"""', '"""Edited. ')
     for page in ("change_the_lathe", "add_a_controller"):
         text = (copy / "docs" / "tutorials" / f"{page}.md").read_text("utf-8")
-        plays = ("python -m baselines.tune", "python -m leaderboard run")  # tests/test_pages.py runs these
-        walk(text, copy, {"python -m pytest": ("-k 'vibration or RoughTurning-v0 or worn_batch'", {})}, plays)
+        plays = (
+            "python -m baselines.tune",
+            "python -m leaderboard run",
+        )  # tests/test_pages.py runs these
+        walk(
+            text,
+            copy,
+            {"python -m pytest": ("-k 'vibration or RoughTurning-v0 or worn_batch'", {})},
+            plays,
+        )
     checked = python(copy, "-c", CHECK)
     assert checked.returncode == 0, checked.stderr
     verified = python(copy, "-m", "leaderboard", "verify", "--check")
     assert verified.returncode == 0, verified.stdout + verified.stderr
     assert "every result is valid" in verified.stdout
-    assert "steady_load" in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
+    assert (
+        "steady_load"
+        in python(copy, "-c", "from baselines.catalogue import RULES; print(*RULES)").stdout
+    )
     changed = python(copy, "-m", "turning_env", "show", "rough_turning").stdout
     assert "vibration_gain" in changed
     assert "torque = false" in changed

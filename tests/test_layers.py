@@ -48,7 +48,10 @@ def imports(path: Path) -> Iterator[str]:
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Call) and "import_module" in (getattr(node.func, "attr", ""), getattr(node.func, "id", "")):
+        elif isinstance(node, ast.Call) and "import_module" in (
+            getattr(node.func, "attr", ""),
+            getattr(node.func, "id", ""),
+        ):
             yield ast.unparse(node.args[0]).lstrip("f'\"")
 
 
@@ -62,10 +65,14 @@ def test_a_package_imports_only_packages_below_it(package: str) -> None:
 def loaded(code: str) -> set[str]:
     """Return the modules that a fresh interpreter has loaded after some code."""
     command = [sys.executable, "-c", f"import sys\n{code}\nprint(*sys.modules)"]
-    return set(subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split())
+    return set(
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
+    )
 
 
-@pytest.mark.parametrize("package", [package for package in LEANS_ON if package.startswith("turning_")])
+@pytest.mark.parametrize(
+    "package", [package for package in LEANS_ON if package.startswith("turning_")]
+)
 def test_a_package_of_the_wheel_loads_only_packages_below_it(package: str) -> None:
     modules = [
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
@@ -74,13 +81,19 @@ def test_a_package_of_the_wheel_loads_only_packages_below_it(package: str) -> No
     ]
     code = f"import importlib, contextlib\nfor name in {modules}:\n"
     code += "    with contextlib.suppress(ModuleNotFoundError): importlib.import_module(name)\n"
-    assert not {name.split(".")[0] for name in loaded(code)} & (LEANS_ON.keys() - LEANS_ON[package] - {package})
+    assert not {name.split(".")[0] for name in loaded(code)} & (
+        LEANS_ON.keys() - LEANS_ON[package] - {package}
+    )
 
 
 def test_a_room_imports_only_rooms_below_it() -> None:
-    floor = {room: number for number, rooms in enumerate(FLOORS) for room in rooms} | dict.fromkeys(LEAVES, -1)
+    floor = {room: number for number, rooms in enumerate(FLOORS) for room in rooms} | dict.fromkeys(
+        LEAVES, -1
+    )
     package = ROOT / "turning_env"
-    unknown = {path.relative_to(package).parts[0].removesuffix(".py") for path in package.rglob("*.py")} - floor.keys()
+    unknown = {
+        path.relative_to(package).parts[0].removesuffix(".py") for path in package.rglob("*.py")
+    } - floor.keys()
     assert unknown == {"__init__"}
     upwards = [
         f"{path.relative_to(ROOT)} imports {name}"
@@ -94,10 +107,21 @@ def test_a_room_imports_only_rooms_below_it() -> None:
     assert upwards == []
 
 
-HEAVY = {"torch", "stable_baselines3", "scipy.optimize", "scipy.stats", "matplotlib", "jinja2", "PIL", "pygame"}
+HEAVY = {
+    "torch",
+    "stable_baselines3",
+    "scipy.optimize",
+    "scipy.stats",
+    "matplotlib",
+    "jinja2",
+    "PIL",
+    "pygame",
+}
 
 
-def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries_nor_a_compiler() -> None:
+def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries_nor_a_compiler() -> (
+    None
+):
     """Numba and Pydantic take half a second; they are loaded with the first environment."""
     assert not loaded("import turning_env") & (HEAVY | {"numba", "pydantic"})
     assert not loaded("import turning_env; turning_env.RoughTurningEnv") & HEAVY

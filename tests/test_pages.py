@@ -12,20 +12,42 @@ from tests.walking import ROOT, Smaller, check, copy_to, run, walk
 DOCS = ROOT / "docs"
 README = (ROOT / "README.md").read_text("utf-8")
 TUTORIALS = DOCS / "tutorials"
-INTERPRETED = TUTORIALS / "change_the_lathe.md"  # tests/test_identity.py walks this one, interpreted
-ALIKE = (TUTORIALS / "train.md", TUTORIALS / "submit_a_policy.md")  # they train, export and rank the same agent
-ALONE = (ROOT / "README.md", DOCS / "results.md", *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}))
+INTERPRETED = (
+    TUTORIALS / "change_the_lathe.md"
+)  # tests/test_identity.py walks this one, interpreted
+ALIKE = (
+    TUTORIALS / "train.md",
+    TUTORIALS / "submit_a_policy.md",
+)  # they train, export and rank the same agent
+ALONE = (
+    ROOT / "README.md",
+    DOCS / "results.md",
+    *sorted(set(TUTORIALS.glob("*.md")) - {INTERPRETED, *ALIKE}),
+)
 # This suite itself, the installation of what is under test, and tables, which tests/test_tables.py prints.
-ELSEWHERE = ("make test", "pip install", "python -m leaderboard show --results leaderboard/results --")
+ELSEWHERE = (
+    "make test",
+    "pip install",
+    "python -m leaderboard show --results leaderboard/results --",
+)
 # How a command is made small: options added to it, words replaced in it.
 SMALLER: Smaller = {
-    "make leaderboard": ("SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results", {}),
+    "make leaderboard": (
+        "SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results",
+        {},
+    ),
     "make agents": (
         "STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/surface/ppo.md",
         {},
     ),
-    "make results": ("TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1", {}),
-    "make verify": ("VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'", {}),
+    "make results": (
+        "TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1",
+        {},
+    ),
+    "make verify": (
+        "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'",
+        {},
+    ),
     "python -m train.ppo": ("--steps 20000 --set num_envs=32", {}),
     "python -m train.tune": ("--steps 4096 --trials 1", {}),
     "python -m baselines.tune": (
@@ -57,7 +79,9 @@ def set_up() -> bool:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not set_up(), reason="needs the .venv that make sets up")
-@pytest.mark.parametrize("pages", [ALIKE, *((page,) for page in ALONE)], ids=lambda pages: pages[0].stem)
+@pytest.mark.parametrize(
+    "pages", [ALIKE, *((page,) for page in ALONE)], ids=lambda pages: pages[0].stem
+)
 def test_a_page_is_true(pages: tuple[Path, ...], copy: Path) -> None:
     done = ELSEWHERE
     for page in pages:
@@ -65,14 +89,37 @@ def test_a_page_is_true(pages: tuple[Path, ...], copy: Path) -> None:
 
 
 def test_the_readme_prints_what_it_says() -> None:
-    program, printed = re.search(r"```python\n(.*?)```.*?```text\n(.*?)```", README, re.DOTALL).groups()  # type: ignore[union-attr]
+    program, printed = re.search(
+        r"```python\n(.*?)```.*?```text\n(.*?)```", README, re.DOTALL
+    ).groups()  # type: ignore[union-attr]
     assert run([sys.executable, "-c", program], ROOT).stdout == printed
 
 
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    check(run([sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)], ROOT), "mkdocs")
-    for page in ("index.html", "environment/index.html", "scenario/index.html", "api/index.html", "leaderboard-page.html"):
+    check(
+        run(
+            [
+                sys.executable,
+                "-m",
+                "mkdocs",
+                "build",
+                "--strict",
+                "--quiet",
+                "--site-dir",
+                str(tmp_path),
+            ],
+            ROOT,
+        ),
+        "mkdocs",
+    )
+    for page in (
+        "index.html",
+        "environment/index.html",
+        "scenario/index.html",
+        "api/index.html",
+        "leaderboard-page.html",
+    ):
         text = (tmp_path / page).read_text("utf-8")
         assert "RoughTurning" in text
         assert "fonts.googleapis.com" not in text
@@ -80,7 +127,9 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
 
 def test_every_public_name_is_in_the_reference() -> None:
     text = (DOCS / "api.md").read_text("utf-8")
-    assert set(turning_env.__all__) - {"__version__"} <= set(re.findall(r"^::: turning_env\.(\w+)$", text, re.MULTILINE))
+    assert set(turning_env.__all__) - {"__version__"} <= set(
+        re.findall(r"^::: turning_env\.(\w+)$", text, re.MULTILINE)
+    )
 
 
 def test_every_link_of_the_readme_leads_somewhere() -> None:

@@ -24,5 +24,10 @@ def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: Path) ->
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == PACKAGES
     packaged = {name for name in names if ".dist-info/" not in name}
     ends = ("py", "toml", "xz", "hal", "ini", "tbl", "html", "js", "typed")
-    sources = {str(path.relative_to(ROOT)) for end in ends for package in PACKAGES for path in (ROOT / package).rglob(f"*.{end}")}
+    sources = {
+        str(path.relative_to(ROOT))
+        for end in ends
+        for package in PACKAGES
+        for path in (ROOT / package).rglob(f"*.{end}")
+    }
     assert packaged == sources

@@ -31,23 +31,33 @@ class Block(NamedTuple):
 
 def blocks(page: str) -> Iterator[Block]:
     """Yield the fenced blocks of a page in order."""
-    for language, title, text in re.findall(r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$', page, re.DOTALL | re.MULTILINE):
+    for language, title, text in re.findall(
+        r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$', page, re.DOTALL | re.MULTILINE
+    ):
         yield Block(language, title or None, text)
 
 
 def commands(block: Block) -> list[str]:
     """The command lines of a block; one that ends in a backslash goes on."""
-    return [line for line in block.text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
+    return [
+        line
+        for line in block.text.replace("\\\n", " ").splitlines()
+        if line.strip() and not line.startswith("#")
+    ]
 
 
 def copy_to(folder: Path) -> None:
     """Put the tracked files with their times, the machine code made of them, and the installed environment, into a folder."""
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
+    tracked = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.splitlines()
     for name in tracked:
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
-    for kept in ROOT.glob("*/**/__pycache__/machine_code-*/*"):  # Numba names its folders by the place of the sources
+    for kept in ROOT.glob(
+        "*/**/__pycache__/machine_code-*/*"
+    ):  # Numba names its folders by the place of the sources
         code = folder / kept.relative_to(ROOT).parent
         place = hashlib.sha1(str(code.parents[1]).encode(), usedforsecurity=False).hexdigest()
         if kept.is_dir() and code.parents[1].is_dir():
@@ -59,13 +69,17 @@ def small(command: str, smaller: Smaller) -> list[str]:
     """The words of a command, made small, with this Python for ``python``."""
     for start, (options, replaced) in smaller.items():
         if command.startswith(start):
-            command = shlex.join(replaced.get(word, word) for word in shlex.split(f"{command} {options}"))
+            command = shlex.join(
+                replaced.get(word, word) for word in shlex.split(f"{command} {options}")
+            )
     words = shlex.split(command)
     return [sys.executable, *words[1:]] if words[0] == "python" else words
 
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=MAX, check=False)
+    return subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, timeout=MAX, check=False
+    )
 
 
 def walk(page: str, folder: Path, smaller: Smaller, done: tuple[str, ...] = ()) -> tuple[str, ...]:

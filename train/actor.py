@@ -17,9 +17,13 @@ class Actor(torch.nn.Module):
     observation.
     """
 
-    memory_size: int = 0  # size of the memory; 0: the action is a function of the present observation
+    memory_size: int = (
+        0  # size of the memory; 0: the action is a function of the present observation
+    )
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the action and the next memory."""
         raise NotImplementedError
 
@@ -31,7 +35,9 @@ class Feedforward(Actor):
         super().__init__()
         self.layers = torch.nn.Sequential(*layers)
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         return self.layers(observation).clamp(-1.0, 1.0), memory
 
 

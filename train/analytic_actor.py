@@ -33,7 +33,9 @@ class TargetCommands(torch.nn.Module):
         super().__init__()
         control, machine = scenario.control, scenario.machine
         if control.action not in self.ACTIONS:
-            raise ValueError(f"control.action is {control.action!r}, but must be {' or '.join(self.ACTIONS)}")
+            raise ValueError(
+                f"control.action is {control.action!r}, but must be {' or '.join(self.ACTIONS)}"
+            )
         lows = [math.log(machine.cutting_speed_min), math.log(machine.feed_min)]
         highs = [math.log(machine.cutting_speed_max), math.log(machine.feed_max)]
         self.override = control.action == "override"
@@ -53,8 +55,14 @@ class TargetCommands(torch.nn.Module):
             action = target[..., :1]
         else:
             # Positions are close to one another and of order one, so their difference is more exact than that of logarithms.
-            action = ((target[..., :2] - observation[..., COMMANDED]) * (0.5 * self.span / self.step)).clamp(-1.0, 1.0)
-        return torch.cat([action, target[..., -1:].clamp(-1.0, 1.0)], dim=-1) if self.changes_edges else action
+            action = (
+                (target[..., :2] - observation[..., COMMANDED]) * (0.5 * self.span / self.step)
+            ).clamp(-1.0, 1.0)
+        return (
+            torch.cat([action, target[..., -1:].clamp(-1.0, 1.0)], dim=-1)
+            if self.changes_edges
+            else action
+        )
 
     def commanded(self, target: Tensor, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logarithms of the commanded cutting speed [m/min] and feed [mm/rev], each of shape (...).
@@ -62,7 +70,9 @@ class TargetCommands(torch.nn.Module):
         A target out of reach in one step gets the gradient of a target within reach (straight-through estimator).
         """
         if self.override:
-            feed = torch.log((0.5 * (target[..., 0] + 1.0) * self.max_feed).clamp(min=self.min_feed))
+            feed = torch.log(
+                (0.5 * (target[..., 0] + 1.0) * self.max_feed).clamp(min=self.min_feed)
+            )
             return torch.full_like(feed, self.log_programmed_speed), feed
         wanted = self._logarithm(target[..., :2])
         now = self._logarithm(observation[..., COMMANDED])
@@ -100,7 +110,9 @@ class GruActor(Actor):
     def forward(self, observation: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         cells = memory if self.remembers else torch.zeros_like(memory)
         cells = self.memory_cell(torch.relu(self.encoder(observation)), cells)
-        return self.commands.action(self.bounded(self._unbounded(cells, observation)), observation), cells
+        return self.commands.action(
+            self.bounded(self._unbounded(cells, observation)), observation
+        ), cells
 
     def unroll(self, observations: Tensor, cells: Tensor, begins: Tensor) -> Tensor:
         """Return unbounded targets for a sequence of observations, shape (steps, num_envs, entries).

@@ -56,7 +56,9 @@ class HindsightVecEnv(RoughTurningVecEnv):
     after: NDArray[np.float64]
     """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
     changed: NDArray[np.bool_]  # whether the edge was changed in the step, shape (num_envs,)
-    failed: NDArray[np.bool_]  # whether it was changed because it was worn out or broken, shape (num_envs,)
+    failed: NDArray[
+        np.bool_
+    ]  # whether it was changed because it was worn out or broken, shape (num_envs,)
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations: the tool is in the air before the first bar, with a fresh edge."""
@@ -64,16 +66,27 @@ class HindsightVecEnv(RoughTurningVecEnv):
         self._now = np.zeros((len(FIELDS), self.num_envs))
         return observations
 
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(
+        self, rewards: NDArray[np.float64], infos: dict[str, Any]
+    ) -> NDArray[np.float64]:
         """Keep the hidden states, and return the rewards unchanged."""
         commands_changes = self.vector_env.unwrapped.scenario.control.edge_changes == "commanded"
         self.before = self._now
         self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
-        stopped, cut, engaged = (info_at_end_of_step(infos, name) for name in ("stopped_time", "cutting_time", "engaged_time"))
-        self.changed = (stopped > 0.0) & (60.0 * cut <= engaged * (1.0 + 1e-6))  # tangled chips also stop the machine
+        stopped, cut, engaged = (
+            info_at_end_of_step(infos, name)
+            for name in ("stopped_time", "cutting_time", "engaged_time")
+        )
+        self.changed = (stopped > 0.0) & (
+            60.0 * cut <= engaged * (1.0 + 1e-6)
+        )  # tangled chips also stop the machine
         self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
-        self.after[FORCE] = borne = np.maximum(self.after[FORCE], np.where(self.changed, 0.0, self.before[FORCE]))
-        self._now = np.stack([infos[name] for name in FIELDS])  # after an episode's end, of the next one; edges in use go on
+        self.after[FORCE] = borne = np.maximum(
+            self.after[FORCE], np.where(self.changed, 0.0, self.before[FORCE])
+        )
+        self._now = np.stack(
+            [infos[name] for name in FIELDS]
+        )  # after an episode's end, of the next one; edges in use go on
         self._now[FORCE] = np.where(self._now[USED_LIFE] > 0.0, borne, 0.0)
         return rewards
 
@@ -97,7 +110,9 @@ class AnalyticGradient(BaseAlgorithm):
         **options: Any,
     ) -> None:
         """Take hyperparameters as ``settings``, and further ``options`` of the base class."""
-        super().__init__(policy, env, learning_rate, support_multi_env=True, monitor_wrapper=False, **options)  # type: ignore[arg-type]
+        super().__init__(
+            policy, env, learning_rate, support_multi_env=True, monitor_wrapper=False, **options
+        )  # type: ignore[arg-type]
         self.scenario, self.settings = scenario, settings
         if _init_setup_model:
             self._setup_model()
@@ -126,10 +141,15 @@ class AnalyticGradient(BaseAlgorithm):
         progress_bar: bool = False,
     ) -> Self:
         """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
-        self.gain = ModelGain(self.scenario, flat_prices(self.scenario) if self.settings.life_price == "flat" else None)
+        self.gain = ModelGain(
+            self.scenario,
+            flat_prices(self.scenario) if self.settings.life_price == "flat" else None,
+        )
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
-        total, callbacks = self._setup_learn(total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar)
+        total, callbacks = self._setup_learn(
+            total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
+        )
         callbacks.on_training_start(locals(), globals())
         while self.num_timesteps < total:
             callbacks.on_rollout_start()
@@ -146,18 +166,25 @@ class AnalyticGradient(BaseAlgorithm):
         """Play a rollout with the agent."""
         start, steps = self.memory, []
         for _ in range(self.settings.rollout):
-            seen, begins = torch.from_numpy(self._last_obs), torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
+            seen, begins = (
+                torch.from_numpy(self._last_obs),
+                torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1),
+            )
             with torch.no_grad():
                 actions, self.memory = self.policy(seen, self.memory * (1.0 - begins))
             actions = actions + self.settings.exploration * torch.randn_like(actions)
             observations, _, ended, infos = self.env.step(actions.clamp(-1.0, 1.0).numpy())
-            steps.append((begins, seen, self.env.before, self.env.after, self.env.changed, self.env.failed))
+            steps.append(
+                (begins, seen, self.env.before, self.env.after, self.env.changed, self.env.failed)
+            )
             self._last_obs, self._last_episode_starts = observations, ended
             self.num_timesteps += self.n_envs
             self._update_info_buffer(infos, ended)
             callbacks.on_step()
         begun, observed, *hidden = zip(*steps, strict=True)
-        return Rollout(start, torch.stack(begun), torch.stack(observed), [np.stack(each) for each in hidden])
+        return Rollout(
+            start, torch.stack(begun), torch.stack(observed), [np.stack(each) for each in hidden]
+        )
 
     def train(self, rollout: Rollout) -> float:
         """Learn from a rollout; return its mean gain per step [s]."""
@@ -167,7 +194,9 @@ class AnalyticGradient(BaseAlgorithm):
                 gain = self.mean_gain(rollout, envs)
                 self.policy.optimizer.zero_grad()
                 (-gain).backward()  # type: ignore[no-untyped-call]
-                torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.settings.max_gradient_norm)
+                torch.nn.utils.clip_grad_norm_(
+                    self.policy.parameters(), self.settings.max_gradient_norm
+                )
                 self.policy.optimizer.step()
                 gains.append(gain.item())
         return float(np.mean(gains))
@@ -194,7 +223,9 @@ class AnalyticGradient(BaseAlgorithm):
 def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     """Return an untrained model."""
     assert isinstance(vec_env, HindsightVecEnv)
-    settings = SimpleNamespace(**{"saturation_price": 0.0} | run.parameters)  # only some tasks have that price
+    settings = SimpleNamespace(
+        **{"saturation_price": 0.0} | run.parameters
+    )  # only some tasks have that price
     if settings.life_price not in ("marginal", "flat"):
         raise ValueError(f"life_price is {settings.life_price!r}, but must be marginal or flat")
     return AnalyticGradient(

@@ -46,7 +46,9 @@ class Training(BaseModel):
 
     first: float  # environment steps of its first value
     last: float
-    mean_return: list[float] = Field(min_length=1)  # mean return [s] at equal distances from first to last
+    mean_return: list[float] = Field(
+        min_length=1
+    )  # mean return [s] at equal distances from first to last
 
     @classmethod
     def of(cls, run: Run) -> Self:
@@ -55,12 +57,20 @@ class Training(BaseModel):
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
         steps = [row["steps"] for row in rows]
-        returns = np.interp(np.linspace(steps[0], steps[-1], POINTS), steps, [row["mean_return"] for row in rows])
-        return cls(first=steps[0], last=steps[-1], mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns])
+        returns = np.interp(
+            np.linspace(steps[0], steps[-1], POINTS), steps, [row["mean_return"] for row in rows]
+        )
+        return cls(
+            first=steps[0],
+            last=steps[-1],
+            mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns],
+        )
 
     def at(self, steps: Floats) -> Floats:
         """Return the mean returns [s] at some environment steps."""
-        return np.interp(steps, np.linspace(self.first, self.last, len(self.mean_return)), self.mean_return)
+        return np.interp(
+            steps, np.linspace(self.first, self.last, len(self.mean_return)), self.mean_return
+        )
 
 
 class Trainings(BaseModel):
@@ -82,7 +92,10 @@ class Trainings(BaseModel):
 
     def write(self, path: Path) -> None:
         """Write a file, all of it or nothing: a line per training."""
-        lines = (f"  {json.dumps(label)}: {each.model_dump_json()}" for label, each in sorted(self.trainings.items()))
+        lines = (
+            f"  {json.dumps(label)}: {each.model_dump_json()}"
+            for label, each in sorted(self.trainings.items())
+        )
         head = f' "env_id": {json.dumps(self.env_id)},\n "scenario": {self.scenario.model_dump_json()},\n "trainings": {{\n'
         text = "{\n" + head + ",\n".join(lines) + "\n }\n}\n"
         replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
@@ -114,8 +127,13 @@ def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
             run, known = Run.read(source), in_runs
             first = runs.setdefault(run.algorithm, run)
             if run.parameters != first.parameters:
-                raise ValueError(f"{first.folder} and {source} are trainings with different hyperparameters")
-            task, new = (run.env_id, run.task), {f"{name or run.algorithm}-seed{run.seed}": Training.of(run)}
+                raise ValueError(
+                    f"{first.folder} and {source} are trainings with different hyperparameters"
+                )
+            task, new = (
+                (run.env_id, run.task),
+                {f"{name or run.algorithm}-seed{run.seed}": Training.of(run)},
+            )
         tasks.setdefault(task, source)
         if len(tasks) > 1:
             raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))
@@ -135,12 +153,16 @@ def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
     for name, group in groups.items():
         start, end = max(each.first for each in group), min(each.last for each in group)
         if start > end:
-            raise ValueError(f"the curves of {name} do not overlap: resume the unfinished trainings")
+            raise ValueError(
+                f"the curves of {name} do not overlap: resume the unfinished trainings"
+            )
         steps, count = np.linspace(start, end, POINTS), len(group)
         values = np.array([each.at(steps) for each in group])
         resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
         weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
-        low, high = np.quantile(weights @ values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE], axis=0)
+        low, high = np.quantile(
+            weights @ values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE], axis=0
+        )
         found[name] = Curve(count, steps, values.mean(axis=0), low, high)
     return found
 
@@ -148,18 +170,33 @@ def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
 def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
     """Return a figure with a line per algorithm and per level; call it within ``style.for_print``."""
     if len(found) > len(style.LINES):
-        raise ValueError(f"{len(found)} algorithms do not fit on one figure: at most {len(style.LINES)}")
+        raise ValueError(
+            f"{len(found)} algorithms do not fit on one figure: at most {len(style.LINES)}"
+        )
     figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
-    for (name, curve), (colour, dashes) in zip(found.items(), style.policy_looks(found), strict=True):
+    for (name, curve), (colour, dashes) in zip(
+        found.items(), style.policy_looks(found), strict=True
+    ):
         seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
-        axes.fill_between(curve.steps, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0)
+        axes.fill_between(
+            curve.steps, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0
+        )
         axes.plot(curve.steps, curve.mean, color=colour, linestyle=dashes, label=f"{name}, {seeds}")
     for name, level in levels.items():
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
-        axes.annotate(f"{name} {level:g} s", (0.0, level), (4, 2), ("axes fraction", "data"), "offset points", color=style.GREY)
+        axes.annotate(
+            f"{name} {level:g} s",
+            (0.0, level),
+            (4, 2),
+            ("axes fraction", "data"),
+            "offset points",
+            color=style.GREY,
+        )
     # The first returns are far away: linear up to the decade of the final returns, and logarithmic beyond.
-    linear = 10.0 ** math.floor(math.log10(max(*(abs(each.mean[-1]) for each in found.values()), 1e-3)))
+    linear = 10.0 ** math.floor(
+        math.log10(max(*(abs(each.mean[-1]) for each in found.values()), 1e-3))
+    )
     axes.set_yscale("symlog", linthresh=linear, subs=[2, 5])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
@@ -189,10 +226,21 @@ def main(arguments: list[str] | None = None) -> int:
     sources_help = f"folders of trainings on one task, or a file of their curves such as {FILE}"
     parser.add_argument("sources", nargs="+", type=Path, metavar="RUN_FOLDER", help=sources_help)
     out_help = "picture to write: PNG, SVG or PDF, by its suffix; or JSON, the curves themselves (default: %(default)s)"
-    parser.add_argument("--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help)
-    parser.add_argument("--name", help="name of the agent of the folders (default: its algorithm's)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help
+    )
+    parser.add_argument(
+        "--name", help="name of the agent of the folders (default: its algorithm's)"
+    )
     level_help = "draw a horizontal line at this return [s]"
-    parser.add_argument("--level", action="append", default=[], type=named_level, metavar="NAME=VALUE", help=level_help)
+    parser.add_argument(
+        "--level",
+        action="append",
+        default=[],
+        type=named_level,
+        metavar="NAME=VALUE",
+        help=level_help,
+    )
     parsed = parser.parse_args(arguments)
     found = read(parsed.sources, parsed.name)
     if parsed.out.suffix == ".json":

@@ -46,7 +46,10 @@ from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
-NUM_ENVS, STEPS = 50, 100  # numbers of environments and steps in each of the two comparisons of agent and file
+NUM_ENVS, STEPS = (
+    50,
+    100,
+)  # numbers of environments and steps in each of the two comparisons of agent and file
 MAX_DIFFERENCE = 2e-5  # largest difference between an agent's action and its file's in episodes: rounding in single precision
 MAX_SAMPLED_DIFFERENCE = 1e-3
 """Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
@@ -66,15 +69,24 @@ class _Agent:
         torch.set_num_threads(1)
         try:
             with torch.no_grad():
-                content = adopted(Path(self.source), self.about) if self.actor is None else to_onnx(self.actor, self.about)
+                content = (
+                    adopted(Path(self.source), self.about)
+                    if self.actor is None
+                    else to_onnx(self.actor, self.about)
+                )
             file = agent_file.checked(content)
-            entries, actions = (len(space.low) for space in (file.metadata.observation_space, file.metadata.action_space))
+            entries, actions = (
+                len(space.low)
+                for space in (file.metadata.observation_space, file.metadata.action_space)
+            )
             session = tried(content, entries, actions, file.memory_size)
             policy = OnnxPolicy(session, file.memory_size, NUM_ENVS)
             sampled, difference = 0.0, 0.0
             if self.actor:
                 env = _environments(file.metadata)
-                sampled, difference = largest_differences(ActorPolicy(self.actor, NUM_ENVS), policy, file.metadata, env)
+                sampled, difference = largest_differences(
+                    ActorPolicy(self.actor, NUM_ENVS), policy, file.metadata, env
+                )
             if not (difference <= MAX_DIFFERENCE and sampled <= MAX_SAMPLED_DIFFERENCE):
                 raise ValueError(f"its file acts otherwise, by up to {max(sampled, difference):g}")
         except ValueError as error:
@@ -128,9 +140,15 @@ def export_torch(
         The same as ``export``; raises the same errors.
     """
     actor = module if isinstance(module, Actor) else ModuleActor(module)
-    source = scenario if isinstance(scenario, Scenario) else trained_on(env_id, None if scenario is None else os.fspath(scenario))
+    source = (
+        scenario
+        if isinstance(scenario, Scenario)
+        else trained_on(env_id, None if scenario is None else os.fspath(scenario))
+    )
     run = Run.elsewhere("torch", env_id, source, trained_steps, "train.export.export_torch")
-    return _Agent(type(module).__name__, _foreign(run, Path(path), name, seed), actor).write(Path(path))
+    return _Agent(type(module).__name__, _foreign(run, Path(path), name, seed), actor).write(
+        Path(path)
+    )
 
 
 def _of_run(folder: Path, name: str | None) -> _Agent:
@@ -138,11 +156,15 @@ def _of_run(folder: Path, name: str | None) -> _Agent:
     return _Agent(f"the agent in {folder}", metadata(run, name), load_actor(run))
 
 
-def _of_file(path: Path, run: Run, name: str | None, seed: int | None, statistics: Path | None) -> _Agent:
+def _of_file(
+    path: Path, run: Run, name: str | None, seed: int | None, statistics: Path | None
+) -> _Agent:
     """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
     if path.suffix == ONNX_SUFFIX:
         if statistics is not None:
-            raise ValueError(f"--statistics is for .zip files of Stable-Baselines3, but {path} is a network in ONNX")
+            raise ValueError(
+                f"--statistics is for .zip files of Stable-Baselines3, but {path} is a network in ONNX"
+            )
         return _Agent(str(path), _foreign(run, path, name, seed), None)
     try:
         trained, actor = sb3_actor(path, run, statistics)
@@ -155,7 +177,9 @@ def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metada
     """Return the metadata of an agent that was trained elsewhere; without a name, it gets its file's name."""
     plain = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
-    stem, _, number = plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
+    stem, _, number = (
+        plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
+    )
     taken = (HYPERPARAMETERS / f"{stem}.toml").exists()  # by an agent that ships
     run = replace(run, seed=int(number) if seed is None else seed)
     return metadata(run, name or (f"my_{stem}" if taken else stem or "agent"))
@@ -165,7 +189,9 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
     """Return the metadata of the file of a run's agent. Raise ValueError if the name is not allowed."""
     name = name or run.name
     if not re.fullmatch(NAME, name):
-        raise ValueError(f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, the first no . or -")
+        raise ValueError(
+            f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, the first no . or -"
+        )
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
@@ -177,7 +203,9 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         action_space=Space.of(agent_file.acting_space(run.scenario, run.parameters)),
         parameters=run.parameters,
         trained_steps=run.parameters["steps"],
-        command=re.sub(r" --runs[ =]('[^']*'|\S+)", "", run.command),  # without a folder of this machine
+        command=re.sub(
+            r" --runs[ =]('[^']*'|\S+)", "", run.command
+        ),  # without a folder of this machine
         versions={name: version(name) for name in _VERSIONS},
     )
 
@@ -186,11 +214,17 @@ def _environments(about: Metadata) -> Any:
     """Return ``NUM_ENVS`` environments like those of an agent's training; a guide's are compared on features alone."""
     if about.parameters.get("guide") is True:
         return None
-    env = vector_env(family_of(about.env_id, about.parameters) or about.scenario, NUM_ENVS, AutoresetMode.SAME_STEP)
+    env = vector_env(
+        family_of(about.env_id, about.parameters) or about.scenario,
+        NUM_ENVS,
+        AutoresetMode.SAME_STEP,
+    )
     return VectorBeliefObservation(env) if about.parameters.get("belief") is True else env
 
 
-def largest_differences(original: Policy, policy: Policy, about: Metadata, env: Any) -> tuple[float, float]:
+def largest_differences(
+    original: Policy, policy: Policy, about: Metadata, env: Any
+) -> tuple[float, float]:
     """Return the largest differences between the actions of two policies of ``NUM_ENVS`` environments.
 
     Both see the same observations and keep their own memories. The first difference is on observations sampled from the
@@ -204,7 +238,13 @@ def largest_differences(original: Policy, policy: Policy, about: Metadata, env: 
     for played in (False, True) if env is not None else (False,):
         begins = np.ones(NUM_ENVS, np.bool_)
         for _ in range(STEPS):
-            seen = observations if played else rng.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(np.float32)
+            seen = (
+                observations
+                if played
+                else rng.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(
+                    np.float32
+                )
+            )
             original.reset(begins)
             policy.reset(begins)
             mine, its = original.act(seen), policy.act(seen)
@@ -226,7 +266,10 @@ def _sources(path: Path) -> list[Path]:
     return [path] if (path / "run.json").exists() or not below else below
 
 
-@exits(ValueError, interrupted="interrupted: the files named above are complete; the same command writes all again")
+@exits(
+    ValueError,
+    interrupted="interrupted: the files named above are complete; the same command writes all again",
+)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
@@ -235,15 +278,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
-    parser.add_argument("agents", nargs="+", type=Path, metavar="AGENT", help="run folders, or .zip or .onnx files, of your own")
-    parser.add_argument("--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to")
+    parser.add_argument(
+        "agents",
+        nargs="+",
+        type=Path,
+        metavar="AGENT",
+        help="run folders, or .zip or .onnx files, of your own",
+    )
+    parser.add_argument(
+        "--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to"
+    )
     name_help = "the agent's name on leaderboards (default: the algorithm, with the scenario unless that is the id's own)"
     parser.add_argument("--name", help=name_help)
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
-    files = parser.add_argument_group("agents from .zip and .onnx files, which do not state how they were trained")
-    files.add_argument("--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)")
-    files.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
-    files.add_argument("--seed", type=int, help="training seed (default: the one in a name such as me-seed3.zip, else 0)")
+    files = parser.add_argument_group(
+        "agents from .zip and .onnx files, which do not state how they were trained"
+    )
+    files.add_argument(
+        "--env", choices=[*IDS, FAMILY_ID], help="environment id (default: RoughTurning-v0)"
+    )
+    files.add_argument(
+        "--scenario",
+        help="preset or TOML file of a scenario, or of a family (default: the id's own)",
+    )
+    files.add_argument(
+        "--seed",
+        type=int,
+        help="training seed (default: the one in a name such as me-seed3.zip, else 0)",
+    )
     statistics_help = "statistics of the VecNormalize of a .zip's training, written by its save: a pickle, so only your own"
     files.add_argument("--statistics", type=Path, metavar="FILE", help=statistics_help)
     parsed = parser.parse_args(arguments)
@@ -257,19 +319,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
             agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.statistics)
         elif not path.is_dir():
-            raise ValueError(f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file")
+            raise ValueError(
+                f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file"
+            )
         else:
             agent = _of_run(path, parsed.name)
-            if given := [name for name in ("env", "scenario", "seed", "statistics") if getattr(parsed, name) is not None]:
-                raise ValueError(f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own")
+            if given := [
+                name
+                for name in ("env", "scenario", "seed", "statistics")
+                if getattr(parsed, name) is not None
+            ]:
+                raise ValueError(
+                    f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own"
+                )
         target = parsed.out / f"{agent.about.label}{ONNX_SUFFIX}"
         if target in agents:
-            raise ValueError(f"{agents[target].source} and {agent.source} would both be {target}: export them under other names")
+            raise ValueError(
+                f"{agents[target].source} and {agent.source} would both be {target}: export them under other names"
+            )
         agents[target] = agent
     for target, agent in tqdm(agents.items(), unit="agent", disable=None, leave=False):
         exported = agent.write(target)
         line = f"largest difference {exported['largest_difference']:.1e} on {exported['observations']} observations"
-        tqdm.write(json.dumps(exported) if parsed.json else f"{exported['path']}: {exported['size']} bytes, {line}")
+        tqdm.write(
+            json.dumps(exported)
+            if parsed.json
+            else f"{exported['path']}: {exported['size']} bytes, {line}"
+        )
     return 0
 
 

@@ -34,14 +34,23 @@ class GuidedVecEnv(RoughTurningVecEnv):
     """
 
     def __init__(
-        self, scenario: Scenario | Family, num_envs: int, reward_scale: float = 1.0, wrapper: Callable[[Any], Any] | None = None
+        self,
+        scenario: Scenario | Family,
+        num_envs: int,
+        reward_scale: float = 1.0,
+        wrapper: Callable[[Any], Any] | None = None,
     ) -> None:
         if not isinstance(scenario, Family):
-            raise ValueError(f"a guide learns on the jobs of a family, not on scenario {scenario.name!r}")
+            raise ValueError(
+                f"a guide learns on the jobs of a family, not on scenario {scenario.name!r}"
+            )
         super().__init__(scenario, num_envs, reward_scale)
         self._family = scenario
         self.vector_env = FamilyVectorEnv(num_envs, scenario, autoreset_mode=AutoresetMode.DISABLED)
-        self.observation_space, self.action_space = feature_space(len(scenario.context_names)), decision_space()
+        self.observation_space, self.action_space = (
+            feature_space(len(scenario.context_names)),
+            decision_space(),
+        )
 
     def reset(self) -> NDArray[np.float32]:
         """Return first features, shape (num_envs, entries); see ``RoughTurningVecEnv.reset``."""
@@ -49,17 +58,23 @@ class GuidedVecEnv(RoughTurningVecEnv):
         self._observations, infos = self.vector_env.reset(seed=self._own.tolist())
         self._reset_seeds()
         self._returns[:], self._lengths[:] = 0.0, 0
-        self._rule = GuidedRule([self._family.job(int(number)).scenario.nominal() for number in infos["job"]])
+        self._rule = GuidedRule(
+            [self._family.job(int(number)).scenario.nominal() for number in infos["job"]]
+        )
         self._features = self._rule.features(self._observations)
         return self._features
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         gained, done = np.zeros(self.num_envs), np.zeros(self.num_envs, np.bool_)
         env_infos: list[dict[str, Any]] = [{}] * self.num_envs
         self._rule.follow(self._actions)
         self._lengths += 1
         for _ in range(HOLD):
-            self._observations, rewards, terminated, truncated, _ = self.vector_env.step(self._rule.act(self._observations))
+            self._observations, rewards, terminated, truncated, _ = self.vector_env.step(
+                self._rule.act(self._observations)
+            )
             counted = np.where(done, 0.0, rewards)  # the rest of the decision belongs to no episode
             gained += counted
             self._returns += counted

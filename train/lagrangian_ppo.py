@@ -39,10 +39,13 @@ class AllowanceVecEnv(RoughTurningVecEnv):
     _engaged_time = 0.0  # since the last adaptation [s]
     _has_overloaded = False
 
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(
+        self, rewards: NDArray[np.float64], infos: dict[str, Any]
+    ) -> NDArray[np.float64]:
         """Return rewards without the price of overload, less the multiplier times the severe overload time."""
         overload, severe, engaged = (
-            info_at_end_of_step(infos, name) for name in ("reward_overload", "severe_overload_time", "engaged_time")
+            info_at_end_of_step(infos, name)
+            for name in ("reward_overload", "severe_overload_time", "engaged_time")
         )
         self._severe_time += float(severe.sum())
         self._engaged_time += float(engaged.sum())

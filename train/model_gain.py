@@ -45,7 +45,12 @@ class Truth:
     """Interpolated hidden states at ``POINTS`` points of each step; fields have shape (steps, num_envs, POINTS)."""
 
     def __init__(
-        self, scenario: Scenario, before: Array, after: Array, changed: NDArray[np.bool_], failed: NDArray[np.bool_]
+        self,
+        scenario: Scenario,
+        before: Array,
+        after: Array,
+        changed: NDArray[np.bool_],
+        failed: NDArray[np.bool_],
     ) -> None:
         """Interpolate the records of a ``HindsightVecEnv`` of the scenario.
 
@@ -64,7 +69,9 @@ class Truth:
         # A field is known at a step's end in the metal of the same bar; between two such ends it is interpolated.
         weights = [
             torch.where((depth > 0.0) & (torch.floor(at / pitch) == bar), near + 1e-3, 0.0)
-            for depth, at, near in zip(ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True)
+            for depth, at, near in zip(
+                ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True
+            )
         ]
         total = weights[0] + weights[1]
         cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~begun_anew
@@ -104,7 +111,12 @@ class ModelGain:
 
     def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:
         self._scenario = scenario
-        material, limits, economics, tool = scenario.material, scenario.limits, scenario.economics, scenario.tool
+        material, limits, economics, tool = (
+            scenario.material,
+            scenario.limits,
+            scenario.economics,
+            scenario.tool,
+        )
         share = (np.arange(POINTS) + 0.5) / POINTS
         self._left = []
         for lag in (scenario.machine.spindle_time_constant, scenario.machine.feed_time_constant):
@@ -113,9 +125,14 @@ class ModelGain:
         self._force = _Law(material.thrust_force, math.log(limits.thrust_force))
         self._power = _Law(material.power, math.log(limits.power))
         self._wear = _Law(material.wear, math.log(tool.wear_criterion))
-        self._idle = _tensor(scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power))
+        self._idle = _tensor(
+            scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
+        )
         self._base_speed = _tensor(max(scenario.base_cutting_speed, 1e-9))
-        self._log_criterion, self._life_exponent = _tensor(np.log(tool.wear_criterion)), _tensor(material.wear.time)
+        self._log_criterion, self._life_exponent = (
+            _tensor(np.log(tool.wear_criterion)),
+            _tensor(material.wear.time),
+        )
         self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
         self._force_limit = _tensor(limits.thrust_force)
         self._strength_spread = _tensor(max(tool.edge_strength_spread, 1e-3))
@@ -126,26 +143,38 @@ class ModelGain:
         self._time_price = _tensor(prices.time)
         self._prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
         self._stop = _tensor(60.0 * economics.unplanned_stop * prices.time)
-        self._edge_price, self._downtime = _tensor(edge_price(scenario)), 60.0 * economics.breakage_downtime
+        self._edge_price, self._downtime = (
+            _tensor(edge_price(scenario)),
+            60.0 * economics.breakage_downtime,
+        )
         self._chips_tangle = scenario.swarf.tangle_rate > 0.0
-        self._tangle_cost = _tensor(scenario.swarf.tangle_rate * scenario.swarf.tangle_time * prices.time)
+        self._tangle_cost = _tensor(
+            scenario.swarf.tangle_rate * scenario.swarf.tangle_time * prices.time
+        )
         self._log_feeds = [_tensor(np.log(max(end, 1e-9))) for end in scenario.feed_range]
 
-    def __call__(self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth) -> tuple[Tensor, Tensor]:
+    def __call__(
+        self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth
+    ) -> tuple[Tensor, Tensor]:
         """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
 
         All have shape (steps, num_envs): the logarithms of commanded cutting speed [m/min] and feed [mm/rev], and the actual ones
         at the step's start. For a changed edge, the earnings assume a nominal bar.
         """
         scenario = self._scenario
-        speeds, feeds = self._follow(log_speed.exp(), speed, 0), self._follow(log_feed.exp(), feed, 1)
+        speeds, feeds = (
+            self._follow(log_speed.exp(), speed, 0),
+            self._follow(log_feed.exp(), feed, 1),
+        )
         logs = speeds.log(), feeds.log(), truth.log_depth
         log_wear = self._log_criterion + self._life_exponent * truth.used_life.log()
         log_force = self._force(*logs, log_wear, truth.log_hardness)
         power = self._power(*logs, log_wear, truth.log_hardness).exp() + self._idle * speeds
         power = power / (speeds / self._base_speed).clamp(max=1.0)
         excess = torch.relu(log_force.exp() - 1.0) + torch.relu(power - 1.0)
-        life_rate = (self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent).exp() / 60.0  # [1/s]
+        life_rate = (
+            self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent
+        ).exp() / 60.0  # [1/s]
         overload = scenario.economics.overload_price * excess
         price = self.price(truth.used_life)
         cost = self._time_price + truth.cutting * (overload + price * life_rate)
@@ -164,12 +193,16 @@ class ModelGain:
         metal = speeds * feeds * truth.log_depth.exp() / self._reference
         # While life has a price, metal earns on average that price plus the cost of time and overload.
         earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
-        going_on = interval * (torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned).mean(dim=-1)
+        going_on = interval * (
+            torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned
+        ).mean(dim=-1)
         return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
 
     def _breaks(self, log_force: Tensor) -> Tensor:
         """Return the probability that an edge breaks at a force over its limit."""
-        probability: Tensor = torch.special.ndtr((log_force - self._log_strength) / self._strength_spread)
+        probability: Tensor = torch.special.ndtr(
+            (log_force - self._log_strength) / self._strength_spread
+        )
         return probability
 
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
@@ -218,7 +251,14 @@ class _Law:
         numbers["log_coefficient"] -= log_limit
         self._law = SimpleNamespace(**{name: _tensor(value) for name, value in numbers.items()})
 
-    def __call__(self, log_speed: Tensor, log_feed: Tensor, log_depth: Tensor, log_wear: Any, log_hardness: Tensor) -> Tensor:
+    def __call__(
+        self,
+        log_speed: Tensor,
+        log_feed: Tensor,
+        log_depth: Tensor,
+        log_wear: Any,
+        log_hardness: Tensor,
+    ) -> Tensor:
         factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)
         response: Tensor = log_response(self._law, *factors)  # type: ignore[no-untyped-call]
         return response

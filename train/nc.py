@@ -21,7 +21,9 @@ from turning_nc.simulate import compare, simulate
 from turning_nc.words import NcError
 
 PROGRAM = "python -m train.export --nc"
-MAX_DIFFERENCE = 0.02  # largest relative difference of removed metal, time and wear between law and controller
+MAX_DIFFERENCE = (
+    0.02  # largest relative difference of removed metal, time and wear between law and controller
+)
 MAX_OVERRIDE_DIFFERENCE = 0.5  # largest difference between a law read back and its controller [percentage points of override]
 REVIEW = (
     "Tool, zero offset, clamping, retraction, coolant, limits and every value must be checked by whoever is responsible for the "
@@ -40,15 +42,32 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog=PROGRAM, **described(f"{about}\n\n{examples}"))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for run, (title, example) in texts.items():
-        added = commands.add_parser(run.__name__[1:], help=title, **described(f"{title} {CAUTION}\n\n{example}"))
+        added = commands.add_parser(
+            run.__name__[1:], help=title, **described(f"{title} {CAUTION}\n\n{example}")
+        )
         added.set_defaults(run=run)
         if run is _law:
-            added.add_argument("--rule", required=True, metavar="NAME", help=f"one of {', '.join(nc_programs.LAWS)}")
-            added.add_argument("--out", required=True, type=Path, metavar="FILE", help="program to write, such as override.mpf")
+            added.add_argument(
+                "--rule",
+                required=True,
+                metavar="NAME",
+                help=f"one of {', '.join(nc_programs.LAWS)}",
+            )
+            added.add_argument(
+                "--out",
+                required=True,
+                type=Path,
+                metavar="FILE",
+                help="program to write, such as override.mpf",
+            )
         else:
             added.add_argument("file", type=Path, metavar="FILE", help="the program")
-        added.add_argument("--scenario", default="override", help="preset or TOML file (default: %(default)s)")
-        added.add_argument("--json", action="store_true", help="print the summary as one line of JSON")
+        added.add_argument(
+            "--scenario", default="override", help="preset or TOML file (default: %(default)s)"
+        )
+        added.add_argument(
+            "--json", action="store_true", help="print the summary as one line of JSON"
+        )
         help_ = "bar and edge of the tuning seed number N (default: %(default)s)"
         added.add_argument("--tuning-seed", type=int, default=0, metavar="N", help=help_)
     options = parser.parse_args(arguments)
@@ -69,7 +88,11 @@ def _law(options: Options) -> dict[str, Any]:
     scenario = Scenario.load(options.scenario)
     program = nc_programs.law_program(options.rule, scenario)
     by_power = f"spindle power over {scenario.machine.rated_power:g} kW"
-    load = by_power if scenario.spindle.reading == "power" else "spindle torque over the torque available at its speed"
+    load = (
+        by_power
+        if scenario.spindle.reading == "power"
+        else "spindle torque over the torque available at its speed"
+    )
     comments = (
         REVIEW,
         f"made by rough-turning {version('rough-turning')}: {options.command}",
@@ -115,7 +138,10 @@ def _check(options: Options) -> dict[str, Any]:
 
 
 def _lines(done: dict[str, Any]) -> str:
-    counts = (f"{done[name]} {name if done[name] != 1 else name.removesuffix('s')}" for name in ("polynomials", "actions"))
+    counts = (
+        f"{done[name]} {name if done[name] != 1 else name.removesuffix('s')}"
+        for name in ("polynomials", "actions")
+    )
     lines = [f"{done['path']}: {', '.join(counts)}"]
     if "steps" in done:
         largest, mean = done["largest_override_difference"], done["mean_override_difference"]
@@ -125,7 +151,9 @@ def _lines(done: dict[str, Any]) -> str:
     for name, of in (("original", "original"), ("simulated", "read back and played")):
         if name in done:
             totals = done[name]
-            lines.append(f"{of}: {totals['removed']:.2f} cm3 removed in {totals['time']:.3f} min, wear {totals['wear']:.4f} mm")
+            lines.append(
+                f"{of}: {totals['removed']:.2f} cm3 removed in {totals['time']:.3f} min, wear {totals['wear']:.4f} mm"
+            )
     if "largest_difference" in done:
         lines.append(f"largest difference: {100.0 * done['largest_difference']:.3f} %")
     return "\n".join(lines)

@@ -31,13 +31,17 @@ def law_program(name: str, scenario: Scenario) -> Program:
     """
     entry = catalogue.spec(name, scenario)
     if name not in LAWS:
-        raise NcError(f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}")
+        raise NcError(
+            f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}"
+        )
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
     machine = scenario.machine
     parameters = {key: float(value) for key, value in entry.parameters.items()}  # type: ignore[arg-type]
     part = PartProgram(scenario.nominal(), parameters)
-    speed = rounded_within(part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS)
+    speed = rounded_within(
+        part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS
+    )
     return Program.of(scenario, speed, _programmed_feed(part), LAWS[name](part, parameters))
 
 
@@ -51,9 +55,13 @@ def _range_of(part: PartProgram) -> tuple[float, float]:
     machine, feed = part.scenario.machine, _programmed_feed(part)
     high = 100.0 * min(part.override_max, machine.feed_max / feed)
     if high > MAX_OVERRIDE + 1e-9:
-        raise NcError(f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %")
+        raise NcError(
+            f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %"
+        )
     # Rounded to the inside: the feed must not be below its lowest value by a last decimal.
-    return math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(high * 1e6 + 1e-6) / 1e6
+    return math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(
+        high * 1e6 + 1e-6
+    ) / 1e6
 
 
 def _one_line(part: PartProgram, parameters: Parameters) -> Law:
@@ -71,8 +79,15 @@ def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
     k, p, d = (parameters[name] for name in ("k", "p", "d"))
     sharpness = 10.0 / max(1.0 - target, MIN_HEADROOM)
     limits, writer, middle = _range_of(part), LawWriter(), round(100.0 * target, DECIMALS)
-    writer.table(lambda load: k * math.exp(-5.0 * (0.01 * load / target) ** 2), 0.0, middle, beyond=False)
-    writer.table(lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2), middle, MAX_LOAD, beyond=True)
+    writer.table(
+        lambda load: k * math.exp(-5.0 * (0.01 * load / target) ** 2), 0.0, middle, beyond=False
+    )
+    writer.table(
+        lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2),
+        middle,
+        MAX_LOAD,
+        beyond=True,
+    )
     _towards_end(writer, 100.0 * part.override_max, f"{LOAD}<{number_text(middle)}")
     _towards_end(writer, 100.0 * d, f"{LOAD}>={number_text(middle)}")
     return writer.law(limits)
@@ -82,7 +97,9 @@ def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
     target = 100.0 * target_load(part.scenario, parameters["target"])
     share = lag_share(part.scenario.control.interval, 1.0 / parameters["gain"])
     (low, high), writer = _range_of(part), LawWriter()
-    writer.polynomial((-share, share / target, 0.0, 0.0), -share, share * (MAX_LOAD / target - 1.0), GAIN)
+    writer.polynomial(
+        (-share, share / target, 0.0, 0.0), -share, share * (MAX_LOAD / target - 1.0), GAIN
+    )
     _towards_end(writer, 0.0)
     return writer.law((max(100.0 * LOWEST_OVERRIDE, low), high))
 

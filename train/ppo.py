@@ -35,7 +35,13 @@ class LeanPPO(PPO):
     Samples of a rollout lie in one tensor, which is shuffled once per epoch.
     """
 
-    def collect_rollouts(self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int) -> bool:
+    def collect_rollouts(
+        self,
+        env: VecEnv,
+        callback: BaseCallback,
+        rollout_buffer: RolloutBuffer,
+        n_rollout_steps: int,
+    ) -> bool:
         """Fill the buffer; the value of its last observation is added to a truncated episode's last reward."""
         policy: Any = self.policy
         rollout_buffer.reset()
@@ -56,7 +62,9 @@ class LeanPPO(PPO):
                 last = np.stack([infos[i]["terminal_observation"] for i in truncated])
                 rewards[truncated] += self.gamma * self._values(last).numpy()
             starts: Any = self._last_episode_starts
-            rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, log_probabilities)
+            rollout_buffer.add(
+                observations, actions.numpy(), rewards, starts, values, log_probabilities
+            )
             self._last_episode_starts = ended
         rollout_buffer.compute_returns_and_advantage(self._values(self._last_obs), ended)
         callback.on_rollout_end()
@@ -66,7 +74,9 @@ class LeanPPO(PPO):
         """Return mean actions, shape (n, actions), and values, shape (n,)."""
         policy: Any = self.policy
         layers = policy.mlp_extractor
-        return policy.action_net(layers.policy_net(observations)), policy.value_net(layers.value_net(observations)).flatten()
+        return policy.action_net(layers.policy_net(observations)), policy.value_net(
+            layers.value_net(observations)
+        ).flatten()
 
     def _values(self, observations: Any) -> Tensor:
         with torch.no_grad():
@@ -78,9 +88,19 @@ class LeanPPO(PPO):
         self._update_learning_rate(policy.optimizer)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         buffer = self.rollout_buffer
-        columns = [buffer.observations, buffer.actions, buffer.log_probs, buffer.advantages, buffer.returns]
+        columns = [
+            buffer.observations,
+            buffer.actions,
+            buffer.log_probs,
+            buffer.advantages,
+            buffer.returns,
+        ]
         samples: Any = torch.cat(
-            [torch.from_numpy(each).reshape(buffer.buffer_size * buffer.n_envs, -1) for each in columns], dim=1
+            [
+                torch.from_numpy(each).reshape(buffer.buffer_size * buffer.n_envs, -1)
+                for each in columns
+            ],
+            dim=1,
         )
         entries = buffer.observations.shape[-1]
         for _ in range(self.n_epochs):
@@ -91,9 +111,13 @@ class LeanPPO(PPO):
                 means, values = self._outputs(observations)
                 log_ratio = log_probability(actions, means, policy.log_std) - before
                 ratio = log_ratio.exp()
-                policy_loss = -torch.min(advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)).mean()
+                policy_loss = -torch.min(
+                    advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)
+                ).mean()
                 value_loss = torch.nn.functional.mse_loss(values, returns)
-                loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * policy.log_std.sum()
+                loss = (
+                    policy_loss + self.vf_coef * value_loss - self.ent_coef * policy.log_std.sum()
+                )
                 policy.optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)

@@ -30,17 +30,24 @@ class RecurrentActor(Actor):
         self.layers = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
         self.memory_size = 2 * self.lstm.hidden_size
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         # The LSTM expects a time axis in front of the observations and a layer axis in front of the states.
         hidden, cell = (state.contiguous() for state in memory.unsqueeze(0).chunk(2, dim=2))
         output, (hidden, cell) = self.lstm(observation.unsqueeze(0), (hidden, cell))
-        return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat((hidden, cell), dim=2).squeeze(0)
+        return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat(
+            (hidden, cell), dim=2
+        ).squeeze(0)
 
 
 def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
     """Return an untrained model."""
     p, values = run.parameters, settings(run)
-    values["policy_kwargs"] |= {"lstm_hidden_size": p["memory_cells"], "enable_critic_lstm": p["critic_has_memory"]}
+    values["policy_kwargs"] |= {
+        "lstm_hidden_size": p["memory_cells"],
+        "enable_critic_lstm": p["critic_has_memory"],
+    }
     return RecurrentPPO("MlpLstmPolicy", vec_env, **values)
 
 
@@ -51,7 +58,14 @@ SEARCH = {
     "memory_cells": CategoricalDistribution([16, 32, 64]),
 }
 
-ALGORITHM = Algorithm("recurrent_ppo", RecurrentPPO, new_model, RecurrentActor, SEARCH, extra_state=("_last_lstm_states",))
+ALGORITHM = Algorithm(
+    "recurrent_ppo",
+    RecurrentPPO,
+    new_model,
+    RecurrentActor,
+    SEARCH,
+    extra_state=("_last_lstm_states",),
+)
 
 main = partial(command_line, ALGORITHM)
 

@@ -19,7 +19,14 @@ HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
 """Columns of a learning curve: environment steps; seconds of training without interruptions; mean return [s] of the last 100
 episodes, in which the agent explores. An algorithm may add columns of its own."""
-TERMS = {"belief": False, "position": False, "frames": 1, "life_price": "flat", "hides_context": False, "asymmetric": False}
+TERMS = {
+    "belief": False,
+    "position": False,
+    "frames": 1,
+    "life_price": "flat",
+    "hides_context": False,
+    "asymmetric": False,
+}
 """Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
 
 
@@ -59,15 +66,23 @@ def _typed(name: str, value: Any, example: Any) -> Any:
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
     is_number = isinstance(example, int | float)
-    if type(value) is not type(example) or (is_number and not (math.isfinite(value) and (value >= 0 or example < 0))):
+    if type(value) is not type(example) or (
+        is_number and not (math.isfinite(value) and (value >= 0 or example < 0))
+    ):
         least = " of 0 or more" if is_number and example >= 0 else ""
-        raise ValueError(f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}")
+        raise ValueError(
+            f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}"
+        )
     return value
 
 
 def trained_on(env_id: str, source: str | None) -> Scenario | Family:
     """Return the scenario, or with the family's id the family, of a preset's name or a TOML file; None: the id's own."""
-    return Family.load(source or "shop") if env_id == FAMILY_ID else Scenario.load(source or IDS[env_id])
+    return (
+        Family.load(source or "shop")
+        if env_id == FAMILY_ID
+        else Scenario.load(source or IDS[env_id])
+    )
 
 
 def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
@@ -79,12 +94,18 @@ def _described(source: Scenario | Family) -> tuple[Scenario, dict[str, Any]]:
     """Return a run's scenario, and the parameters that name a family and the nominal model's numbers in its observations."""
     if not isinstance(source, Family):
         return source, {}
-    return source.job(0).scenario, {"family": source.portable(), "context": {"names": list(source.context_names)}}
+    return source.job(0).scenario, {
+        "family": source.portable(),
+        "context": {"names": list(source.context_names)},
+    }
 
 
 def warn_of_pickle(path: Path) -> None:
     """Warn on standard error that loading a pickle can run code."""
-    print(f"warning: {path} is a pickle, which can run code: load only what you have trained yourself", file=sys.stderr)
+    print(
+        f"warning: {path} is a pickle, which can run code: load only what you have trained yourself",
+        file=sys.stderr,
+    )
 
 
 @dataclass(frozen=True)
@@ -95,21 +116,40 @@ class Run:
     env_id: str
     scenario: Scenario  # scenario; for a family, its first training job
     seed: int
-    parameters: dict[str, Any]  # the algorithm's hyperparameters; for a family also its values and the names of its context
+    parameters: dict[
+        str, Any
+    ]  # the algorithm's hyperparameters; for a family also its values and the names of its context
     command: str  # the command line that started it
     folder: Path
 
     @classmethod
     def plan(
-        cls, algorithm: str, env_id: str, scenario: Scenario | Family, seed: int, runs: Path, command: str, given: dict[str, Any]
+        cls,
+        algorithm: str,
+        env_id: str,
+        scenario: Scenario | Family,
+        seed: int,
+        runs: Path,
+        command: str,
+        given: dict[str, Any],
     ) -> "Run":
         """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with those given."""
         folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
         job, family = _described(scenario)
-        return cls(algorithm, env_id, job, seed, hyperparameters(algorithm, env_id) | given | family, command, folder)
+        return cls(
+            algorithm,
+            env_id,
+            job,
+            seed,
+            hyperparameters(algorithm, env_id) | given | family,
+            command,
+            folder,
+        )
 
     @classmethod
-    def elsewhere(cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str) -> "Run":
+    def elsewhere(
+        cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str
+    ) -> "Run":
         """Return a run that stands for a training by other programs, without a folder."""
         job, family = _described(scenario)
         return cls(algorithm, env_id, job, 0, {"steps": steps} | family, command, Path())
@@ -119,7 +159,11 @@ class Run:
         """Return the run that a folder holds. Raise ValueError if the folder holds no run, or its description cannot be read."""
         path = folder / "run.json"
         if not path.is_file():
-            hint = ": train.export makes an agent file of a model of Stable-Baselines3" if folder.suffix == ".zip" else ""
+            hint = (
+                ": train.export makes an agent file of a model of Stable-Baselines3"
+                if folder.suffix == ".zip"
+                else ""
+            )
             raise ValueError(f"{folder} holds no training run: there is no run.json{hint}")
         try:
             values = json.loads(path.read_text("utf-8"))
@@ -179,8 +223,13 @@ class Run:
         if (self.folder / "run.json").exists():
             found = Run.read(self.folder)
             if (found.scenario, found.parameters) != (self.scenario, self.parameters):
-                raise ValueError(f"{self.folder} holds a training with other settings: delete it, or choose other --runs")
+                raise ValueError(
+                    f"{self.folder} holds a training with other settings: delete it, or choose other --runs"
+                )
             return
         values = vars(self) | {"scenario": self.scenario.model_dump()}
         del values["folder"]
-        replace_file(self.folder / "run.json", lambda path: path.write_text(json.dumps(values, indent=1), "utf-8"))
+        replace_file(
+            self.folder / "run.json",
+            lambda path: path.write_text(json.dumps(values, indent=1), "utf-8"),
+        )

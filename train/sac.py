@@ -35,8 +35,12 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
         "train_freq": 1,
         "gradient_steps": p["batches_per_step"],
         "ent_coef": f"auto_{p['initial_entropy_coefficient']}",
-        "target_entropy": p["target_entropy_per_action"] * math.prod(vec_env.action_space.shape or ()),
-        "policy_kwargs": {"net_arch": p["hidden_layers"], "activation_fn": ACTIVATIONS[p["activation"]]},
+        "target_entropy": p["target_entropy_per_action"]
+        * math.prod(vec_env.action_space.shape or ()),
+        "policy_kwargs": {
+            "net_arch": p["hidden_layers"],
+            "activation_fn": ACTIVATIONS[p["activation"]],
+        },
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
         "device": "cpu",
@@ -60,7 +64,9 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("sac", SAC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm(
+    "sac", SAC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100
+)
 
 main = partial(command_line, ALGORITHM)
 

@@ -72,12 +72,16 @@ class ShapedVecEnv(RoughTurningVecEnv):
         potential: NDArray[np.float64] = np.interp(used, self._used_lives, self._potentials)
         return potential
 
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(
+        self, rewards: NDArray[np.float64], infos: dict[str, Any]
+    ) -> NDArray[np.float64]:
         """Return rewards [s] plus the potential's difference."""
         used = np.minimum(info_at_end_of_step(infos, "used_life"), 1.0)
         ended = (used >= 1.0) | info_at_end_of_step(infos, "broken").astype(np.bool_)
         before = used + info_at_end_of_step(infos, "reward_edge") / self._price
-        return rewards + np.where(ended, self._at_end, self.potential(used)) - self.potential(before)
+        return (
+            rewards + np.where(ended, self._at_end, self.potential(used)) - self.potential(before)
+        )
 
 
 class DistanceTracker:
@@ -107,7 +111,9 @@ class DistanceTracker:
         )
         # Sums over a control interval's sub-steps of the remaining deviation in speed, in feed, and in both [s].
         self._speed_left, self._feed_left = step * sum(speeds), step * sum(feeds)
-        self._both_left = step * sum(speed * feed for speed, feed in zip(speeds, feeds, strict=True))
+        self._both_left = step * sum(
+            speed * feed for speed, feed in zip(speeds, feeds, strict=True)
+        )
         self._interval = control.interval
 
     def __call__(self, observation: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
@@ -120,17 +126,25 @@ class DistanceTracker:
         speed, feed = self._commands.speed_and_feed(observation, ACTUAL)
         commanded_speed, commanded_feed = self._commands.speed_and_feed(observation, COMMANDED)
         late, slow = last_speed - commanded_speed, last_feed - commanded_feed
-        travel = self._interval * commanded_speed * commanded_feed + commanded_feed * late * self._speed_left
+        travel = (
+            self._interval * commanded_speed * commanded_feed
+            + commanded_feed * late * self._speed_left
+        )
         travel = travel + commanded_speed * slow * self._feed_left + late * slow * self._both_left
         along = along + torch.where(last_speed > 0.0, travel * self._per_second, 0.0)
         along = torch.where(along >= self._pitch, along - self._pitch, along)
         cutting = observation[..., OBS.cutting] > 0.5
         # In metal, take the nearer of the bars behind and ahead.
-        nearest = torch.where(along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach)
+        nearest = torch.where(
+            along < 0.5 * self._approach, self._pitch * (1.0 - 1e-6), self._approach
+        )
         along = torch.where(cutting & (along < self._approach), nearest, along)
         along = torch.where(~cutting & (along > self._approach), 0.5 * self._approach, along)
         left = (self._pitch - along) / (speed * feed * self._per_second)
-        readings = torch.stack([2.0 * along / self._pitch - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0], dim=-1)
+        readings = torch.stack(
+            [2.0 * along / self._pitch - 1.0, 2.0 * left.clamp(max=MAX_TIME) / MAX_TIME - 1.0],
+            dim=-1,
+        )
         return readings, torch.stack([along, speed, feed], dim=-1)
 
 
@@ -141,7 +155,9 @@ class View:
     first observation.
     """
 
-    def __init__(self, scenario: Scenario, entries: int, position: bool, frames: int, hidden: int = 0) -> None:
+    def __init__(
+        self, scenario: Scenario, entries: int, position: bool, frames: int, hidden: int = 0
+    ) -> None:
         """``entries``: number of entries of one observation; ``hidden``: how many after the scenario's own are hidden."""
         self._tracker = DistanceTracker(scenario) if position else None
         self._states = position * DistanceTracker.STATES
@@ -155,7 +171,9 @@ class View:
         """Return the agent's inputs, shape (num_envs, entries), and the next memory."""
         state, frames = memory[:, : self._states], memory[:, self._states :]
         if self._hidden:
-            observation = torch.cat([observation[:, : self._own], observation[:, self._own + self._hidden :]], dim=1)
+            observation = torch.cat(
+                [observation[:, : self._own], observation[:, self._own + self._hidden :]], dim=1
+            )
         if self._tracker:
             readings, state = self._tracker(observation, state)
             observation = torch.cat([observation, readings], dim=1)
@@ -178,7 +196,9 @@ class ViewObservation(VectorWrapper):  # not subscripted: it is generic only fro
         self._memory[:] = 0.0
         return self._seen(observations), infos
 
-    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
         """Run one step in every environment."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         ended = terminated | truncated
@@ -222,10 +242,21 @@ class HiddenObservation(VectorWrapper):
         self._scale = np.array([1.0, scenario.workpiece.depth_of_cut, scenario.tool.wear_criterion])
         self._errors = np.zeros((0, 0))
         if family := getattr(env.unwrapped, "family", None):
-            draws = [family.draw("train", chunk).fields for chunk in range(math.ceil(family.jobs / CHUNK))]
-            errors = [np.hstack([np.full(CHUNK, 1.0 * true[name] - told[name]) for told, true in draws]) for name in draws[0][1]]
-            self._errors = np.stack([each / each.std() for each in errors if np.ptp(each) > 0.0], axis=1)
-        (entries,), self.hidden = env.single_observation_space.shape, len(self.STATES) + self._errors.shape[1]
+            draws = [
+                family.draw("train", chunk).fields
+                for chunk in range(math.ceil(family.jobs / CHUNK))
+            ]
+            errors = [
+                np.hstack([np.full(CHUNK, 1.0 * true[name] - told[name]) for told, true in draws])
+                for name in draws[0][1]
+            ]
+            self._errors = np.stack(
+                [each / each.std() for each in errors if np.ptp(each) > 0.0], axis=1
+            )
+        (entries,), self.hidden = (
+            env.single_observation_space.shape,
+            len(self.STATES) + self._errors.shape[1],
+        )
         self.single_observation_space = Box(-np.inf, np.inf, (entries + self.hidden,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
@@ -234,13 +265,21 @@ class HiddenObservation(VectorWrapper):
         observations, infos = self.env.reset(**options)
         return np.hstack([observations, self._state(infos.__getitem__)]), infos
 
-    def step(self, actions: NDArray[np.float32]) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], Any, Any, Any, dict[str, Any]]:
         """Run one step in every environment."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         if "final_obs" in infos:
             ended, state = terminated | truncated, self._state(partial(info_at_end_of_step, infos))
             infos = with_final(infos, ended, np.hstack([at_end(observations, infos, ended), state]))
-        return np.hstack([observations, self._state(infos.__getitem__)]), rewards, terminated, truncated, infos
+        return (
+            np.hstack([observations, self._state(infos.__getitem__)]),
+            rewards,
+            terminated,
+            truncated,
+            infos,
+        )
 
     def _state(self, info: Callable[[str], Any]) -> NDArray[np.float32]:
         states = np.stack([info(name) for name in self.STATES], axis=1) / self._scale
@@ -267,9 +306,13 @@ class Terms:
 
     def __post_init__(self) -> None:
         if self.life_price not in LIFE_PRICES:
-            raise ValueError(f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}")
+            raise ValueError(
+                f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}"
+            )
         if self.context and (self.position or self.life_price != "flat"):
-            raise ValueError("position and life_price other than flat are computed for one scenario, not for a family's jobs")
+            raise ValueError(
+                "position and life_price other than flat are computed for one scenario, not for a family's jobs"
+            )
         if not 1 <= self.frames <= 100:
             raise ValueError(f"frames is {self.frames}, but must be 1 to 100")
 
@@ -278,9 +321,16 @@ class Terms:
         """Return the terms of a run."""
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
         context = len(run.parameters["context"]["names"]) if run.family else 0
-        return cls(run.scenario, entries, context, **{name: run.parameters.get(name, value) for name, value in TERMS.items()})
+        return cls(
+            run.scenario,
+            entries,
+            context,
+            **{name: run.parameters.get(name, value) for name, value in TERMS.items()},
+        )
 
-    def charged(self, vec_env: Callable[..., RoughTurningVecEnv]) -> Callable[..., RoughTurningVecEnv]:
+    def charged(
+        self, vec_env: Callable[..., RoughTurningVecEnv]
+    ) -> Callable[..., RoughTurningVecEnv]:
         """Return the function that makes training environments; an algorithm with environments of its own charges life itself."""
         plain = self.life_price == "flat" or vec_env is not RoughTurningVecEnv
         return vec_env if plain else partial(ShapedVecEnv, self.life_price)
@@ -290,7 +340,9 @@ class Terms:
         """The view of the agent; None: plain observations."""
         hidden = self.context if self.hides_context else 0
         plain = not self.position and self.frames == 1 and not hidden
-        return None if plain else View(self.scenario, self.entries, self.position, self.frames, hidden)
+        return (
+            None if plain else View(self.scenario, self.entries, self.position, self.frames, hidden)
+        )
 
     def shown(self, env: Any) -> Any:
         """Return vector environments that return the agent's inputs, followed by those of an asymmetric critic."""

@@ -32,7 +32,9 @@ SEARCH = {
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 
-ALGORITHM = Algorithm("tqc", TQC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100)
+ALGORITHM = Algorithm(
+    "tqc", TQC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100
+)
 
 main = partial(command_line, ALGORITHM)
 

@@ -37,7 +37,9 @@ from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
 
 SEED_STRIDE = 1_000_000  # environment i of training seed s plays seed s * SEED_STRIDE + i, so no two trainings share bars
-SEEDS = TUNING_START // SEED_STRIDE - 1  # training seeds are below this number; data sets have the episodes of this one
+SEEDS = (
+    TUNING_START // SEED_STRIDE - 1
+)  # training seeds are below this number; data sets have the episodes of this one
 VALIDATION = "validation"  # split of a family on which agents are compared during development
 CURVE_ROWS = 200  # approximate number of rows of a learning curve
 
@@ -50,15 +52,25 @@ class Algorithm:
 
     name: str  # name of its Python file, of its hyperparameter file, and in run.json
     model: type[BaseAlgorithm]
-    new_model: Callable[[Run, VecEnv], BaseAlgorithm]  # function that returns an untrained model for a run on given environments
-    network: Callable[[Any], Actor]  # function that returns the agent of a trained policy of Stable-Baselines3
+    new_model: Callable[
+        [Run, VecEnv], BaseAlgorithm
+    ]  # function that returns an untrained model for a run on given environments
+    network: Callable[
+        [Any], Actor
+    ]  # function that returns the agent of a trained policy of Stable-Baselines3
     search: Mapping[str, BaseDistribution]  # hyperparameters to tune, with their ranges
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
     families: bool = True  # whether it can learn on the jobs of a family
-    extra_state: tuple[str, ...] = ()  # attributes that a checkpoint holds besides those that Stable-Baselines3 saves
-    callbacks: Callable[[Run], list[BaseCallback]] = lambda run: []  # further callbacks during training
-    columns: Callable[[Any], dict[str, float]] = lambda model: {}  # further columns of the learning curve
+    extra_state: tuple[
+        str, ...
+    ] = ()  # attributes that a checkpoint holds besides those that Stable-Baselines3 saves
+    callbacks: Callable[[Run], list[BaseCallback]] = (
+        lambda run: []
+    )  # further callbacks during training
+    columns: Callable[[Any], dict[str, float]] = (
+        lambda model: {}
+    )  # further columns of the learning curve
     plays: Callable[[Scenario], bool] = lambda scenario: True  # whether it can learn on a scenario
     log_interval: int = 5  # rollouts (off-policy: episodes) between entries in the TensorBoard logs
 
@@ -84,7 +96,14 @@ class Recorder(BaseCallback):
         self.start = time.monotonic() - (self.rows[-1]["wall_time"] if self.rows else 0.0)
         replace_file(run.learning_curve, self._write)
         self.last_checkpoint, label = done, f"{run.algorithm}, seed {run.seed}"
-        self.bar = tqdm(total=run.parameters["steps"], initial=done, unit="step", unit_scale=True, desc=label, disable=None)
+        self.bar = tqdm(
+            total=run.parameters["steps"],
+            initial=done,
+            unit="step",
+            unit_scale=True,
+            desc=label,
+            disable=None,
+        )
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps - self.last_checkpoint >= self.checkpoint_every:
@@ -110,7 +129,9 @@ class Recorder(BaseCallback):
         self.bar.set_postfix_str(f"return per episode {mean_return:.0f} s", refresh=False)
         if self.num_timesteps - (self.rows[-1]["steps"] if self.rows else 0.0) >= min_steps:
             values = float(self.num_timesteps), time.monotonic() - self.start, mean_return
-            self.rows.append(dict(zip(CURVE_COLUMNS, values, strict=True)) | self.algorithm.columns(self.model))
+            self.rows.append(
+                dict(zip(CURVE_COLUMNS, values, strict=True)) | self.algorithm.columns(self.model)
+            )
             replace_file(self.run.learning_curve, self._write)
 
     def _write(self, path: Path) -> None:
@@ -127,7 +148,9 @@ def save_checkpoint(model: Any, run: Run, algorithm: Algorithm) -> None:
         "torch": torch.get_rng_state(),
         "numpy": np.random.get_state(),  # noqa: NPY002 - SB3 shuffles with it
         # Loading reseeds the action space, from which off-policy algorithms sample their first actions.
-        "attributes": {name: getattr(model, name) for name in ("action_space", *algorithm.extra_state)},
+        "attributes": {
+            name: getattr(model, name) for name in ("action_space", *algorithm.extra_state)
+        },
     }
     replace_file(run.checkpoint, model.save)
 
@@ -139,7 +162,9 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
         model: Any = algorithm.model.load(run.checkpoint, device="cpu")
         state = model.resume_state
     except Exception as error:  # garbled bytes can raise anything
-        raise ValueError(f"{run.checkpoint} cannot be read: {error}; delete it to begin the training anew") from error
+        raise ValueError(
+            f"{run.checkpoint} cannot be read: {error}; delete it to begin the training anew"
+        ) from error
     model.set_env(state["vec_env"], force_reset=False)
     for name, value in state["attributes"].items():
         setattr(model, name, value)
@@ -160,20 +185,28 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         model: Any = algorithm.new_model(run, vec_env)
         if means := p.get("initial_actions"):
             model.policy.action_net.bias.data[: len(means)] = torch.tensor(means)
-    except Exception as error:  # libraries raise many types for hyperparameters that they cannot use
-        raise ValueError(f"{algorithm.name} cannot be made with these hyperparameters: {error!r}") from error
+    except (
+        Exception
+    ) as error:  # libraries raise many types for hyperparameters that they cannot use
+        raise ValueError(
+            f"{algorithm.name} cannot be made with these hyperparameters: {error!r}"
+        ) from error
     vec_env.seed(run.seed * SEED_STRIDE)
     return model
 
 
-def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False) -> Path:
+def train(
+    run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait: bool = False
+) -> Path:
     """Train or resume, unless training is finished; return the path of the finished agent.
 
     Checkpoints are ``checkpoint_every`` environment steps apart. If another process trains in the run's folder, ``wait`` or raise
     ValueError. ValueError also says what cannot be trained, or that the folder holds a training with other settings.
     """
     if not algorithm.plays(run.scenario):
-        raise ValueError(f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim")
+        raise ValueError(
+            f"{algorithm.name} cannot learn on scenario {run.scenario.name!r}: it lacks its actions or its aim"
+        )
     if run.family and not algorithm.families:
         raise ValueError(f"{algorithm.name} learns on one scenario, not on the jobs of a family")
     if run.seed not in range(SEEDS):
@@ -183,9 +216,13 @@ def train(run: Run, algorithm: Algorithm, checkpoint_every: int = 500_000, wait:
         raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
     with folder_lock(run.folder, wait):
         torch.set_num_threads(1)
-        torch.distributions.Distribution.set_default_validate_args(False)  # a third of the time of a family's PPO
+        torch.distributions.Distribution.set_default_validate_args(
+            False
+        )  # a third of the time of a family's PPO
         resumed, finished = run.checkpoint.exists(), run.policy.exists()
-        model = None if resumed or finished else new_model(run, algorithm)  # before run.json is written: it may be refused
+        model = (
+            None if resumed or finished else new_model(run, algorithm)
+        )  # before run.json is written: it may be refused
         run.begin()
         if finished:
             return run.policy
@@ -214,9 +251,13 @@ def load_actor(run: Run) -> Actor:
     """Return the actor of a finished training of your own. It is a pickle, which can run code: never load a stranger's."""
     if not (HYPERPARAMETERS / f"{run.algorithm}.toml").is_file():
         known = ", ".join(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
-        raise ValueError(f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}")
+        raise ValueError(
+            f"{run.folder} holds a training of {run.algorithm!r}, but there are {known}"
+        )
     if not run.policy.exists():
-        raise ValueError(f"the training in {run.folder} is not finished: run its command again: {run.command}")
+        raise ValueError(
+            f"the training in {run.folder} is not finished: run its command again: {run.command}"
+        )
     warn_of_pickle(run.policy)
     return algorithm_of(run.algorithm).actor(run)
 
@@ -226,7 +267,9 @@ def load_agent(folder: Path) -> PolicySpec:
     run = Run.read(folder)
     actor = load_actor(run)
     digest = digest_of_files(folder, folder.rglob("*"))
-    return trained_policy(run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs))
+    return trained_policy(
+        run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs)
+    )
 
 
 def play_agent(folder: Path, episodes: int) -> Episodes:
@@ -242,12 +285,22 @@ def play_agent(folder: Path, episodes: int) -> Episodes:
 def add_task(parser: argparse.ArgumentParser) -> None:
     """Add the options that training and tuning share."""
     ids = [*IDS, FAMILY_ID]
-    parser.add_argument("--env", default=ids[0], choices=ids, help="environment id (default: %(default)s)")
-    parser.add_argument("--scenario", help="preset or TOML file of a scenario, or of a family (default: the id's own)")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)")
+    parser.add_argument(
+        "--env", default=ids[0], choices=ids, help="environment id (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--scenario",
+        help="preset or TOML file of a scenario, or of a family (default: the id's own)",
+    )
+    parser.add_argument(
+        "--runs", type=Path, default=Path("runs"), help="folder of all runs (default: %(default)s)"
+    )
 
 
-@exits(ValueError, interrupted="interrupted: run the same command again to resume from the last checkpoint")
+@exits(
+    ValueError,
+    interrupted="interrupted: run the same command again to resume from the last checkpoint",
+)
 def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> int:
     """Run an algorithm's command line: train one agent for one training seed; print its path and return the exit status."""
     program = f"python -m train.{algorithm.name}"
@@ -255,12 +308,23 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     parser = argparse.ArgumentParser(prog=program, **described(module.__doc__))
     add_task(parser)
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
-    parser.add_argument("--steps", type=int, help="environment steps of the training; short for --set steps=N")
+    parser.add_argument(
+        "--steps", type=int, help="environment steps of the training; short for --set steps=N"
+    )
     set_help = f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; repeat the option to set several"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
     parsed = parser.parse_args(arguments)
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
     scenario = trained_on(parsed.env, parsed.scenario)
-    given = overrides(algorithm.name, parsed.set) | ({} if parsed.steps is None else {"steps": parsed.steps})
-    print(train(Run.plan(algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, given), algorithm))
+    given = overrides(algorithm.name, parsed.set) | (
+        {} if parsed.steps is None else {"steps": parsed.steps}
+    )
+    print(
+        train(
+            Run.plan(
+                algorithm.name, parsed.env, scenario, parsed.seed, parsed.runs, command, given
+            ),
+            algorithm,
+        )
+    )
     return 0

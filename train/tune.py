@@ -49,7 +49,9 @@ class Task:
     steps: int  # environment steps of each training
     seeds: int  # trainings per trial, with the training seeds 0, 1, ...
     runs: Path
-    overrides: dict[str, Any] = field(default_factory=dict)  # hyperparameters of all trials in place of the file's
+    overrides: dict[str, Any] = field(
+        default_factory=dict
+    )  # hyperparameters of all trials in place of the file's
 
     @property
     def known(self) -> dict[str, Any]:
@@ -61,12 +63,16 @@ class Task:
         """Name of the study: a digest of everything that its trials have in common."""
         searched = algorithm_of(self.algorithm).search
         fixed = {name: value for name, value in self.known.items() if name not in searched}
-        return digest_of([self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES])[:16]
+        return digest_of(
+            [self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES]
+        )[:16]
 
     @property
     def allowance(self) -> float:
         """Allowance of severe overload [-]."""
-        scenario = self.scenario if isinstance(self.scenario, Scenario) else self.scenario.job(0).scenario
+        scenario = (
+            self.scenario if isinstance(self.scenario, Scenario) else self.scenario.job(0).scenario
+        )
         return scenario.limits.overload_allowance
 
     @property
@@ -82,7 +88,9 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played:
     command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
     episodes = []
     for seed in range(task.seeds):
-        run = Run.plan(task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting)
+        run = Run.plan(
+            task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting
+        )
         try:
             episodes.append(play_agent(train(run, algorithm, wait=True).parent, NUM_EPISODES))
         except ValueError as error:
@@ -102,11 +110,28 @@ def search(
     first = {name: task.known[name] for name in ranges}
     ended: list[Trial] = []
     with file_lock(log):
-        found = trials(ranges, first, count, log, [], task.allowance, partial(evaluate, task), over, parallel, n_startup_trials=5)
+        found = trials(
+            ranges,
+            first,
+            count,
+            log,
+            [],
+            task.allowance,
+            partial(evaluate, task),
+            over,
+            parallel,
+            n_startup_trials=5,
+        )
         for trial in tqdm(found, f"tuning {task.algorithm}", count, unit="trial", disable=None):
             played = trial.played
-            share = f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
-            said = f"failed: {played.failed}" if played.failed else f"mean return {played.mean_return:.1f} s, {share}"
+            share = (
+                f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
+            )
+            said = (
+                f"failed: {played.failed}"
+                if played.failed
+                else f"mean return {played.mean_return:.1f} s, {share}"
+            )
             tqdm.write(f"trial {len(ended)}: {said}, with {trial.setting}", sys.stderr)
             ended.append(trial)
     number, best = max(enumerate(ended), key=lambda each: each[1].merit(task.allowance))
@@ -121,15 +146,32 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
     add_task(parser)
-    parser.add_argument("--trials", type=int, default=20, help="total number of trials (default: 20)")
+    parser.add_argument(
+        "--trials", type=int, default=20, help="total number of trials (default: 20)"
+    )
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
-    parser.add_argument("--steps", type=int, help="environment steps per training (default: from the hyperparameter file)")
+    parser.add_argument(
+        "--steps",
+        type=int,
+        help="environment steps per training (default: from the hyperparameter file)",
+    )
     set_help = "set a hyperparameter of every trial, or that of the first if it is searched; repeat the option to set several"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
-    parser.add_argument("--workers", type=int, default=1, help="number of trials in parallel (default: 1)")
-    parser.add_argument("--scheduler", metavar="URL", help="train on the workers of a Dask cluster, such as tcp://host:8786")
+    parser.add_argument(
+        "--workers", type=int, default=1, help="number of trials in parallel (default: 1)"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="URL",
+        help="train on the workers of a Dask cluster, such as tcp://host:8786",
+    )
     parsed = parser.parse_args(arguments)
-    for name, largest in (("trials", 100_000), ("seeds", SEEDS), ("steps", 10**12), ("workers", 1000)):
+    for name, largest in (
+        ("trials", 100_000),
+        ("seeds", SEEDS),
+        ("steps", 10**12),
+        ("workers", 1000),
+    ):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= largest:
             parser.error(f"--{name} is {value}, but must be 1 to {largest}")
@@ -138,12 +180,16 @@ def main(arguments: list[str] | None = None) -> int:
     steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
     given = overrides(parsed.algorithm, parsed.set)
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
-    task.folder.mkdir(parents=True, exist_ok=True)  # find out whether it can be written before workers start
+    task.folder.mkdir(
+        parents=True, exist_ok=True
+    )  # find out whether it can be written before workers start
     with cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers) as over:
         number, best = search(task, parsed.trials, over, parsed.workers)
     feasible, mean_return = best.merit(task.allowance)
     print(f"# {command}")
-    print(f"# trial {number}: mean return {mean_return:.1f} s, {'' if feasible else 'not '}feasible")
+    print(
+        f"# trial {number}: mean return {mean_return:.1f} s, {'' if feasible else 'not '}feasible"
+    )
     print(tomli_w.dumps({parsed.env: best.setting}), end="")
     return 0
 

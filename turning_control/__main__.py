@@ -16,14 +16,23 @@ from pathlib import Path
 from turning_control import adversary, linuxcnc, measure, opcua
 from turning_control.core import Controller, on_control, safe_feed
 from turning_control.linuxcnc import LinuxCncError, find_policy
-from turning_control.opcua_security import KEY_PASSWORD, MODES, PASSWORD, POLICIES, Security, read_password
+from turning_control.opcua_security import (
+    KEY_PASSWORD,
+    MODES,
+    PASSWORD,
+    POLICIES,
+    Security,
+    read_password,
+)
 from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 from turning_env import IDS
 from turning_env.console import Mistake, described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
-TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]  # with an action per interval, which the shield guards
+TASKS = [
+    env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"
+]  # with an action per interval, which the shield guards
 
 ANSWERED = 0.8  # share of a control interval within which a policy's process must answer [-]
 
@@ -33,21 +42,39 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m turning_control", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+    def command(
+        name: str, run: Callable[[argparse.Namespace], int], text: str
+    ) -> argparse.ArgumentParser:
         made = commands.add_parser(name, help=text, **described(run.__doc__))
         made.set_defaults(run=run)
         return made
 
     guard = command("shield", _shield, "measure the shield in simulation")
-    guard.add_argument("--episodes", type=int, default=1000, metavar="N", help="held-out seeds per task (default: %(default)s)")
-    guard.add_argument("--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)")
-    guard.add_argument("--agents", type=Path, default=Path("agents"), metavar="FOLDER", help="agents (default: %(default)s)")
+    guard.add_argument(
+        "--episodes",
+        type=int,
+        default=1000,
+        metavar="N",
+        help="held-out seeds per task (default: %(default)s)",
+    )
+    guard.add_argument(
+        "--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)"
+    )
+    guard.add_argument(
+        "--agents",
+        type=Path,
+        default=Path("agents"),
+        metavar="FOLDER",
+        help="agents (default: %(default)s)",
+    )
     guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
                        help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
     guard.add_argument("--json", action="store_true", help="print JSON")
 
     tried = command("attack", _attack, "search for policies that get past the shield")
-    tried.add_argument("--env", choices=TASKS, default=TASKS[0], metavar="ID", help="task (default: %(default)s)")
+    tried.add_argument(
+        "--env", choices=TASKS, default=TASKS[0], metavar="ID", help="task (default: %(default)s)"
+    )
     for name, default, text in (
         ("--candidates", 40, "adversaries per generation"),
         ("--generations", 4, "generations"),
@@ -55,14 +82,21 @@ def main(arguments: list[str] | None = None) -> int:
         ("--worst", 5, "adversaries to report"),
         ("--held-out", 0, "held-out seeds that these play as well"),
     ):
-        tried.add_argument(name, type=int, default=default, metavar="N", help=f"{text} (default: %(default)s)")
+        tried.add_argument(
+            name, type=int, default=default, metavar="N", help=f"{text} (default: %(default)s)"
+        )
     tried.add_argument("--json", action="store_true", help="print JSON")
 
     show = command("demo", _demo, "run policies through LinuxCNC")
     show.add_argument(
-        "--policies", nargs="+", metavar="POLICY", help="programmed, a rule's name, module:object that you trust, or ONNX files"
+        "--policies",
+        nargs="+",
+        metavar="POLICY",
+        help="programmed, a rule's name, module:object that you trust, or ONNX files",
     )
-    show.add_argument("--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)")
+    show.add_argument(
+        "--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)"
+    )
 
     answers = command("serve", _serve, "answer a HAL component's pins with a policy")
     linked = command("opcua", _opcua, "drive a control that serves OPC UA")
@@ -74,17 +108,37 @@ def main(arguments: list[str] | None = None) -> int:
             help="as for demo; a file plays in a sandbox, a module in a process with your rights",
         )
         each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
-    linked.add_argument("--url", required=True, metavar="URL", help="of the control's server, such as opc.tcp://192.0.2.1:4840")
-    linked.add_argument("--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes")
+    linked.add_argument(
+        "--url",
+        required=True,
+        metavar="URL",
+        help="of the control's server, such as opc.tcp://192.0.2.1:4840",
+    )
+    linked.add_argument(
+        "--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes"
+    )
 
     _add_security(linked)
 
     plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
-    plant.add_argument("--log", type=Path, required=True, metavar="CSV", help="file for every cycle")
+    plant.add_argument(
+        "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
+    )
     for each in (show, plant):
-        each.add_argument("--seed", type=int, default=0, metavar="N", help="determines bars and edges (default: %(default)s)")
+        each.add_argument(
+            "--seed",
+            type=int,
+            default=0,
+            metavar="N",
+            help="determines bars and edges (default: %(default)s)",
+        )
     for each in (show, answers, linked, plant):
-        each.add_argument("--scenario", default="override", metavar="NAME", help="preset or TOML file (default: %(default)s)")
+        each.add_argument(
+            "--scenario",
+            default="override",
+            metavar="NAME",
+            help="preset or TOML file (default: %(default)s)",
+        )
 
     options = parser.parse_args(arguments)
     return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
@@ -92,16 +146,31 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _add_security(linked: argparse.ArgumentParser) -> None:
     """Add the options by which an OPC UA connection is protected."""
-    group = linked.add_argument_group("security", "The safest connection that the server offers and these options allow is made.")
+    group = linked.add_argument_group(
+        "security", "The safest connection that the server offers and these options allow is made."
+    )
     password = f"file whose first line is the password; otherwise ${PASSWORD} or a prompt"
-    group.add_argument("--user", metavar="NAME", help="user on the server (default: anonymous, or the certificate)")
+    group.add_argument(
+        "--user", metavar="NAME", help="user on the server (default: anonymous, or the certificate)"
+    )
     group.add_argument("--password-file", type=Path, metavar="FILE", help=password)
-    group.add_argument("--certificate", type=Path, metavar="FILE", help="certificate of this program, PEM or DER")
-    group.add_argument("--key", type=Path, metavar="FILE", help=f"its private key; ${KEY_PASSWORD} holds the key's password")
+    group.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="certificate of this program, PEM or DER"
+    )
+    group.add_argument(
+        "--key",
+        type=Path,
+        metavar="FILE",
+        help=f"its private key; ${KEY_PASSWORD} holds the key's password",
+    )
     trusted = "certificate of the server, the only one that is trusted"
     group.add_argument("--server-certificate", type=Path, metavar="FILE", help=trusted)
-    group.add_argument("--security-policy", choices=POLICIES, metavar="NAME", help=f"one of {', '.join(POLICIES)}")
-    group.add_argument("--security-mode", choices=MODES, metavar="MODE", help=f"one of {', '.join(MODES)}")
+    group.add_argument(
+        "--security-policy", choices=POLICIES, metavar="NAME", help=f"one of {', '.join(POLICIES)}"
+    )
+    group.add_argument(
+        "--security-mode", choices=MODES, metavar="MODE", help=f"one of {', '.join(MODES)}"
+    )
 
 
 def _shield(options: argparse.Namespace) -> int:
@@ -111,8 +180,12 @@ def _shield(options: argparse.Namespace) -> int:
     python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
     """
     LOG.setLevel(logging.ERROR)  # hand-overs are counted
-    measured = list(measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target)))
-    print_json([row._asdict() for row in measured]) if options.json else print(measure.table(measured))
+    measured = list(
+        measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target))
+    )
+    print_json([row._asdict() for row in measured]) if options.json else print(
+        measure.table(measured)
+    )
     return 0
 
 
@@ -122,8 +195,13 @@ def _attack(options: argparse.Namespace) -> int:
     python -m turning_control attack --held-out 256
     python -m turning_control attack --env RoughTurning-Override-v1 --candidates 12 --generations 1 --episodes 2
     """
-    if min(options.candidates, options.generations, options.episodes, options.worst) < 1 or options.held_out < 0:
-        raise Mistake("--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more")
+    if (
+        min(options.candidates, options.generations, options.episodes, options.worst) < 1
+        or options.held_out < 0
+    ):
+        raise Mistake(
+            "--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more"
+        )
     LOG.setLevel(logging.ERROR)  # hand-overs are counted
     scenario = Scenario.load(IDS[options.env])
     budget = adversary.Budget(
@@ -134,7 +212,9 @@ def _attack(options: argparse.Namespace) -> int:
         held_out=options.held_out,
     )
     attacks = list(adversary.attack(options.env, scenario, budget, Settings()))
-    print_json([asdict(each) for each in attacks]) if options.json else print(adversary.table(attacks))
+    print_json([asdict(each) for each in attacks]) if options.json else print(
+        adversary.table(attacks)
+    )
     return 0
 
 
@@ -146,7 +226,10 @@ def _demo(options: argparse.Namespace) -> int:
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
     agent = measure.best_agent("RoughTurning-Override-v1", Path("agents"))
-    policies = options.policies or ["programmed", *(["modified_fuzzy_override", str(agent)] if agent else [])]
+    policies = options.policies or [
+        "programmed",
+        *(["modified_fuzzy_override", str(agent)] if agent else []),
+    ]
     scenario, compared = Scenario.load(options.scenario), {}
     for policy in policies:
         print(f"{policy} ...", file=sys.stderr)
@@ -189,7 +272,9 @@ def _opcua(options: argparse.Namespace) -> int:
         policy=options.security_policy,
         mode=options.security_mode,
     )
-    opcua.drive(controller, options.url, options.nodes, scenario.control.interval, security=security)
+    opcua.drive(
+        controller, options.url, options.nodes, scenario.control.interval, security=security
+    )
     return 0
 
 

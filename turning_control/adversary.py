@@ -55,7 +55,10 @@ class Adversary:
 
     def __str__(self) -> str:
         """Describe the adversary in a line."""
-        parts = [f"{name} {_wave_text(wave)}" for name, wave in (("speed", self.speed), ("feed", self.feed))]
+        parts = [
+            f"{name} {_wave_text(wave)}"
+            for name, wave in (("speed", self.speed), ("feed", self.feed))
+        ]
         if self.reacts == "while light":
             parts.append(f"while loads are below {self.threshold:.2f}")
         elif self.reacts == "after entry":
@@ -188,7 +191,9 @@ def _columns(waves: Sequence[Wave], episodes: int) -> dict[str, NDArray[np.float
     return {name: np.repeat([getattr(wave, name) for wave in waves], episodes) for name in names}
 
 
-def _values(waves: dict[str, NDArray[np.float64]], step: NDArray[np.float64]) -> NDArray[np.float64]:
+def _values(
+    waves: dict[str, NDArray[np.float64]], step: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return the values of waves at a step."""
     position = (step / waves["period"] + waves["phase"]) % 1.0
     return np.where(position < waves["share"], waves["high"], waves["low"])
@@ -230,7 +235,9 @@ def attack(env_id: str, scenario: Scenario, budget: Budget, settings: Settings) 
     yield from found
     if budget.held_out > 0:
         adversaries = [each.adversary for each in found]
-        yield from _played(env_id, scenario, adversaries, "held-out", held_out_seeds(budget.held_out), settings)
+        yield from _played(
+            env_id, scenario, adversaries, "held-out", held_out_seeds(budget.held_out), settings
+        )
 
 
 def search(env_id: str, scenario: Scenario, budget: Budget, settings: Settings) -> list[Attack]:
@@ -239,13 +246,19 @@ def search(env_id: str, scenario: Scenario, budget: Budget, settings: Settings) 
     found: list[Attack] = []
     for generation in range(budget.generations):
         if generation == 0:
-            tried = [*KNOWN, *(drawn(random) for _ in range(budget.candidates - len(KNOWN)))][: budget.candidates]
+            tried = [*KNOWN, *(drawn(random) for _ in range(budget.candidates - len(KNOWN)))][
+                : budget.candidates
+            ]
         else:
             worst = [attack.adversary for attack in found[:KEPT]]
             tried = [varied(worst[k % len(worst)], random) for k in range(budget.candidates)]
-        found.extend(_played(env_id, scenario, tried, "tuning", tuning_seeds(budget.episodes), settings))
+        found.extend(
+            _played(env_id, scenario, tried, "tuning", tuning_seeds(budget.episodes), settings)
+        )
         found.sort(key=badness, reverse=True)
-        progress = f"{env_id}: generation {generation + 1} of {budget.generations}: {line(found[0])}"
+        progress = (
+            f"{env_id}: generation {generation + 1} of {budget.generations}: {line(found[0])}"
+        )
         print(progress, file=sys.stderr, flush=True)
     return found
 
@@ -257,7 +270,12 @@ def badness(attack: Attack) -> float:
 
 
 def _played(
-    env_id: str, scenario: Scenario, adversaries: Sequence[Adversary], seeds: str, numbers: list[int], settings: Settings
+    env_id: str,
+    scenario: Scenario,
+    adversaries: Sequence[Adversary],
+    seeds: str,
+    numbers: list[int],
+    settings: Settings,
 ) -> list[Attack]:
     policy = Adversaries(adversaries, len(numbers), scenario)
     label = f"{env_id}: {len(adversaries)} adversaries"
@@ -265,7 +283,9 @@ def _played(
     attacks = []
     for k, adversary in enumerate(adversaries):
         group = slice(k * len(numbers), (k + 1) * len(numbers))
-        attacks.append(Attack(env_id=env_id, adversary=adversary, seeds=seeds, figures=played.total(group)))
+        attacks.append(
+            Attack(env_id=env_id, adversary=adversary, seeds=seeds, figures=played.total(group))
+        )
     return attacks
 
 
@@ -277,12 +297,28 @@ def line(attack: Attack) -> str:
 
 def table(attacks: Sequence[Attack]) -> str:
     """Return attacks as a Markdown table."""
-    heads = ("Task", "Seeds", "Adversary", "Over 5 % [% of cutting time]", "Edges broken", "MRR [cm3/min]", "Handed over")
+    heads = (
+        "Task",
+        "Seeds",
+        "Adversary",
+        "Over 5 % [% of cutting time]",
+        "Edges broken",
+        "MRR [cm3/min]",
+        "Handed over",
+    )
     rows = []
     for attack in attacks:
         figures = attack.figures
         severe, removal = f"{100.0 * figures.severe:.3f}", f"{figures.removal_rate:.1f}"
         seeds = f"{figures.episodes} {attack.seeds}"
-        row = (attack.env_id, seeds, str(attack.adversary), severe, f"{figures.edges_broken}", removal, f"{figures.handed_over}")
+        row = (
+            attack.env_id,
+            seeds,
+            str(attack.adversary),
+            severe,
+            f"{figures.edges_broken}",
+            removal,
+            f"{figures.handed_over}",
+        )
         rows.append(row)
     return markdown(heads, rows)

@@ -21,7 +21,15 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from turning_control.core import Controller, Readings, Status, force_reading, highest_feed, on_control, safe_feed
+from turning_control.core import (
+    Controller,
+    Readings,
+    Status,
+    force_reading,
+    highest_feed,
+    on_control,
+    safe_feed,
+)
 from turning_control.measure import markdown
 from turning_control.plant import Plant
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
@@ -41,7 +49,12 @@ FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
 NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
 # Spindle speed [rev/min], feed velocity [mm/s], position along the bar [mm], power [kW], force [N], the controller's delay [s].
-_MOTION = {"spindle-speed": "float", "feed-velocity": "float", "motion-type": "s32", "position": "float"}
+_MOTION = {
+    "spindle-speed": "float",
+    "feed-velocity": "float",
+    "motion-type": "s32",
+    "position": "float",
+}
 _LOADS = {"power": "float", "thrust-force": "float", "edge": "u32"}
 CONTROLLER_PINS = {
     "in": _MOTION | _LOADS | {"in-position": "bit", "cutting": "bit"},
@@ -64,7 +77,10 @@ def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> Policy
         control = scenario.control
 
         def programmed(observations: Observations) -> Actions:
-            speed, feed = (np.full(len(observations), v) for v in (control.initial_cutting_speed, control.initial_feed))
+            speed, feed = (
+                np.full(len(observations), v)
+                for v in (control.initial_cutting_speed, control.initial_feed)
+            )
             return towards(read(observations, scenario), scenario, speed, feed)
 
         return as_factory(programmed)
@@ -72,7 +88,9 @@ def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> Policy
         return in_own_process(name, deadline)
     for catalogue in provided("rules"):
         return catalogue.spec(name, scenario).make  # type: ignore[no-any-return]
-    raise ValueError(f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone")
+    raise ValueError(
+        f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone"
+    )
 
 
 class Pins:
@@ -105,7 +123,11 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
     """Answer the controller's pins until the bridge's requests end."""
     controller = Controller(scenario, make_policy)
     for _ in range(3):  # compile and load everything before the first reading counts
-        controller.decide(Readings(400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0))
+        controller.decide(
+            Readings(
+                400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0
+            )
+        )
     controller.start()
     before: dict[str, Any] = {}
     interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
@@ -128,7 +150,9 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
                 **{force_reading(scenario): pins["thrust-force"]},
             )
             if not before and (lacking := controller.lacks(readings)):
-                LOG.warning("the policy's observation lacks %s: the safe feed holds", ", ".join(lacking))
+                LOG.warning(
+                    "the policy's observation lacks %s: the safe feed holds", ", ".join(lacking)
+                )
             commands = controller.decide(readings)
             begun, engaged = pins["time"], 0.0
         before = pins
@@ -149,8 +173,17 @@ def serve_plant(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
             seconds = pins["time"] - before if before else 0.001
             before = pins["time"]
             along = work.approach + pins["position"]
-            at_feed = pins["motion-type"] == FEED_MOTION and 0.0 <= along < work.approach + work.bar_length
-            hidden = plant.advance(max(seconds, 1e-4), along, abs(pins["spindle-speed"]), pins["feed-velocity"], at_feed)
+            at_feed = (
+                pins["motion-type"] == FEED_MOTION
+                and 0.0 <= along < work.approach + work.bar_length
+            )
+            hidden = plant.advance(
+                max(seconds, 1e-4),
+                along,
+                abs(pins["spindle-speed"]),
+                pins["feed-velocity"],
+                at_feed,
+            )
             row = {"time": pins["time"], "seconds": seconds, "at_feed": int(at_feed)}
             row |= {"adaptive_feed": pins["adaptive-feed"], "delay": pins["delay"]} | hidden
             if writer is None:
@@ -158,7 +191,9 @@ def serve_plant(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
                 writer.writeheader()
             writer.writerow(row)
             force = hidden[f"measured_{force_reading(scenario)}"]
-            bridge.answer(power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"]))
+            bridge.answer(
+                power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"])
+            )
 
 
 class Fault(NamedTuple):
@@ -188,14 +223,23 @@ G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}"""
     return f"G18 G21 G8 G90 G54\nG97 S{spindle_speed:.1f} M3\nG95{bars * bar}\nM52 P0\nG0 X{radius + 5:.3f}\nM5\nM2\n"
 
 
-def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None) -> list[dict[str, float]]:
+def run(
+    policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None
+) -> list[dict[str, float]]:
     """Run a policy through LinuxCNC; return the plant's log, one row per cycle. LinuxCncError if it did not run to its end."""
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
-        raise LinuxCncError(f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it")
+        raise LinuxCncError(
+            f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it"
+        )
     loaded = Scenario.load(scenario)
     # LinuxCNC runs in a folder of its own.
-    policy, scenario = (str(Path(each).resolve()) if Path(each).is_file() else str(each) for each in (policy, scenario))
-    places = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])  # LinuxCNC sets paths of its own
+    policy, scenario = (
+        str(Path(each).resolve()) if Path(each).is_file() else str(each)
+        for each in (policy, scenario)
+    )
+    places = os.pathsep.join(
+        [os.getcwd(), *filter(None, sys.path)]
+    )  # LinuxCNC sets paths of its own
     command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_control"]
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
         folder = Path(name)
@@ -206,14 +250,27 @@ def run(policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | 
             "period": interval,
             "echo": True,
             "ranges": pin_ranges(loaded),
-            "safe": {"adaptive-feed": safe_feed(loaded), "spindle-override": 1.0, "status": int(Status.SAFE)},
+            "safe": {
+                "adaptive-feed": safe_feed(loaded),
+                "spindle-override": 1.0,
+                "status": int(Status.SAFE),
+            },
             "command": [*command, "serve", "--policy", policy, "--scenario", scenario],
         }
         plant: dict[str, Any] = PLANT_PINS | {
             "period": min(interval / loaded.control.sub_steps, 0.02),
             "echo": True,
             "safe": {},  # late: the readings before hold
-            "command": [*command, "plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario],
+            "command": [
+                *command,
+                "plant",
+                "--seed",
+                str(seed),
+                "--log",
+                str(log),
+                "--scenario",
+                scenario,
+            ],
         }
         panel = {"parent": os.getpid(), "fault": fault._asdict() if fault else None}
         for part, plan in {"turning": turning, "plant": plant, "panel": panel}.items():
@@ -241,11 +298,23 @@ def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
     """Write the lathe's configuration: accelerations ten times those that the drive's lag needs, so that the lag decides."""
-    turns = scenario.control.initial_cutting_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0
+    turns = (
+        scenario.control.initial_cutting_speed
+        * 1000.0
+        / (np.pi * scenario.workpiece.diameter)
+        / 60.0
+    )
     velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
-    values = {"PYTHON": PYTHON, "FOLDER": str(folder), "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}"}
+    values = {
+        "PYTHON": PYTHON,
+        "FOLDER": str(folder),
+        "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}",
+    }
     values |= {"LAG_SHARE": f"{lag_share(0.001, lag):.9f}"}  # in a servo cycle
-    values |= {f"METAL_{name}": f"{share * scenario.limits.power:.4f}" for name, share in (("POWER", 0.02), ("HYSTERESIS", 0.01))}
+    values |= {
+        f"METAL_{name}": f"{share * scenario.limits.power:.4f}"
+        for name, share in (("POWER", 0.02), ("HYSTERESIS", 0.01))
+    }
     for source in (files("turning_control") / "lathe").iterdir():
         if source.is_file():
             text = source.read_text()
@@ -257,15 +326,27 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
 
 def _start(folder: Path, limit: float) -> str:
     """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | {"OMP_NUM_THREADS": "1"}
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("PYTHON")
+    } | {"OMP_NUM_THREADS": "1"}
     environment["TURNING_FOLDER"] = str(folder)  # marks every process that descends from here
     if os.getuid() == 0:  # as root it wants to know which user it serves
         os.chown(folder, NOBODY, -1)
-        environment |= {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(folder / "rtapi"), "HOME": str(folder)}
+        environment |= {
+            "RTAPI_UID": str(NOBODY),
+            "RTAPI_FIFO_PATH": str(folder / "rtapi"),
+            "HOME": str(folder),
+        }
     command = ["script", "-qec", shlex.join(["linuxcnc", str(folder / "lathe.ini")]), "/dev/null"]
     with (folder / "output").open("wb") as output:
         process = subprocess.Popen(
-            command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+            command,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
         )
         try:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -318,16 +399,30 @@ def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     """Return the figures of the same shielded policy on the same bars in the simulation."""
-    control, delayed = scenario.control.model_copy(update={"edge_changes": "automatic"}), on_control(scenario)
+    control, delayed = (
+        scenario.control.model_copy(update={"edge_changes": "automatic"}),
+        on_control(scenario),
+    )
     workpiece = scenario.workpiece.model_copy(update={"bars": bars})
-    env = RoughTurningVectorEnv(1, delayed.model_copy(update={"control": control, "workpiece": workpiece}))
+    env = RoughTurningVectorEnv(
+        1, delayed.model_copy(update={"control": control, "workpiece": workpiece})
+    )
     guard = Shield(find_policy(policy, scenario)(1), delayed, 1)
     observations, info = env.reset(seed=[seed])
     guard.reset(np.ones(1, np.bool_))
-    names = ("time", "stopped_time", "engaged_time", "energy", "severe_overload_time", "edges_broken")
+    names = (
+        "time",
+        "stopped_time",
+        "engaged_time",
+        "energy",
+        "severe_overload_time",
+        "edges_broken",
+    )
     ended, sums = False, dict.fromkeys(names, 0.0)
     while not ended:
-        guard.place = info["path"] % (workpiece.approach + workpiece.bar_length) - workpiece.approach  # which a control knows
+        guard.place = (
+            info["path"] % (workpiece.approach + workpiece.bar_length) - workpiece.approach
+        )  # which a control knows
         observations, _, terminated, truncated, info = env.step(guard.act(observations))
         ended = bool(terminated[0] or truncated[0])
         info["energy"] = info["engaged_time"] * info["mean_power"]
@@ -344,7 +439,14 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
 
 def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
     """Return figures through LinuxCNC and in the simulation as a Markdown table."""
-    heads = ("Policy, shielded", "Where", "Cycle time [s/bar]", "Mean power [kW]", "Over 5 % [% of cutting time]", "Edges")
+    heads = (
+        "Policy, shielded",
+        "Where",
+        "Cycle time [s/bar]",
+        "Mean power [kW]",
+        "Over 5 % [% of cutting time]",
+        "Edges",
+    )
     rows = [
         (name, where, f"{each.time:.2f}", f"{each.mean_power:.2f}", f"{100 * each.severe:.1f}", f"{each.edges:.0f}",
          f"{100 * each.safe:.1f}", f"{1000 * each.delay:.1f}")

@@ -52,7 +52,11 @@ class UniformRandom(Policy):
 def best_agent(env_id: str, agents: Path) -> Path | None:
     """Return the file of training seed 0 of the shipped agent with the highest mean return on a task; None if there is none."""
     folder = agents / env_id / IDS[env_id]
-    found = [(each.returns.mean(), folder / f"{each.name}-seed0.onnx") for each in shipped(env_id) if each.kind == "agent"]
+    found = [
+        (each.returns.mean(), folder / f"{each.name}-seed0.onnx")
+        for each in shipped(env_id)
+        if each.kind == "agent"
+    ]
     return max(((mean, path) for mean, path in found if path.is_file()), default=(0.0, None))[1]
 
 
@@ -67,7 +71,9 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
         if (best := best_agent(env_id, agents)) is not None:
             policies[best.stem] = as_factory(best)
         for (name, make), with_shield in product(policies.items(), (False, True)):
-            yield _measured(env_id, name, scenario, make(episodes), episodes, settings if with_shield else None)
+            yield _measured(
+                env_id, name, scenario, make(episodes), episodes, settings if with_shield else None
+            )
 
 
 @dataclass(frozen=True)
@@ -97,12 +103,16 @@ class Played:
             severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
             edges_broken=round(sums["edges_broken"]),
             removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),
-            overridden=float(self.changed[environments].sum() / max(self.decisions[environments].sum(), 1)),
+            overridden=float(
+                self.changed[environments].sum() / max(self.decisions[environments].sum(), 1)
+            ),
             handed_over=int(self.handed_over[environments].sum()),
         )
 
 
-def play_guarded(scenario: Scenario, policy: Policy, seeds: Sequence[int], settings: Settings | None, label: str) -> Played:
+def play_guarded(
+    scenario: Scenario, policy: Policy, seeds: Sequence[int], settings: Settings | None, label: str
+) -> Played:
     """Play one episode per seed with a policy behind the shield, or without it if there are no settings.
 
     A line of progress that begins with ``label`` goes to standard error every ten seconds.
@@ -130,13 +140,26 @@ def play_guarded(scenario: Scenario, policy: Policy, seeds: Sequence[int], setti
         running = running & ~ended
         if time.monotonic() > reported + REPORTED:
             reported = time.monotonic()
-            print(f"{label}: {num_envs - running.sum()} of {num_envs} episodes", file=sys.stderr, flush=True)
+            print(
+                f"{label}: {num_envs - running.sum()} of {num_envs} episodes",
+                file=sys.stderr,
+                flush=True,
+            )
     return played
 
 
-def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episodes: int, settings: Settings | None) -> Result:
+def _measured(
+    env_id: str,
+    name: str,
+    scenario: Scenario,
+    policy: Policy,
+    episodes: int,
+    settings: Settings | None,
+) -> Result:
     shield = ", shielded" if settings else ""
-    played = play_guarded(scenario, policy, held_out_seeds(episodes), settings, label=f"{env_id}: {name}{shield}")
+    played = play_guarded(
+        scenario, policy, held_out_seeds(episodes), settings, label=f"{env_id}: {name}{shield}"
+    )
     figures = played.total()
     return Result(
         env_id=env_id,
@@ -152,10 +175,21 @@ def _measured(env_id: str, name: str, scenario: Scenario, policy: Policy, episod
 
 def table(measured: Iterable[Result]) -> str:
     """Return the rows as a Markdown table."""
-    heads = ("Task", "Policy", "Shield", "Over 5 % [% of cutting time]", "Edges broken", "MRR [cm3/min]")
+    heads = (
+        "Task",
+        "Policy",
+        "Shield",
+        "Over 5 % [% of cutting time]",
+        "Edges broken",
+        "MRR [cm3/min]",
+    )
     rows = []
     for row in measured:
-        shield = ("yes", f"{100 * row.overridden:.0f}", f"{row.handed_over}") if row.shielded else ("no", "", "")
+        shield = (
+            ("yes", f"{100 * row.overridden:.0f}", f"{row.handed_over}")
+            if row.shielded
+            else ("no", "", "")
+        )
         figures = f"{100 * row.severe:.3f}", f"{row.edges_broken}", f"{row.removal_rate:.1f}"
         rows.append((row.env_id, row.policy, shield[0], *figures, *shield[1:]))
     return markdown((*heads, "Overridden [%]", "Handed over"), rows)

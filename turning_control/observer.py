@@ -30,14 +30,20 @@ EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
 SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
 SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
 LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
-ENTRY_LEAD = 3  # steps beyond those of the change itself in which a speed must fit the next section [-]
+ENTRY_LEAD = (
+    3  # steps beyond those of the change itself in which a speed must fit the next section [-]
+)
 ENTRY_SPEEDS = 25  # number of speeds that are tried for an entry
-CERTAIN = 2.5  # margin above its noise at which a reading alone proves an overload [standard deviations]
+CERTAIN = (
+    2.5  # margin above its noise at which a reading alone proves an overload [standard deviations]
+)
 LOWEST_GAP = 0.05  # gap over the lowest feed from which a falling feed counts as that feed [-]
 NEAR_END = 0.9  # share of a bar's length behind which the next bar may begin [-]
 MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 
-EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(5)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
+EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(
+    5
+)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
 OF_A_BAR = slice(EXCESS, EDGE)
 
 Values = NDArray[np.float64]
@@ -51,9 +57,17 @@ class Observer:
         work, sensors, machine = scenario.workpiece, scenario.sensors, scenario.machine
         power, force = scenario.material.power, scenario.material.thrust_force
         edge = (power.wear / force.wear if force.wear else 0.0), 1.0
-        self._exponents = np.array([(law.depth_of_cut, law.hardness, w) for law, w in zip((power, force), edge, strict=True)])
+        self._exponents = np.array(
+            [
+                (law.depth_of_cut, law.hardness, w)
+                for law, w in zip((power, force), edge, strict=True)
+            ]
+        )
         self._noise = np.hypot((sensors.power_noise, sensors.force_noise), MODEL_NOISE)
-        self._chip_lag, self._time_constants = machine.chip_lag, (sensors.power_time_constant, sensors.force_time_constant)
+        self._chip_lag, self._time_constants = (
+            machine.chip_lag,
+            (sensors.power_time_constant, sensors.force_time_constant),
+        )
         slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
         harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
         self._slope_length = 0.5 * work.depth_correlation_length
@@ -66,21 +80,29 @@ class Observer:
         lengths = work.section_lengths or (work.bar_length / len(profile),) * len(profile)
         self._profile = np.maximum(profile, 0.01 * profile.max())
         self._starts = np.cumsum([0.0, *lengths])[:-1]
-        self._acts = scenario.control.interval + machine.command_delay  # [s] until the end of the next command's step
+        self._acts = (
+            scenario.control.interval + machine.command_delay
+        )  # [s] until the end of the next command's step
         self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
         self._place, self._cutting_time = np.zeros((2, num_envs))
-        self._forming, self._lagging = np.zeros((2, 2, num_envs))  # nominal loads behind the chip's lag, and the sensors'
+        self._forming, self._lagging = np.zeros(
+            (2, 2, num_envs)
+        )  # nominal loads behind the chip's lag, and the sensors'
         self._in_metal, self.known = np.zeros((2, num_envs), np.bool_)
         self._readings = np.zeros(num_envs, np.int64)  # in this bar
         self._speed_before, self._feed_before = np.zeros((2, num_envs))  # at the last readings
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._forget(self._mean, self._covariance, mask, slice(None))
-        self._place[mask] = self._cutting_time[mask] = self._forming[:, mask] = self._lagging[:, mask] = 0.0
+        self._place[mask] = self._cutting_time[mask] = self._forming[:, mask] = self._lagging[
+            :, mask
+        ] = 0.0
         self._in_metal[mask] = self.known[mask] = False
         self._readings[mask] = 0
 
-    def _forget(self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice) -> None:
+    def _forget(
+        self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice
+    ) -> None:
         """Set states back to their prior, independent of the others."""
         mean[mask, states] = covariance[mask, states, :] = covariance[mask, :, states] = 0.0
         covariance[mask, states, states] = self._prior[states, states]
@@ -93,7 +115,9 @@ class Observer:
         scenario, interval = self._scenario, self._scenario.control.interval
         fresh = reading.cutting_time < self._cutting_time - 1e-5
         self._forget(self._mean, self._covariance, fresh, slice(EDGE, EDGE + 1))
-        engaged = np.clip(60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval)
+        engaged = np.clip(
+            60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval
+        )
         self._cutting_time = reading.cutting_time
         self._velocity = self._feed_velocity(reading.cutting_speed, reading.feed)
         moved = self._mean_velocity(reading) * engaged
@@ -106,7 +130,9 @@ class Observer:
         self._readings[entering] = 0
         time_in_metal = np.where(self._in_metal & ~passed_gap, interval, engaged)
         place = self._moved_to(reading, moved, passed_gap) if place is None else place
-        self._place = np.where(reading.cutting, np.maximum(place, 0.0), place)  # a wrong zero must not free the feed
+        self._place = np.where(
+            reading.cutting, np.maximum(place, 0.0), place
+        )  # a wrong zero must not free the feed
         self._in_metal = reading.cutting
         self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
         self._mean, self._covariance = self._predicted(moved)
@@ -114,19 +140,35 @@ class Observer:
         nominal = nominal_loads(scenario, reading.cutting_speed, reading.feed, depth, self._wear)
         cut_power = reading.power - idle_power_at(scenario, reading.cutting_speed)
         measured = np.maximum([cut_power, reading.thrust_force], 0.01 * nominal)
-        moves = reading.feed > 0.5 * scenario.machine.feed_min  # the models do not hold at a standstill
-        remains = np.exp(-moved / reading.feed / self._chip_lag) if self._chip_lag > 0.0 else 0.0  # moved / feed: turns
-        self._forming = np.where(reading.cutting, nominal - remains * (nominal - self._forming), 0.0)
+        moves = (
+            reading.feed > 0.5 * scenario.machine.feed_min
+        )  # the models do not hold at a standstill
+        remains = (
+            np.exp(-moved / reading.feed / self._chip_lag) if self._chip_lag > 0.0 else 0.0
+        )  # moved / feed: turns
+        self._forming = np.where(
+            reading.cutting, nominal - remains * (nominal - self._forming), 0.0
+        )
         for k, tau in enumerate(self._time_constants):
             share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
             self._lagging[k] += (self._forming[k] - self._lagging[k]) * share
-            readable = reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
+            readable = (
+                reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
+            )
             lag = np.log(np.maximum(self._lagging[k], 1e-9) / nominal[k])
-            noise = self._noise[k] * (np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0)
+            noise = self._noise[k] * (
+                np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0
+            )
             if k == 0:
                 self.known |= readable
                 self._readings += readable
-            self._correct(k, np.log(measured[k] / nominal[k]) - lag, noise**2 + (LAG_ERROR * lag) ** 2, depth, readable)
+            self._correct(
+                k,
+                np.log(measured[k] / nominal[k]) - lag,
+                noise**2 + (LAG_ERROR * lag) ** 2,
+                depth,
+                readable,
+            )
 
     def _feed_velocity(self, cutting_speed: Values, feed: Values) -> Values:
         """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
@@ -136,11 +178,15 @@ class Observer:
     def _mean_velocity(self, reading: Reading) -> Values:
         """Return the mean feed velocity [mm/s] since the readings before, as both drives follow with a first-order lag."""
         machine, interval = self._scenario.machine, self._scenario.control.interval
-        speed = mean_of_lag(self._speed_before, reading.cutting_speed, machine.spindle_time_constant, interval)
+        speed = mean_of_lag(
+            self._speed_before, reading.cutting_speed, machine.spindle_time_constant, interval
+        )
         feed = mean_of_lag(self._feed_before, reading.feed, machine.feed_time_constant, interval)
         return self._feed_velocity(speed, feed)
 
-    def _passed_gap(self, reading: Reading, place: Values | None, moved: Values, engaged: Values) -> NDArray[np.bool_]:
+    def _passed_gap(
+        self, reading: Reading, place: Values | None, moved: Values, engaged: Values
+    ) -> NDArray[np.bool_]:
         """Return whether the tool has passed into another bar between two readings in metal.
 
         The gap between two bars may be so short that no reading falls into it. Then the time in metal falls short of the
@@ -184,11 +230,17 @@ class Observer:
         by_depth, by_hardness, by_edge = self._exponents[k]
         actual = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
         gradient = np.tile([0.0, 0.0, by_hardness, by_edge, by_hardness], (len(depth), 1))
-        value = by_depth * np.log(actual / depth) + by_hardness * (mean[:, BAR] + mean[:, ALL_BARS]) + by_edge * mean[:, EDGE]
+        value = (
+            by_depth * np.log(actual / depth)
+            + by_hardness * (mean[:, BAR] + mean[:, ALL_BARS])
+            + by_edge * mean[:, EDGE]
+        )
         gradient[:, EXCESS] = by_depth / actual
         return value, gradient
 
-    def _correct(self, k: int, measured: Values, variance: Values, depth: Values, readable: NDArray[np.bool_]) -> None:
+    def _correct(
+        self, k: int, measured: Values, variance: Values, depth: Values, readable: NDArray[np.bool_]
+    ) -> None:
         expected, gradient = self._response(k, self._mean, depth)
         shared = np.einsum("nij,nj->ni", self._covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
@@ -205,7 +257,9 @@ class Observer:
         """
         self._expect_at(self._velocity, target)
         allowed = np.minimum(self.feeds(asked_speed).min(axis=0), asked_feed)
-        self._expect_at(np.maximum(self._velocity, self._feed_velocity(asked_speed, allowed)), target)
+        self._expect_at(
+            np.maximum(self._velocity, self._feed_velocity(asked_speed, allowed)), target
+        )
 
     def _expect_at(self, velocity: Values, target: float) -> None:
         """Set the loads over nominal that commands must bear if the tool moves at a velocity [mm/s]."""
@@ -219,7 +273,9 @@ class Observer:
         self._forget(*there, new_bar, OF_A_BAR)
         margin = np.where(self._readings < FIRST_READINGS, FIRST_MARGIN, MARGIN)
         loads = np.empty((2, 2, len(section)))
-        for j, ((mean, covariance), unknown) in enumerate(((here, ~self.known), (there, new_bar | ~self.known))):
+        for j, ((mean, covariance), unknown) in enumerate(
+            ((here, ~self.known), (there, new_bar | ~self.known))
+        ):
             for k in (0, 1):
                 value, gradient = self._response(k, mean, self._depths[j])
                 spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, covariance, gradient))
@@ -227,11 +283,16 @@ class Observer:
                 tolerated -= np.log1p(scenario.limits.overload_tolerance)
                 loads[j, k] = np.maximum(value - np.log(target), tolerated)
         self._loads = np.exp(loads)
-        distance = np.where(new_bar, work.bar_length + work.approach, self._starts[following]) - self._place
+        distance = (
+            np.where(new_bar, work.bar_length + work.approach, self._starts[following])
+            - self._place
+        )
         self._time_left = np.maximum(distance, 0.0) / velocity  # until the next section or bar [s]
         self._last_section = new_bar & (work.bars == 1)
         left = self._time_left - self._acts - SETTLED
-        fall = max(machine.feed_time_constant, 1e-3)  # time constant with which the feed falls before a deeper section [s]
+        fall = max(
+            machine.feed_time_constant, 1e-3
+        )  # time constant with which the feed falls before a deeper section [s]
         if scenario.control.action == "incremental":
             fall = max(fall, scenario.control.interval / scenario.control.feed_step)
         self._slack = np.exp(np.clip(left / fall, 0.0, 50.0))
@@ -242,11 +303,14 @@ class Observer:
         law, low = self._scenario.material.wear, self._scenario.machine.feed_min
         per_minute = law(speed, self._feed, self._scenario.workpiece.depth_of_cut)
         minutes, n = self._acts / 60.0, law.time
-        wear = (self._wear ** (1.0 / n) + per_minute ** (1.0 / n) * minutes) ** n  # at the end of the next step
+        wear = (
+            self._wear ** (1.0 / n) + per_minute ** (1.0 / n) * minutes
+        ) ** n  # at the end of the next step
         if self._scenario.tool.wear_rule == "clock_time":  # as if the edge had always cut so
             wear = np.maximum(wear, per_minute * (self._cutting_time + minutes) ** n)
         here, there = (
-            feeds_of(self._scenario, speed, depth, wear, loads) for depth, loads in zip(self._depths, self._loads, strict=True)
+            feeds_of(self._scenario, speed, depth, wear, loads)
+            for depth, loads in zip(self._depths, self._loads, strict=True)
         )
         # The feed falls to the lowest one in time, also if that one is too high: another speed or the operator must help then.
         later = low + np.maximum(there - low, LOWEST_GAP * low) * self._slack
@@ -262,14 +326,22 @@ class Observer:
         self._feed = np.maximum(self._feed, feed)
         changes = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, 41) if free else np.zeros(1)
         changes = changes[np.argsort(np.abs(changes), kind="stable")]
-        speeds = np.clip(asked * np.exp(changes)[:, None], machine.cutting_speed_min, self._scenario.cutting_speed_max)
+        speeds = np.clip(
+            asked * np.exp(changes)[:, None],
+            machine.cutting_speed_min,
+            self._scenario.cutting_speed_max,
+        )
         feeds = self.feeds(speeds).min(axis=0)
         removal = speeds * np.where(feeds >= machine.feed_min, feeds, 1e-6 * feeds)
         enough = removal >= asked * feed
         chosen = np.where(enough.any(axis=0), enough.argmax(axis=0), removal.argmax(axis=0))
-        return speeds[chosen, np.arange(len(asked))], self.known & (feeds < machine.feed_min).all(axis=0)
+        return speeds[chosen, np.arange(len(asked))], self.known & (feeds < machine.feed_min).all(
+            axis=0
+        )
 
-    def entry_speed(self, asked: Values, commanded: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
+    def entry_speed(
+        self, asked: Values, commanded: Values, free: bool
+    ) -> tuple[Values, NDArray[np.bool_]]:
         """Return the speed [m/min] nearest to the asked one at which the lowest feed keeps the limits in the next section or bar.
 
         The asked speed stays where there is time to change it later. ``free``: whether the speed may be changed from the
@@ -277,14 +349,24 @@ class Observer:
         """
         scenario, machine = self._scenario, self._scenario.machine
         speed, blocked = asked.copy(), np.zeros(len(asked), np.bool_)
-        speed_step = scenario.control.cutting_speed_step if scenario.control.action == "incremental" else np.inf
-        longest = np.log(scenario.cutting_speed_max / machine.cutting_speed_min) / speed_step + ENTRY_LEAD
+        speed_step = (
+            scenario.control.cutting_speed_step
+            if scenario.control.action == "incremental"
+            else np.inf
+        )
+        longest = (
+            np.log(scenario.cutting_speed_max / machine.cutting_speed_min) / speed_step + ENTRY_LEAD
+        )
         near = (self._time_left < longest * scenario.control.interval) & ~self._last_section
         if not near.any():
             return speed, blocked
 
         lowest, highest = machine.cutting_speed_min, scenario.cutting_speed_max
-        speeds = np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None] if free else commanded[near][None, :]
+        speeds = (
+            np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None]
+            if free
+            else commanded[near][None, :]
+        )
         depth, wear, loads = self._depths[1][near], self._wear[near], self._loads[1][:, near]
         feeds = feeds_of(scenario, speeds, depth, wear, loads[:, None, :]).min(axis=0)
         changes = np.abs(np.log(speeds / asked[near]))
@@ -318,7 +400,11 @@ class Observer:
         for share, law in zip((power_share, force_share), laws, strict=True):
             over = reading.cutting & (share > 1.0)
             exponent = law.feed if law.feed > 0.0 else np.inf
-            feed = np.where(over, np.minimum(feed, reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)), feed)
+            feed = np.where(
+                over,
+                np.minimum(feed, reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)),
+                feed,
+            )
         return feed, reading.cutting & (power_share > 1.0)
 
 
@@ -330,17 +416,31 @@ def mean_of_lag(start: Values, end: Values, time_constant: float, interval: floa
     return end + (start - end) * (time_constant / interval - remains / (1.0 - remains))
 
 
-def nominal_loads(scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values) -> Values:
+def nominal_loads(
+    scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values
+) -> Values:
     """Return nominal cutting power [kW] and thrust force [N]."""
     laws = scenario.material.power, scenario.material.thrust_force
     return np.stack([law(speed, feed, depth, wear=wear) for law in laws])
 
 
-def feeds_of(scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values) -> Values:
+def feeds_of(
+    scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values
+) -> Values:
     """Return the feeds [mm/rev] at which loads, expected over nominal [-], reach their limits; infinite if feed has no effect."""
     limits, material = scenario.limits, scenario.material
     nominal = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
     per_power, per_force = (load * each for load, each in zip(loads, nominal, strict=True))
-    left = np.maximum(limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6)
-    shares = (left / per_power, material.power.feed), (limits.thrust_force / per_force, material.thrust_force.feed)
-    return np.stack([share ** (1.0 / feed) if feed > 0 else np.full_like(share, np.inf) for share, feed in shares])
+    left = np.maximum(
+        limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6
+    )
+    shares = (
+        (left / per_power, material.power.feed),
+        (limits.thrust_force / per_force, material.thrust_force.feed),
+    )
+    return np.stack(
+        [
+            share ** (1.0 / feed) if feed > 0 else np.full_like(share, np.inf)
+            for share, feed in shares
+        ]
+    )

@@ -26,10 +26,17 @@ def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
     """Return the node ids of readings and of commands by name; ValueError if one is unknown or missing."""
     plan = tomllib.loads(path.read_text())
     readings, commands = plan.get("readings", {}), plan.get("commands", {})
-    for kind, names, allowed in (("readings", readings, READINGS), ("commands", commands, COMMANDS)):
+    for kind, names, allowed in (
+        ("readings", readings, READINGS),
+        ("commands", commands, COMMANDS),
+    ):
         if unknown := sorted(set(names) - allowed):
-            raise ValueError(f"{path}: {kind} has {unknown[0]!r}, but must be one of {', '.join(sorted(allowed))}")
-    if missing := [name for name in (*NEEDED, "adaptive_feed") if name not in {**readings, **commands}]:
+            raise ValueError(
+                f"{path}: {kind} has {unknown[0]!r}, but must be one of {', '.join(sorted(allowed))}"
+            )
+    if missing := [
+        name for name in (*NEEDED, "adaptive_feed") if name not in {**readings, **commands}
+    ]:
         raise ValueError(f"{path}: {missing[0]!r} is missing")
     return readings, commands
 
@@ -58,16 +65,27 @@ def drive(
         types = {name: node.read_data_type_as_variant_type() for name, node in targets.items()}
 
         def send(commands: Commands, alive: int) -> None:
-            values = {"adaptive_feed": commands.adaptive_feed, "spindle_override": commands.spindle_override}
+            values = {
+                "adaptive_feed": commands.adaptive_feed,
+                "spindle_override": commands.spindle_override,
+            }
             values |= {"status": int(commands.status), "alive": alive}
-            client.write_values(list(targets.values()), [ua.Variant(values[name], types[name]) for name in targets])
+            client.write_values(
+                list(targets.values()), [ua.Variant(values[name], types[name]) for name in targets]
+            )
 
         before, edge, alive, due = time.monotonic(), None, 0, time.monotonic()
         try:
             while runs():
                 now = time.monotonic()
-                values = dict(zip(read, client.read_attributes(sources, AttributeIds.Value), strict=True))
-                good = {name: each.Value.Value for name, each in values.items() if each.StatusCode.is_good()}
+                values = dict(
+                    zip(read, client.read_attributes(sources, AttributeIds.Value), strict=True)
+                )
+                good = {
+                    name: each.Value.Value
+                    for name, each in values.items()
+                    if each.StatusCode.is_good()
+                }
                 readings = _readings(good, now - before, edge)
                 before, edge, alive = now, good.get("edge", edge), (alive + 1) % 2**15
                 send(controller.decide(readings) if set(NEEDED) <= set(good) else safe, alive)
@@ -80,8 +98,16 @@ def drive(
 
 def _readings(values: dict[str, Any], seconds: float, edge: Any) -> Readings:
     """Return readings of the values that are good; others count as lost."""
-    number = {name: float(value) for name, value in values.items() if name not in ("in_feed", "cutting", "edge")}
+    number = {
+        name: float(value)
+        for name, value in values.items()
+        if name not in ("in_feed", "cutting", "edge")
+    }
     in_feed, cutting = bool(values.get("in_feed")), bool(values.get("cutting"))
-    number = {"spindle_speed": math.nan, "feed_velocity": math.nan, "engaged_time": seconds * (in_feed and cutting)} | number
+    number = {
+        "spindle_speed": math.nan,
+        "feed_velocity": math.nan,
+        "engaged_time": seconds * (in_feed and cutting),
+    } | number
     new_edge = edge is not None and values.get("edge", edge) != edge
     return Readings(**number, in_feed=in_feed, cutting=cutting, new_edge=new_edge)

@@ -20,12 +20,21 @@ from turning_env.console import Mistake
 Mode = Literal["None", "Sign", "SignAndEncrypt"]
 MODES: tuple[Mode, ...] = get_args(Mode)  # the safest last
 
-POLICIES = ("None", "Basic128Rsa15", "Basic256", "Basic256Sha256", "Aes128Sha256RsaOaep", "Aes256Sha256RsaPss")
+POLICIES = (
+    "None",
+    "Basic128Rsa15",
+    "Basic256",
+    "Basic256Sha256",
+    "Aes128Sha256RsaOaep",
+    "Aes256Sha256RsaPss",
+)
 """Security policies that can be named, the safest last."""
 OBSOLETE = ("Basic128Rsa15", "Basic256")  # broken: never taken unless named
 
 PASSWORD = "TURNING_OPCUA_PASSWORD"  # environment variable that holds the user's password
-KEY_PASSWORD = "TURNING_OPCUA_KEY_PASSWORD"  # that holds the password of the private key, if it has one
+KEY_PASSWORD = (
+    "TURNING_OPCUA_KEY_PASSWORD"  # that holds the password of the private key, if it has one
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,9 @@ class Security:
 
     def __post_init__(self) -> None:
         if (self.certificate is None) != (self.key is None):
-            raise Mistake("a certificate and its private key belong together: give both, or neither")
+            raise Mistake(
+                "a certificate and its private key belong together: give both, or neither"
+            )
         if self.policy == "None" and self.mode in ("Sign", "SignAndEncrypt"):
             raise Mistake(f"mode {self.mode} needs a security policy other than None")
         if self.policy not in (None, "None") and self.mode == "None":
@@ -51,7 +62,9 @@ class Security:
         if self.policy not in (None, "None") and self.certificate is None:
             raise Mistake(f"security policy {self.policy} needs a certificate and its private key")
         if self.policy == "None" and self.server_certificate is not None:
-            raise Mistake("without a security policy, nothing proves the server's certificate: leave one of both out")
+            raise Mistake(
+                "without a security policy, nothing proves the server's certificate: leave one of both out"
+            )
 
 
 @dataclass(frozen=True)
@@ -79,7 +92,9 @@ def read_password(user: str | None, file: Path | None) -> str | None:
         return os.environ[PASSWORD]
     if sys.stdin.isatty():
         return getpass.getpass(f"Password of {user}: ", stream=sys.stderr)
-    raise Mistake(f"the password of {user} is missing: give --password-file FILE, or set {PASSWORD}")
+    raise Mistake(
+        f"the password of {user} is missing: give --password-file FILE, or set {PASSWORD}"
+    )
 
 
 def offers_of(endpoints: Sequence[Any]) -> list[Offer]:
@@ -108,7 +123,8 @@ def offers_of(endpoints: Sequence[Any]) -> list[Offer]:
                 policy=policy,
                 mode=mode,
                 users=tuple(dict.fromkeys(token.TokenType.name for token in tokens)),
-                protects_password=mode == "SignAndEncrypt" or password_policies[:1] not in ([], ["None"]),
+                protects_password=mode == "SignAndEncrypt"
+                or password_policies[:1] not in ([], ["None"]),
                 server_certificate=endpoint.ServerCertificate or b"",
             )
         )
@@ -123,8 +139,12 @@ def chosen(offers: Sequence[Offer], given: Security) -> Offer:
     """Return the safest offer that fits what is given, or raise Mistake with the server's offers."""
     fitting = [offer for offer in offers if _why_not(offer, given) is None]
     if fitting:
-        return max(fitting, key=lambda offer: (MODES.index(offer.mode), POLICIES.index(offer.policy)))
-    reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers] or ["nothing that this program knows"]
+        return max(
+            fitting, key=lambda offer: (MODES.index(offer.mode), POLICIES.index(offer.policy))
+        )
+    reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers] or [
+        "nothing that this program knows"
+    ]
     raise Mistake(f"no offer of the server fits what is given; it offers {'; '.join(reasons)}")
 
 
@@ -149,7 +169,9 @@ def _why_not(offer: Offer, given: Security) -> str | None:
             return "takes no user with a password"
         if not offer.protects_password and not accepts_open:
             return "would send the password unencrypted; give --security-policy None to accept this"
-    elif "Anonymous" not in offer.users and not (given.certificate is not None and "Certificate" in offer.users):
+    elif "Anonymous" not in offer.users and not (
+        given.certificate is not None and "Certificate" in offer.users
+    ):
         return "needs " + " or ".join(_NEEDS[kind] for kind in offer.users if kind in _NEEDS)
     return None
 
@@ -163,9 +185,17 @@ def notice(offer: Offer, given: Security) -> str:
     if offer.mode == "None":
         password = ""
         if given.user is not None:
-            password = " The password is encrypted." if offer.protects_password else " The password is sent unencrypted."
+            password = (
+                " The password is encrypted."
+                if offer.protects_password
+                else " The password is sent unencrypted."
+            )
         return f"OPC UA: NOT ENCRYPTED, not signed: others on the network can read and change readings and commands.{password}"
-    protection = "signed and encrypted" if offer.mode == "SignAndEncrypt" else "signed, NOT ENCRYPTED: others can read it"
+    protection = (
+        "signed and encrypted"
+        if offer.mode == "SignAndEncrypt"
+        else "signed, NOT ENCRYPTED: others can read it"
+    )
     if given.server_certificate is not None:
         trust = "the server's certificate is the given one"
     else:
@@ -209,7 +239,9 @@ def _check_server(offer: Offer, given: Security) -> None:
     # What is compared here is not proven yet: the connection that follows can only be opened with this certificate's key.
     if not offer.server_certificate.startswith(trusted.public_bytes(Encoding.DER)):
         presented = hashlib.sha256(offer.server_certificate).hexdigest()
-        raise ConnectionError(f"the server presents another certificate (SHA-256 {presented}) than {given.server_certificate}")
+        raise ConnectionError(
+            f"the server presents another certificate (SHA-256 {presented}) than {given.server_certificate}"
+        )
 
 
 def _certificate(path: Path) -> Any:
@@ -218,7 +250,11 @@ def _certificate(path: Path) -> Any:
 
     content = path.read_bytes()
     try:
-        return x509.load_pem_x509_certificate(content) if b"-----BEGIN" in content else x509.load_der_x509_certificate(content)
+        return (
+            x509.load_pem_x509_certificate(content)
+            if b"-----BEGIN" in content
+            else x509.load_der_x509_certificate(content)
+        )
     except ValueError as error:
         raise Mistake(f"{path} holds no certificate in PEM or DER: {error}") from error
 
@@ -234,8 +270,13 @@ def _private_key(path: Path, password: str | None) -> bytes:
             key = serialization.load_pem_private_key(content, password=secret)
         else:
             key = serialization.load_der_private_key(content, password=secret)
-    except (ValueError, TypeError) as error:  # TypeError: a password is missing, or one is given in vain
-        raise Mistake(f"{path} holds no private key that can be read ({KEY_PASSWORD} holds its password): {error}") from error
+    except (
+        ValueError,
+        TypeError,
+    ) as error:  # TypeError: a password is missing, or one is given in vain
+        raise Mistake(
+            f"{path} holds no private key that can be read ({KEY_PASSWORD} holds its password): {error}"
+        ) from error
     return key.private_bytes(
         encoding=serialization.Encoding.PEM,
         format=serialization.PrivateFormat.PKCS8,
@@ -260,7 +301,9 @@ def _protect(client: Any, offer: Offer, given: Security) -> None:
     certificate = _certificate(given.certificate)
     key = CertProperties(_private_key(given.key, given.key_password), "pem")
     own = CertProperties(certificate.public_bytes(Encoding.PEM), "pem")
-    with contextlib.suppress(x509.ExtensionNotFound):  # servers compare this address with the certificate's
+    with contextlib.suppress(
+        x509.ExtensionNotFound
+    ):  # servers compare this address with the certificate's
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         for address in names.get_values_for_type(x509.UniformResourceIdentifier)[:1]:
             client.application_uri = address
@@ -271,7 +314,9 @@ def _protect(client: Any, offer: Offer, given: Security) -> None:
         policy = getattr(security_policies, f"SecurityPolicy{offer.policy}")
         server = CertProperties(_first_certificate(offer.server_certificate), "der")
         mode = getattr(ua.MessageSecurityMode, offer.mode)
-        client.tloop.post(client.aio_obj.set_security(policy, own, key, server_certificate=server, mode=mode))
+        client.tloop.post(
+            client.aio_obj.set_security(policy, own, key, server_certificate=server, mode=mode)
+        )
 
 
 def _first_certificate(chain: bytes) -> bytes:

@@ -16,25 +16,52 @@ from turning_env.scenario import Scenario
 STILL = 1e-6  # feed in place of a standstill [mm/rev]; it removes nothing worth mentioning
 # Sums over a call, from the transition's report, and values at its end, from the state.
 REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")
-STATES = ("thrust_force", "power", "depth_of_cut", "edge", "measured_power", "measured_thrust_force", "measured_servo_current")
+STATES = (
+    "thrust_force",
+    "power",
+    "depth_of_cut",
+    "edge",
+    "measured_power",
+    "measured_thrust_force",
+    "measured_servo_current",
+)
 
 
 class Plant:
     """A lathe's process. Bars, as of a seed in the simulation, follow one another; every pass of the program is the next."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        one_step = {"action": "incremental", "edge_changes": "automatic", "sub_steps": 1, "time_limit": 1e5}
-        control, endless = scenario.control.model_copy(update=one_step), scenario.workpiece.model_copy(update={"bars": 0})
+        one_step = {
+            "action": "incremental",
+            "edge_changes": "automatic",
+            "sub_steps": 1,
+            "time_limit": 1e5,
+        }
+        control, endless = (
+            scenario.control.model_copy(update=one_step),
+            scenario.workpiece.model_copy(update={"bars": 0}),
+        )
         self._scenario = scenario.model_copy(update={"control": control, "workpiece": endless})
-        self._records = self._states, self._parameters, self._scratches = block_records(self._scenario)
+        self._records = self._states, self._parameters, self._scratches = block_records(
+            self._scenario
+        )
         self._states["seed"][0, 0] = seed
         start_plant(*self._records)
-        free = {"spindle_share": 0.0, "feed_share": 0.0, "cutting_speed_min": 1e-3, "feed_min": STILL}  # the control moves
-        for name, value in (free | {"reachable_cutting_speed": math.inf, "feed_max": math.inf}).items():
+        free = {
+            "spindle_share": 0.0,
+            "feed_share": 0.0,
+            "cutting_speed_min": 1e-3,
+            "feed_min": STILL,
+        }  # the control moves
+        for name, value in (
+            free | {"reachable_cutting_speed": math.inf, "feed_max": math.inf}
+        ).items():
             self._parameters[name] = value
         self._bar, self._along, self._returns = 0, 0.0, False
 
-    def advance(self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool) -> dict[str, float]:
+    def advance(
+        self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool
+    ) -> dict[str, float]:
         """Move the tool for some seconds [s], and return its sensors' readings and the hidden values.
 
         ``along`` is its position from the beginning of the approach [mm], with spindle speed [rev/min] and feed velocity [mm/s];
@@ -50,7 +77,12 @@ class Plant:
         pitch = float(p["bar_pitch"][0, 0])
         speed = max(spindle_speed / float(p["revolutions_per_metre"][0, 0]), 1e-3)
         feed = max(60.0 * velocity / max(spindle_speed, 1e-3), STILL) if in_feed else STILL
-        moved = {"cutting_speed": speed, "commanded_cutting_speed": speed, "feed": feed, "commanded_feed": feed}
+        moved = {
+            "cutting_speed": speed,
+            "commanded_cutting_speed": speed,
+            "feed": feed,
+            "commanded_feed": feed,
+        }
         path = self._bar * pitch + min(max(self._along, 0.0), pitch - 1e-6)
         for name, value in (moved | {"path": path, "ended": 0, "clock": 0.0}).items():
             self._states[name][0, 0] = value

@@ -32,7 +32,9 @@ from turning_env.scoring.sandbox import Limits
 
 LOADING = 120.0  # time in which a policy must load and answer for the first time [s]
 HUNG = 10.0  # time without an answer after which a policy's process is ended [s]
-FILE_LIMITS = Limits(answer=HUNG, start=LOADING, computing=0)  # of an ONNX file; any processor time, as a control runs for weeks
+FILE_LIMITS = Limits(
+    answer=HUNG, start=LOADING, computing=0
+)  # of an ONNX file; any processor time, as a control runs for weeks
 PROGRAM = "import sys; from turning_control.policy_process import main; main(sys.argv[1], int(sys.argv[2]))"
 MAX_ANSWER = 2**20  # length of an answer above which it is refused [bytes]
 
@@ -69,7 +71,9 @@ class PolicyProcess(Policy):
         self._asked: float | None = None  # when the request that is not answered yet was sent
         self._received = b""
         command = [sys.executable, "-c", PROGRAM, name, str(num_envs)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+        )
         self._end = weakref.finalize(self, _end, self._process)
         for pipe in (self._process.stdin, self._process.stdout):
             os.set_blocking(pipe.fileno(), False)  # type: ignore[union-attr]
@@ -155,7 +159,9 @@ class PolicyProcess(Policy):
     def _ended(self) -> PolicyEndedError:
         """End the process, and return the error that says so."""
         self._end()
-        return PolicyEndedError(f"the process of {self._name} has ended, status {self._process.returncode}")
+        return PolicyEndedError(
+            f"the process of {self._name} has ended, status {self._process.returncode}"
+        )
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

@@ -41,7 +41,9 @@ class Settings:
     safe_share: float = 0.5  # safe over programmed feed [-]
     target: float = 1.02  # expected load over its limit that the shield allows [-]
     rise: float = 20.0  # largest rise of the commanded feed over its range [1/s]
-    deadline: float | None = None  # time in which a policy must answer [s]; None: not measured, as in simulations
+    deadline: float | None = (
+        None  # time in which a policy must answer [s]; None: not measured, as in simulations
+    )
 
 
 class Shield(Policy):
@@ -61,9 +63,13 @@ class Shield(Policy):
 
     place: Values | None = None
 
-    def __init__(self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()) -> None:
+    def __init__(
+        self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()
+    ) -> None:
         if scenario.control.action == "part":
-            raise ValueError(f"scenario {scenario.name!r} commands whole parts, but the shield guards an action per interval")
+            raise ValueError(
+                f"scenario {scenario.name!r} commands whole parts, but the shield guards an action per interval"
+            )
         self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
@@ -101,10 +107,15 @@ class Shield(Policy):
             if deadline is not None and seconds > deadline:
                 why, problem = "late", f"it answered after {1000.0 * seconds:.0f} ms"
             elif answer.shape != shape or answer.dtype.kind not in "fiu":
-                why, problem = "shape", f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}"
+                why, problem = (
+                    "shape",
+                    f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}",
+                )
             else:
                 finite = np.asarray(np.isfinite(answer).all(axis=1))
-                actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(np.float32)
+                actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(
+                    np.float32
+                )
                 return actions, np.where(finite, "", "not finite")
         LOG.warning("the policy is refused: %s", problem)
         return np.zeros(shape, np.float32), np.full(len(observations), why)
@@ -118,17 +129,24 @@ class Shield(Policy):
         """Return the actions that command the safe feed at the programmed speed."""
         control, machine = self._scenario.control, self._scenario.machine
         programmed = np.full(len(reading.feed), control.initial_cutting_speed)
-        feed = np.full(len(reading.feed), max(self._settings.safe_share * control.initial_feed, machine.feed_min))
+        feed = np.full(
+            len(reading.feed),
+            max(self._settings.safe_share * control.initial_feed, machine.feed_min),
+        )
         return towards(reading, self._scenario, programmed, feed)
 
     def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
         """Return actions that keep the limits, and the limits that changed them, shape (num_envs,)."""
         control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
         observer.follow(reading, self.place)
-        asked_speed, asked = commanded(actions, reading.commanded_cutting_speed, reading.commanded_feed, self._scenario)
+        asked_speed, asked = commanded(
+            actions, reading.commanded_cutting_speed, reading.commanded_feed, self._scenario
+        )
         observer.expect(self._settings.target, asked_speed, asked)
         free = control.action != "override"
-        entry_speed, blocked = observer.entry_speed(asked_speed, reading.commanded_cutting_speed, free)
+        entry_speed, blocked = observer.entry_speed(
+            asked_speed, reading.commanded_cutting_speed, free
+        )
         speed, hopeless = observer.speed(entry_speed, asked, free)
         proven, power_is_over = observer.proven_feed(reading)
         speed = np.where(power_is_over, np.minimum(speed, reading.commanded_cutting_speed), speed)
@@ -140,16 +158,27 @@ class Shield(Policy):
             blocked = np.zeros_like(blocked)
         self._hand_over(stuck, "no speed and feed keep the limits")
         self._hand_over(blocked, "no speed and feed would keep the limits in the next cut")
-        by_power, by_force = np.minimum(observer.feeds(speed), observer.feeds(reading.cutting_speed))
+        by_power, by_force = np.minimum(
+            observer.feeds(speed), observer.feeds(reading.cutting_speed)
+        )
         bound = np.minimum(by_power, by_force)
         # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
         # delays swing.
-        share = max(lag_share(control.interval + machine.command_delay, machine.feed_time_constant), MIN_SHARE)
+        share = max(
+            lag_share(control.interval + machine.command_delay, machine.feed_time_constant),
+            MIN_SHARE,
+        )
         bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
-        bound = np.minimum(bound, np.where(np.isfinite(proven), np.minimum(proven, reading.commanded_feed), np.inf))
-        rise = reading.commanded_feed + self._settings.rise * control.interval * (machine.feed_max - machine.feed_min)
+        bound = np.minimum(
+            bound, np.where(np.isfinite(proven), np.minimum(proven, reading.commanded_feed), np.inf)
+        )
+        rise = reading.commanded_feed + self._settings.rise * control.interval * (
+            machine.feed_max - machine.feed_min
+        )
         same = asked * asked_speed / speed  # the asked removal rate, not more
-        feed = np.clip(np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max)
+        feed = np.clip(
+            np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max
+        )
         changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
         limited = towards(reading, self._scenario, speed, feed, change_edge)
         if change_edge is not None:

@@ -47,8 +47,26 @@ def __getattr__(name: str) -> Any:
     return value
 
 
-__all__ = ["FAMILY_ID", "IDS", "MODEL_VERSION", "OBS", "SPLITS", "__version__", "presets", "read", "score"]
-__all__ += ["Family", "FamilyEnv", "FamilyVectorEnv", "PowerLaw", "Reading", "RoughTurningEnv", "RoughTurningVectorEnv"]
+__all__ = [
+    "FAMILY_ID",
+    "IDS",
+    "MODEL_VERSION",
+    "OBS",
+    "SPLITS",
+    "__version__",
+    "presets",
+    "read",
+    "score",
+]
+__all__ += [
+    "Family",
+    "FamilyEnv",
+    "FamilyVectorEnv",
+    "PowerLaw",
+    "Reading",
+    "RoughTurningEnv",
+    "RoughTurningVectorEnv",
+]
 __all__ += ["Scenario", "ScenarioError", "Score"]
 
 _ENTRY_POINTS = {
@@ -69,6 +87,12 @@ _BATCH = "turning_env.vector_env:RoughTurningVectorEnv"
 _FAMILY = "turning_env.family_env:Family"
 
 for _id, (_single, _preset) in _ENTRY_POINTS.items():
-    gymnasium.register(_id, f"turning_env.{_single}", vector_entry_point=_BATCH, kwargs={"scenario": _preset})
-gymnasium.register(FAMILY_ID, f"{_FAMILY}Env", vector_entry_point=f"{_FAMILY}VectorEnv", kwargs={"family": "shop"})
-gymnasium.register("RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv")  # needs a program
+    gymnasium.register(
+        _id, f"turning_env.{_single}", vector_entry_point=_BATCH, kwargs={"scenario": _preset}
+    )
+gymnasium.register(
+    FAMILY_ID, f"{_FAMILY}Env", vector_entry_point=f"{_FAMILY}VectorEnv", kwargs={"family": "shop"}
+)
+gymnasium.register(
+    "RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv"
+)  # needs a program

@@ -21,12 +21,18 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m turning_env", **described(__doc__))
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def command(run: Callable[[argparse.Namespace], int], help: str, scenario: bool = True) -> argparse.ArgumentParser:
-        added = commands.add_parser(run.__name__.removeprefix("_").replace("_", "-"), help=help, **described(run.__doc__))
+    def command(
+        run: Callable[[argparse.Namespace], int], help: str, scenario: bool = True
+    ) -> argparse.ArgumentParser:
+        added = commands.add_parser(
+            run.__name__.removeprefix("_").replace("_", "-"), help=help, **described(run.__doc__)
+        )
         added.set_defaults(run=run)
         if scenario:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
-        parser.epilog = "\n".join((parser.epilog or "examples:", (added.epilog or "").splitlines()[1]))
+        parser.epilog = "\n".join(
+            (parser.epilog or "examples:", (added.epilog or "").splitlines()[1])
+        )
         return added
 
     command(_presets, "print the names of the presets", scenario=False)
@@ -37,10 +43,21 @@ def main(arguments: list[str] | None = None) -> int:
     scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
     scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
     scored.add_argument(
-        "--env", choices=(*IDS, FAMILY_ID), default="RoughTurning-v0", metavar="ID", help="environment (default: %(default)s)"
+        "--env",
+        choices=(*IDS, FAMILY_ID),
+        default="RoughTurning-v0",
+        metavar="ID",
+        help="environment (default: %(default)s)",
     )
-    scored.add_argument("--family", default="shop", metavar="NAME", help="preset of a family (default: %(default)s)")
-    scored.add_argument("--seeds", type=int, metavar="N", help="number of held-out seeds (default: those of the leaderboard)")
+    scored.add_argument(
+        "--family", default="shop", metavar="NAME", help="preset of a family (default: %(default)s)"
+    )
+    scored.add_argument(
+        "--seeds",
+        type=int,
+        metavar="N",
+        help="number of held-out seeds (default: those of the leaderboard)",
+    )
     scored.add_argument(
         "--agent-time",
         type=int,
@@ -79,7 +96,10 @@ def _schema(_: argparse.Namespace) -> int:
     python -m turning_env schema
     """
     schema = Scenario.model_json_schema()
-    schema["properties"]["calibration"] = {"type": "object", "description": "How the laws were measured; calibrate writes it."}
+    schema["properties"]["calibration"] = {
+        "type": "object",
+        "description": "How the laws were measured; calibrate writes it.",
+    }
     schema["properties"]["base"] = {
         "anyOf": [{"enum": list(presets())}, {"type": "string", "pattern": r"\.toml$"}],
         "description": "The preset, or the TOML file seen from this one's folder, whose values the file changes.",
@@ -101,7 +121,9 @@ def _score(options: argparse.Namespace) -> int:
     """
     try:
         limits = replace(LIMITS, computing=options.agent_time)
-        found = score(options.policy, options.env, options.seeds, family=options.family, limits=limits)
+        found = score(
+            options.policy, options.env, options.seeds, family=options.family, limits=limits
+        )
     except (TypeError, ValueError) as error:
         raise Mistake(f"{options.policy}: {error}") from error
     if options.json:
@@ -137,7 +159,9 @@ def _warm_up(_: argparse.Namespace) -> int:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
     if not folders:
-        raise Mistake("no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write")
+        raise Mistake(
+            "no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write"
+        )
     print("set NUMBA_CACHE_DIR to use another folder")
     return 0
 

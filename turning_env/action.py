@@ -42,21 +42,30 @@ def towards(
     """
     control, machine = scenario.control, scenario.machine
     if control.action == "incremental":
-        columns = [log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step]
+        columns = [
+            log(cutting_speed / reading.commanded_cutting_speed) / control.cutting_speed_step
+        ]
         columns += [log(feed / reading.commanded_feed) / control.feed_step]
     elif control.action == "set_point":
-        columns = [set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)]
+        columns = [
+            set_point_action(cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+        ]
         columns += [set_point_action(feed, machine.feed_min, machine.feed_max)]
     else:
         columns = [2.0 * feed / (control.override_max * control.initial_feed) - 1.0]
     if control.edge_changes == "commanded":
-        columns.append(np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0))
+        columns.append(
+            np.full(len(feed), -1.0) if change_edge is None else np.where(change_edge, 1.0, -1.0)
+        )
     actions: Actions = np.clip(np.stack(columns, axis=1), -1.0, 1.0).astype(np.float32)
     return actions
 
 
 def commanded(
-    actions: Actions, cutting_speed: NDArray[np.float64], feed: NDArray[np.float64], scenario: Scenario
+    actions: Actions,
+    cutting_speed: NDArray[np.float64],
+    feed: NDArray[np.float64],
+    scenario: Scenario,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the cutting speed [m/min] and feed [mm/rev] that actions command after a commanded speed and feed.
 
@@ -66,8 +75,16 @@ def commanded(
     states = new_records(STATE, -(-count // WIDTH))
     for name, values in (("commanded_cutting_speed", cutting_speed), ("commanded_feed", feed)):
         states[name].flat[:count] = values  # writes through to the records
-    command_all(states, parameters_of(scenario), new_records(SCRATCH, 1), np.asarray(actions, np.float64), count)
-    return states["commanded_cutting_speed"].ravel()[:count], states["commanded_feed"].ravel()[:count]
+    command_all(
+        states,
+        parameters_of(scenario),
+        new_records(SCRATCH, 1),
+        np.asarray(actions, np.float64),
+        count,
+    )
+    return states["commanded_cutting_speed"].ravel()[:count], states["commanded_feed"].ravel()[
+        :count
+    ]
 
 
 @compiled_entry
@@ -75,4 +92,10 @@ def command_all(states, parameters, scratches, actions, count):  # type: ignore[
     """Set the commanded speed and feed of environments in blocks from their actions."""
     for block in range(len(states)):
         first = block * WIDTH
-        command(states[block], scratches[0].work, actions[first:], min(count - first, WIDTH), parameters[0])
+        command(
+            states[block],
+            scratches[0].work,
+            actions[first:],
+            min(count - first, WIDTH),
+            parameters[0],
+        )

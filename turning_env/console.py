@@ -36,7 +36,9 @@ def printable(text: str) -> str:
     A terminal obeys control characters, and a line break may forge a line of output. Texts that come from a file or from a
     stranger pass through here before they are shown.
     """
-    return "".join(character if character.isprintable() else _escape(character) for character in text)
+    return "".join(
+        character if character.isprintable() else _escape(character) for character in text
+    )
 
 
 def _escape(character: str) -> str:
@@ -53,13 +55,21 @@ def described(text: str | None) -> dict[str, Any]:
     for paragraph in inspect.cleandoc(text or "").split("\n\n"):
         lines = paragraph.splitlines()
         if paragraph.lstrip().startswith("python -m "):
-            epilog = "\n  ".join(("example:" if len(lines) == 1 else "examples:", *map(str.strip, lines)))
+            epilog = "\n  ".join(
+                ("example:" if len(lines) == 1 else "examples:", *map(str.strip, lines))
+            )
         elif any(line.startswith((" ", "- ")) for line in lines):
             prose.append(paragraph)
         else:
-            prose.append(textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False))
+            prose.append(
+                textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False)
+            )
     formatter = argparse.RawDescriptionHelpFormatter
-    return {"description": "\n\n".join(prose).replace("``", ""), "epilog": epilog, "formatter_class": formatter}
+    return {
+        "description": "\n\n".join(prose).replace("``", ""),
+        "epilog": epilog,
+        "formatter_class": formatter,
+    }
 
 
 def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
@@ -67,7 +77,9 @@ def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
 
     def number(text: str) -> float:
         if not low <= (value := float(text)) <= high:
-            raise argparse.ArgumentTypeError(f"{text} is outside the allowed range {low:g} to {high:g} {unit}".rstrip(" -"))
+            raise argparse.ArgumentTypeError(
+                f"{text} is outside the allowed range {low:g} to {high:g} {unit}".rstrip(" -")
+            )
         return value
 
     return number
@@ -105,7 +117,9 @@ def exits(
                 print(interrupted, file=sys.stderr)
                 return INTERRUPTED
             except caught as error:
-                message = missing(error) if isinstance(error, ModuleNotFoundError) else _message(error)
+                message = (
+                    missing(error) if isinstance(error, ModuleNotFoundError) else _message(error)
+                )
                 if message is None:
                     raise
                 # Some messages list their items on lines of their own.

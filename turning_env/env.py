@@ -12,7 +12,16 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, Jobs, action_space, checked_seed, observation_space
+from turning_env.batch.driver import (
+    REWARD,
+    TERMINATED,
+    TRUNCATED,
+    Batch,
+    Jobs,
+    action_space,
+    checked_seed,
+    observation_space,
+)
 from turning_env.extras import provided
 from turning_env.info import Info, info_of
 from turning_env.scenario import Source, presets
@@ -25,7 +34,11 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
     """Raise ValueError if an option of ``reset`` is not allowed; options with Minari's prefix pass."""
     for name in options or ():
         if name not in allowed and not str(name).startswith("minari_"):
-            instead = names_instead(str(name), allowed, "") if allowed else "there are none; pass the scenario to gymnasium.make"
+            instead = (
+                names_instead(str(name), allowed, "")
+                if allowed
+                else "there are none; pass the scenario to gymnasium.make"
+            )
             raise ValueError(f"reset has no option {name!r}; {instead}")
 
 
@@ -50,7 +63,9 @@ class Shared:
     def spec(self, spec: EnvSpec | None) -> None:
         if spec is not None:
             scenario, jobs, steps = self.scenario, self._batch.jobs, spec.max_episode_steps
-            kwargs = {key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"}  # make_vec states it twice
+            kwargs = {
+                key: value for key, value in spec.kwargs.items() if key != "max_episode_steps"
+            }  # make_vec states it twice
             if "scenario" in kwargs and kwargs["scenario"] not in presets():
                 kwargs["scenario"] = scenario.portable()
             if jobs is not None and "family" in kwargs:
@@ -66,7 +81,9 @@ class Shared:
     def render(self) -> Any:
         """Return a frame, uint8 of shape (640, 960, 3), in mode "rgb_array"; show it in the window in mode "human"."""
         if self._viewer is None:
-            logger.warn('without a render mode, render() does nothing: make the environment with render_mode="rgb_array"')
+            logger.warn(
+                'without a render mode, render() does nothing: make the environment with render_mode="rgb_array"'
+            )
             return None
         return self._viewer.render()
 
@@ -188,13 +205,19 @@ class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.floa
 
     _PRESET = "rough_turning"
 
-    def __init__(self, scenario: Source | Jobs | None = None, render_mode: str | None = None) -> None:
-        self._set_up(Batch(self._PRESET if scenario is None else scenario, 1, single=True), render_mode, 1)
+    def __init__(
+        self, scenario: Source | Jobs | None = None, render_mode: str | None = None
+    ) -> None:
+        self._set_up(
+            Batch(self._PRESET if scenario is None else scenario, 1, single=True), render_mode, 1
+        )
         self.observation_space = observation_space(self.scenario, self._batch.context_size)
         self.action_space = action_space(self.scenario)
         self._under_way = False
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Info]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Info]:
         """Start episode 0 of ``seed``; without a seed, start the next episode of the present one. There are no options."""
         check_options(options)
         seed, batch = None if seed is None else checked_seed(seed, 0), self._batch

@@ -16,7 +16,18 @@ EXTRAS = {
     "opcua": ("asyncua",),
     "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
     "benchmark": (
-        *("jinja2", "joblib", "onnx", "onnxscript", "optuna", "sb3_contrib", "sqlalchemy", "tensorboard", "torch", "tqdm"),
+        *(
+            "jinja2",
+            "joblib",
+            "onnx",
+            "onnxscript",
+            "optuna",
+            "sb3_contrib",
+            "sqlalchemy",
+            "tensorboard",
+            "torch",
+            "tqdm",
+        ),
     ),
     "distributed": ("dask", "distributed", "psutil"),
     "publish": ("huggingface_hub",),
@@ -45,7 +56,11 @@ def missing(error: ModuleNotFoundError) -> str | None:
     name = (error.name or "").partition(".")[0]
     for extra, packages in EXTRAS.items():
         if name in packages:
-            source = f"-e '.[{extra}]' in a clone" if extra in _CLONE_ONLY else f"'rough-turning[{extra}]'"
+            source = (
+                f"-e '.[{extra}]' in a clone"
+                if extra in _CLONE_ONLY
+                else f"'rough-turning[{extra}]'"
+            )
             return f"{name} is not installed: pip install {source}"
     return None
 
@@ -58,13 +73,17 @@ def needed(error_type: type[Exception] | None = None) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (message := missing(error)) is None:
             raise
-        raise (error_type(message) if error_type else ModuleNotFoundError(message, name=error.name)) from None
+        raise (
+            error_type(message) if error_type else ModuleNotFoundError(message, name=error.name)
+        ) from None
 
 
 def tell_plainly() -> None:
     """Let a missing optional package end ``python -m`` of the caller's modules with one line and status 2."""
 
-    def print_missing(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    def print_missing(
+        kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+    ) -> None:
         if isinstance(error, ModuleNotFoundError) and (message := missing(error)):
             print(f"error: {message}", file=sys.stderr)
             sys.exit(2)

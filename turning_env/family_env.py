@@ -80,7 +80,11 @@ class FamilyEnv(OfFamily, RoughTurningEnv):
     """
 
     def __init__(
-        self, family: FamilySource = "shop", split: str = "train", context: Context = "told", render_mode: str | None = None
+        self,
+        family: FamilySource = "shop",
+        split: str = "train",
+        context: Context = "told",
+        render_mode: str | None = None,
     ) -> None:
         super().__init__(self._jobs(family, split, context), render_mode)
 

@@ -47,7 +47,9 @@ def digest_of(value: Any) -> str:
 def digest_of_files(folder: Path, paths: Iterable[Path]) -> str:
     """Return the SHA-256 of the files' contents and of their names relative to ``folder``; order and folders do not count."""
     files = (path for path in sorted(paths) if path.is_file())
-    content = b"".join(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() for path in files)
+    content = b"".join(
+        path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() for path in files
+    )
     return hashlib.sha256(content).hexdigest()
 
 
@@ -68,7 +70,9 @@ def folder_lock(folder: Path, wait: bool = False, shared: bool = False) -> Itera
                 with suppress(OSError):  # a hidden file is not read, so it does no harm
                     path.unlink(missing_ok=True)
         elif not shared:
-            raise ValueError(f"another process works in {folder}: wait until it has finished, or choose another place")
+            raise ValueError(
+                f"another process works in {folder}: wait until it has finished, or choose another place"
+            )
         if shared:
             _locked(handle, True, shared)
         yield
@@ -88,7 +92,10 @@ def _locked(handle: int, wait: bool, shared: bool = False) -> bool:
     """Return whether the lock is held; true if the file system has no locks."""
     try:
         if fcntl:
-            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
+            fcntl.flock(
+                handle,
+                (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB),
+            )
     except OSError as error:
         return error.errno not in (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES)
     return True

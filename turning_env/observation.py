@@ -16,7 +16,14 @@ from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp, expm1, log
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.machinability import force_and_power
-from turning_env.physics.quantities import DEVIATION_SCALE, MAX_LOG_TIME, MAX_RATIO, OBS, OBSERVATION, layout
+from turning_env.physics.quantities import (
+    DEVIATION_SCALE,
+    MAX_LOG_TIME,
+    MAX_RATIO,
+    OBS,
+    OBSERVATION,
+    layout,
+)
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, capacity_at, idle_power
 from turning_env.physics.wear import log_wear
@@ -25,7 +32,9 @@ from turning_env.scenario import Scenario
 
 def bounds(scenario: Scenario) -> NDArray[np.float32]:
     """Return the lowest and highest values of the entries in ``layout(scenario)``, shape (2, entries)."""
-    return np.array([(entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)], np.float32).T
+    return np.array(
+        [(entry.low, entry.high) for entry in OBSERVATION if entry.present(scenario)], np.float32
+    ).T
 
 
 @compiled
@@ -50,12 +59,21 @@ def observe(state, work, first, last, p):
     for i in env_range(first, last):
         speed_low, speed_scale = p.log_cutting_speed_min[i], p.cutting_speed_scale[i]
         feed_low, feed_scale = p.log_feed_min[i], p.feed_scale[i]
-        commanded_speed, commanded_feed = log(state.commanded_cutting_speed[i]), log(state.commanded_feed[i])
+        commanded_speed, commanded_feed = (
+            log(state.commanded_cutting_speed[i]),
+            log(state.commanded_feed[i]),
+        )
         entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i])
-        entries[OBS.thrust_force, i] = deviation(state.measured_thrust_force[i] * p.per_thrust_force_limit[i])
-        entries[OBS.cutting_speed, i] = range_position(work.log_cutting_speed[i], speed_low, speed_scale)
+        entries[OBS.thrust_force, i] = deviation(
+            state.measured_thrust_force[i] * p.per_thrust_force_limit[i]
+        )
+        entries[OBS.cutting_speed, i] = range_position(
+            work.log_cutting_speed[i], speed_low, speed_scale
+        )
         entries[OBS.feed, i] = range_position(work.log_feed[i], feed_low, feed_scale)
-        entries[OBS.commanded_cutting_speed, i] = range_position(commanded_speed, speed_low, speed_scale)
+        entries[OBS.commanded_cutting_speed, i] = range_position(
+            commanded_speed, speed_low, speed_scale
+        )
         entries[OBS.commanded_feed, i] = range_position(commanded_feed, feed_low, feed_scale)
         entries[OBS.cutting_time, i] = min(log(1.0 + state.cutting_time[i]), MAX_LOG_TIME)
         entries[OBS.cutting, i] = 1.0 if state.cutting[i] > 0 else 0.0
@@ -67,12 +85,18 @@ def observe(state, work, first, last, p):
         work.predicted_force[i] = force
         has_cut = state.nominal_used_life[i] > 0.0
         entries[OBS.power_ratio, i] = deviation(state.measured_power[i] / power if has_cut else 0.0)
-        entries[OBS.force_ratio, i] = deviation(state.measured_thrust_force[i] / force if has_cut else 0.0)
-        entries[OBS.nominal_wear, i] = min(exp(wear - p.log_wear_criterion[i]), MAX_RATIO) if has_cut else 0.0
+        entries[OBS.force_ratio, i] = deviation(
+            state.measured_thrust_force[i] / force if has_cut else 0.0
+        )
+        entries[OBS.nominal_wear, i] = (
+            min(exp(wear - p.log_wear_criterion[i]), MAX_RATIO) if has_cut else 0.0
+        )
     if p.reads_torque:
         for i in env_range(first, last):
             available = capacity(p, i, state.cutting_speed[i])
-            entries[OBS.power, i] = deviation(state.measured_power[i] * p.per_power_limit[i] / available)
+            entries[OBS.power, i] = deviation(
+                state.measured_power[i] * p.per_power_limit[i] / available
+            )
     if p.heats:
         for i in env_range(first, last):
             entries[OBS.spindle_heat, i] = min(state.spindle_heat[i], MAX_RATIO)
@@ -83,19 +107,25 @@ def observe(state, work, first, last, p):
             predicted = steady_current(p.nominal, i, work.predicted_force[i], feed_velocity)
             has_cut = state.nominal_used_life[i] > 0.0
             entries[OBS.thrust_force, i] = deviation(state.measured_servo_current[i] / at_limit)
-            entries[OBS.force_ratio, i] = deviation(state.measured_servo_current[i] / predicted if has_cut else 0.0)
+            entries[OBS.force_ratio, i] = deviation(
+                state.measured_servo_current[i] / predicted if has_cut else 0.0
+            )
     if p.holds_roughness:
         for i in env_range(first, last):
             one_only = p.log_reference_span[i] == 0.0
             scale = 0.0 if one_only else 2.0 / p.log_reference_span[i]
-            position = range_position(log(state.roughness_reference[i]), p.log_reference_min[i], scale)
+            position = range_position(
+                log(state.roughness_reference[i]), p.log_reference_min[i], scale
+            )
             entries[OBS.roughness_reference, i] = 0.0 if one_only else position
     if p.probe:
         for i in env_range(first, last):
             entries[OBS.probed_depth, i] = deviation(state.probed_depth[i] / p.depth_of_cut[i])
     if p.inspects_edges:
         for i in env_range(first, last):
-            entries[OBS.removed_wear, i] = min(state.removed_wear[i] / p.wear_criterion[i], MAX_RATIO)
+            entries[OBS.removed_wear, i] = min(
+                state.removed_wear[i] / p.wear_criterion[i], MAX_RATIO
+            )
 
 
 class Reading(NamedTuple):
@@ -147,20 +177,28 @@ def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
     columns = dict(zip(layout(scenario), rows, strict=True))
     unknown = np.full(rows.shape[1], np.nan)
     machine, limits, surface = scenario.machine, scenario.limits, scenario.surface
-    ranges = np.broadcast_arrays(machine.cutting_speed_min, machine.feed_min, machine.cutting_speed_max, machine.feed_max)
+    ranges = np.broadcast_arrays(
+        machine.cutting_speed_min, machine.feed_min, machine.cutting_speed_max, machine.feed_max
+    )
     lows, highs = np.reshape(ranges, (2, 2, -1))
-    controlled = _in_range(rows[OBS.cutting_speed : OBS.commanded_feed + 1].reshape(2, 2, -1), lows, highs)
+    controlled = _in_range(
+        rows[OBS.cutting_speed : OBS.commanded_feed + 1].reshape(2, 2, -1), lows, highs
+    )
     (cutting_speed, feed), (commanded_cutting_speed, commanded_feed) = controlled
     power = _ratio(columns["power"]) * limits.power
     thrust_force, servo_current = _ratio(columns["thrust_force"]) * limits.thrust_force, unknown
     if scenario.sensors.force == "servo_current":
         p = parameters_of(scenario)[0]
         feed_velocity = cutting_speed * p.revolutions_per_metre[0] * feed
-        servo_current = _ratio(columns["thrust_force"]) * steady_current(p, 0, limits.thrust_force, 0.0)
+        servo_current = _ratio(columns["thrust_force"]) * steady_current(
+            p, 0, limits.thrust_force, 0.0
+        )
         thrust_force = np.maximum(force_from_current(p, 0, servo_current, feed_velocity), 0.0)
     reference = columns.get("roughness_reference", unknown)
     return Reading(
-        power=power * capacity_at(scenario, cutting_speed) if scenario.spindle.reading == "torque" else power,
+        power=power * capacity_at(scenario, cutting_speed)
+        if scenario.spindle.reading == "torque"
+        else power,
         load=power / machine.rated_power,
         thrust_force=thrust_force,
         servo_current=servo_current,

@@ -9,7 +9,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import REWARD, TERMINATED, TRUNCATED, Batch, Jobs, action_space, checked_seed, observation_space
+from turning_env.batch.driver import (
+    REWARD,
+    TERMINATED,
+    TRUNCATED,
+    Batch,
+    Jobs,
+    action_space,
+    checked_seed,
+    observation_space,
+)
 from turning_env.env import Shared, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
@@ -56,13 +65,21 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         if num_envs < 1:
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
-            raise ValueError(f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}")
+            raise ValueError(
+                f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}"
+            )
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": 30, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": 30,
+            "autoreset_mode": self.autoreset_mode,
+        }
         self._set_up(Batch(scenario, num_envs), render_mode, rendered_envs or num_envs)
         if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
-            raise ValueError(f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead")
+            raise ValueError(
+                f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead"
+            )
         self.single_observation_space = observation_space(self.scenario, self._batch.context_size)
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -72,7 +89,10 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         self._masks = dict.fromkeys(_MASKS, self._all)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[NDArray[np.float32], Infos]:
         """Start an episode in every environment, or in those of ``options["reset_mask"]`` (bool, shape (num_envs,)).
 
@@ -96,9 +116,15 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         if not batch.seeded:
             raise ResetNeeded("call reset() first: no episode is under way")
         if self.autoreset_mode is AutoresetMode.DISABLED and batch.ended.any():
-            raise ResetNeeded(f"the episodes of environments {np.flatnonzero(batch.ended).tolist()} have ended")
+            raise ResetNeeded(
+                f"the episodes of environments {np.flatnonzero(batch.ended).tolist()} have ended"
+            )
         batch.step(actions)
-        rewards, terminated, truncated = batch.table[REWARD], batch.table[TERMINATED] > 0.0, batch.table[TRUNCATED] > 0.0
+        rewards, terminated, truncated = (
+            batch.table[REWARD],
+            batch.table[TERMINATED] > 0.0,
+            batch.table[TRUNCATED] > 0.0,
+        )
         final: Infos = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
@@ -107,13 +133,21 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
                 batch.start(ended)
         if self._viewer is not None:
             self._viewer.note()
-        return batch.observations, rewards, terminated, truncated, self._infos(batch.table, self._all) | final
+        return (
+            batch.observations,
+            rewards,
+            terminated,
+            truncated,
+            self._infos(batch.table, self._all) | final,
+        )
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
         return super().render() if self._viewer is None else tuple(self._viewer.frames())
 
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
+    def _seeds(
+        self, seed: int | Sequence[int | None] | None
+    ) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
         """Return which environments get a new seed, and the new seeds; both of shape (num_envs,)."""
         numbers: Sequence[int | None] = [None] * self.num_envs
         if isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
@@ -122,9 +156,14 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             first = checked_seed(seed, 0)
             numbers = range(first, first + self.num_envs)
         if len(numbers) != self.num_envs:
-            raise ValueError(f"{len(numbers)} seeds given, but there must be one for each of {self.num_envs} environments")
+            raise ValueError(
+                f"{len(numbers)} seeds given, but there must be one for each of {self.num_envs} environments"
+            )
         given = np.array([number is not None for number in numbers])
-        seeds = np.array([0 if number is None else checked_seed(number, i) for i, number in enumerate(numbers)], np.uint64)
+        seeds = np.array(
+            [0 if number is None else checked_seed(number, i) for i, number in enumerate(numbers)],
+            np.uint64,
+        )
         if not self._batch.seeded:
             seeds[~given] = self.np_random.integers(2**63, size=np.count_nonzero(~given))
             given[:] = True
@@ -138,7 +177,9 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         except ValueError:  # ragged
             mask = np.array(None)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
-            raise ValueError(f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}")
+            raise ValueError(
+                f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}"
+            )
         if not self._batch.seeded and not mask.all():
             raise ResetNeeded("the first reset() must start every environment")
         return mask
@@ -146,7 +187,11 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
     def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
         """Return an array per key of the info, each with the mask of the environments that have a value."""
         infos = info_of(table) | (self._masks if mask is self._all else dict.fromkeys(_MASKS, mask))
-        return infos | {"job": self._batch.job_numbers.copy(), "_job": mask} if self._batch.jobs else infos
+        return (
+            infos | {"job": self._batch.job_numbers.copy(), "_job": mask}
+            if self._batch.jobs
+            else infos
+        )
 
     def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
         """Return the last observations and infos of ended episodes; entries of other environments are None and 0."""
@@ -154,10 +199,19 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         for i in np.flatnonzero(ended):
             final_obs[i] = self._batch.observations[i]
         infos = self._infos(np.where(ended, self._batch.table, 0.0), ended)
-        return {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}
+        return {
+            "final_obs": final_obs,
+            "_final_obs": ended,
+            "final_info": infos,
+            "_final_info": ended,
+        }
 
 
 def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
     """Return an entry of ``infos`` at the step's end, shape (num_envs,), even if the next episode has already begun."""
     values: NDArray[np.float64] = infos[name]
-    return np.where(infos["_final_info"], infos["final_info"][name], values) if "final_info" in infos else values
+    return (
+        np.where(infos["_final_info"], infos["final_info"][name], values)
+        if "final_info" in infos
+        else values
+    )

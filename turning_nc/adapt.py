@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.extras import needed
-from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed, play, spindle_speed, tool_life
+from turning_nc.cutting import (
+    FINISHING_DEPTH,
+    Play,
+    Situation,
+    highest_feed,
+    play,
+    spindle_speed,
+    tool_life,
+)
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import change_wear
 from turning_nc.expression import number_text
@@ -46,7 +54,9 @@ class Change:
     line: int
     before: str  # the word as it was; empty if it was put in
     after: str
-    feeds: tuple[float, float] | None = None  # highest feed in metal before and after [mm/rev]; None for a speed
+    feeds: tuple[float, float] | None = (
+        None  # highest feed in metal before and after [mm/rev]; None for a speed
+    )
 
 
 @dataclass(frozen=True)
@@ -80,12 +90,17 @@ def adapt(
 
     def planned(highest: float) -> tuple[float, _Search, Values]:
         search = _Search(situation, np.minimum(first, highest), where, finishing_depth)
-        values = search.within_life(life * _LIFE_MARGIN * search.before.life_at_change / before.life_at_change)
+        values = search.within_life(
+            life * _LIFE_MARGIN * search.before.life_at_change / before.life_at_change
+        )
         found = play(situation, search.wear, *search.settings(values))
         excess = max(float(found.load.max()) - 1.0, 0.0)
         if before.load.max() <= 1.0:  # an overload is removed at any price
             for mine in situation.by_tool.values():
-                used, allowed = (each.used_life[mine].sum() / each.life_at_change[mine][0] for each in (found, before))  # edges
+                used, allowed = (
+                    each.used_life[mine].sum() / each.life_at_change[mine][0]
+                    for each in (found, before)
+                )  # edges
                 excess += max(float(used - life * allowed), 0.0)
         return float(found.time.sum()) + 1e6 * excess, search, values
 
@@ -101,10 +116,16 @@ def adapt(
     text, changes = search.written(values)
     moves = run(divide(text, situation.moves.program.dialect), situation.moves.reading)
     if [move.path for move in moves.moves] != [move.path for move in situation.moves.moves]:
-        raise NcError("the program with other feeds and speeds makes other moves: a word of it cannot be changed alone")
-    again = Situation(situation.scenario, situation.machine, moves, situation.removal, situation.evidence)
+        raise NcError(
+            "the program with other feeds and speeds makes other moves: a word of it cannot be changed alone"
+        )
+    again = Situation(
+        situation.scenario, situation.machine, moves, situation.removal, situation.evidence
+    )
     played = play(again, change_wear(again) if wear is None else search.wear)
-    if life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum():  # it is as short as it can be
+    if (
+        life >= 1.0 and before.load.max() <= 1.0 and before.time.sum() <= played.time.sum()
+    ):  # it is as short as it can be
         return Adapted(search.text, (), situation, before)
     return Adapted(text, changes, again, played)
 
@@ -112,7 +133,9 @@ def adapt(
 class _Search:
     """The words of a program that can change, and the times, loads and lives that follow."""
 
-    def __init__(self, situation: Situation, wear: Values, where: Where, finishing_depth: float) -> None:
+    def __init__(
+        self, situation: Situation, wear: Values, where: Where, finishing_depth: float
+    ) -> None:
         self.situation = s = situation
         self.wear = wear
         self.before = play(situation, wear)
@@ -127,9 +150,13 @@ class _Search:
         self.cuts_of_speed = _grouped(self.speed_of)
         self.used = sorted(self.cuts_of_feed.keys() | self.cuts_of_speed.keys())
         if not self.used:
-            raise NcError("the program has no F word in mm/rev and no S word under G96, so nothing can be adapted")
+            raise NcError(
+                "the program has no F word in mm/rev and no S word under G96, so nothing can be adapted"
+            )
         self.fixed = {
-            key: float(s.feed[cuts].max()) for key, cuts in self.cuts_of_feed.items() if s.finishing(cuts, finishing_depth)
+            key: float(s.feed[cuts].max())
+            for key, cuts in self.cuts_of_feed.items()
+            if s.finishing(cuts, finishing_depth)
         }
 
         self.tool_of = np.zeros(len(s.tool), np.int64)
@@ -143,8 +170,12 @@ class _Search:
         keys: dict[Key, int] = {}
         self.scales: list[float] = []
         self.feed_of, self.speed_of = np.full((2, len(s.tool)), -1)
-        line_ends = [place for place, letter in enumerate(with_line_feeds(self.text)) if letter == "\n"]
-        words = {line.number: line.words for part in s.moves.program.parts.values() for line in part}
+        line_ends = [
+            place for place, letter in enumerate(with_line_feeds(self.text)) if letter == "\n"
+        ]
+        words = {
+            line.number: line.words for part in s.moves.program.parts.values() for line in part
+        }
         begins = np.searchsorted(s.removal.slices.move, np.arange(len(s.moves.moves) + 1)).tolist()
 
         def index(key: Key, scale: float) -> int:
@@ -156,22 +187,41 @@ class _Search:
         for number, move in enumerate(s.moves.moves):
             mine = slice(begins[number], begins[number + 1])
             feed = "F", move.feed, move.per_revolution, self.feed_of
-            for address, setting, changes, of in (feed, ("S", move.speed, move.constant_cutting_speed, self.speed_of)):
+            for address, setting, changes, of in (
+                feed,
+                ("S", move.speed, move.constant_cutting_speed, self.speed_of),
+            ):
                 if move.kind != "feed" or not changes:
                     continue
-                line = 0 if setting.span is None else bisect.bisect_left(line_ends, setting.span[0]) + 1
-                written = any(word.address in ("CYCLE95", address) for word in words.get(move.line, ()))
+                line = (
+                    0
+                    if setting.span is None
+                    else bisect.bisect_left(line_ends, setting.span[0]) + 1
+                )
+                written = any(
+                    word.address in ("CYCLE95", address) for word in words.get(move.line, ())
+                )
                 if where == "words" or line == move.line or written:
-                    of[mine] = -1 if setting.span is None else index((address, line, setting.span), setting.scale)
+                    of[mine] = (
+                        -1
+                        if setting.span is None
+                        else index((address, line, setting.span), setting.scale)
+                    )
                 elif s.engaged[mine].any():  # nothing is put into blocks in air
                     of[mine] = index((address, move.line, None), setting.scale)
         self.keys = list(keys)
 
     def _sort_words(self) -> None:
         """Find the speeds that can be chosen each for itself, as their feeds go with no other speed; and all others."""
-        speeds_of_feed = {feed: _distinct(self.speed_of[cuts]) for feed, cuts in self.cuts_of_feed.items()}
-        feeds_of_speed = {speed: _distinct(self.feed_of[cuts]) for speed, cuts in self.cuts_of_speed.items()}
-        self.shared = any(np.unique(self.speed_of[cuts]).size > 1 for cuts in self.cuts_of_feed.values())
+        speeds_of_feed = {
+            feed: _distinct(self.speed_of[cuts]) for feed, cuts in self.cuts_of_feed.items()
+        }
+        feeds_of_speed = {
+            speed: _distinct(self.feed_of[cuts]) for speed, cuts in self.cuts_of_speed.items()
+        }
+        self.shared = any(
+            np.unique(self.speed_of[cuts]).size > 1 for cuts in self.cuts_of_feed.values()
+        )
         self.choices_together: list[_Choices] = []
         self.choices_alone: list[_Choices] = []
         by_scale: dict[float, list[int]] = {}
@@ -183,7 +233,11 @@ class _Search:
         for speeds in by_scale.values():
             self.choices_together.append(_Choices(self, speeds, feeds_of_speed))
         loose = [cuts for feed, cuts in self.cuts_of_feed.items() if not speeds_of_feed[feed]]
-        self.loose = _Cuts(self, np.concatenate(loose), np.zeros(len(self.tool_of), np.int64)) if loose else None
+        self.loose = (
+            _Cuts(self, np.concatenate(loose), np.zeros(len(self.tool_of), np.int64))
+            if loose
+            else None
+        )
 
     def within_life(self, share: Values) -> Values:
         """Return the values of the shortest program in which no tool uses more than a share, of every slice, of its life."""
@@ -193,7 +247,12 @@ class _Search:
             low, high, price = _MIN_PRICE, _MAX_PRICE, 0.0
             while high > _PRICE_STEP * low and allowed > 0.0:
                 prices[tool] = price
-                if play(self.situation, self.wear, *self.settings(self._best(prices))).used_life[mine].sum() > allowed:
+                if (
+                    play(self.situation, self.wear, *self.settings(self._best(prices)))
+                    .used_life[mine]
+                    .sum()
+                    > allowed
+                ):
                     low = max(price, low)
                 else:
                     high = price
@@ -228,11 +287,19 @@ class _Search:
         if key in self.fixed:
             return feed
         step = self.scales[key] * 10.0 ** -self._decimals(key)
-        return max(math.floor(feed / step + 1e-9), math.ceil(self.situation.feed_range[0] / step - 1e-9)) * step
+        return (
+            max(
+                math.floor(feed / step + 1e-9),
+                math.ceil(self.situation.feed_range[0] / step - 1e-9),
+            )
+            * step
+        )
 
     def settings(self, values: Values) -> tuple[Values, Values]:
         """Return feed and speed of every slice, as programmed where no value sets them."""
-        return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self.speed(values)
+        return np.where(self.feed_of >= 0, values[self.feed_of], self.situation.feed), self.speed(
+            values
+        )
 
     def written(self, values: Values) -> tuple[str, tuple[Change, ...]]:
         """Return the text with the values in its words, and the words that changed."""
@@ -252,7 +319,9 @@ class _Search:
                 changes.append(Change(line, "", f"{address}{text}", feeds))
                 continue
             written = "".join(self.text[slice(*span)].split())  # controls skip blanks in numbers
-            if key not in self.fixed and not math.isclose(float(written), float(text), rel_tol=1e-9):
+            if key not in self.fixed and not math.isclose(
+                float(written), float(text), rel_tol=1e-9
+            ):
                 edits.append((*span, text))
                 changes.append(Change(line, f"{address}{written}", f"{address}{text}", feeds))
         pieces = []
@@ -275,12 +344,16 @@ class _Sums(NamedTuple):
 class _Cuts:
     """Cuts whose feeds are chosen for given speeds, in the order of their speed words, feed words and tools."""
 
-    def __init__(self, search: _Search, cuts: NDArray[np.int64], speed_of: NDArray[np.int64]) -> None:
+    def __init__(
+        self, search: _Search, cuts: NDArray[np.int64], speed_of: NDArray[np.int64]
+    ) -> None:
         """Sort slices; ``speed_of`` holds the speed word with which the feed of each is chosen."""
         self._search = search
         order = np.lexsort((search.tool_of[cuts], search.feed_of[cuts], speed_of[cuts]))
         self.cuts = cuts[order]
-        names = np.stack((speed_of[self.cuts], search.feed_of[self.cuts], search.tool_of[self.cuts]))
+        names = np.stack(
+            (speed_of[self.cuts], search.feed_of[self.cuts], search.tool_of[self.cuts])
+        )
         new_speed, new_feed, new_tool = np.diff(names, axis=1, prepend=-2) != 0
         starts = np.flatnonzero(new_speed | new_feed | new_tool)
         self._starts = starts  # of each column of sums
@@ -307,7 +380,9 @@ class _Cuts:
         speed = turns * around
         depth = np.where(on, slices.depth[cuts], 1.0)
         high = s.feed_range[1]
-        allowed = np.where(on, highest_feed(s.scenario, speed, turns, depth, self._search.wear[cuts], high), high)
+        allowed = np.where(
+            on, highest_feed(s.scenario, speed, turns, depth, self._search.wear[cuts], high), high
+        )
         time = 60.0 * slices.length[cuts] / turns
         life = np.where(on, time / tool_life(s.scenario, speed, np.ones_like(speed), depth), 0.0)
 
@@ -340,7 +415,11 @@ class _Cuts:
             feed = np.minimum(feed, cheapest)
         feed = np.maximum(np.minimum(feed, highest), low)
         feed = np.where(np.isnan(self._given), feed, self._given)
-        cost = time / feed + life * feed ** (exponent - 1.0) + 1e6 * np.maximum(feed / highest - 1.0, 0.0)
+        cost = (
+            time / feed
+            + life * feed ** (exponent - 1.0)
+            + 1e6 * np.maximum(feed / highest - 1.0, 0.0)
+        )
         return feed, np.add.reduceat(cost, self._speed_starts, axis=1)
 
     def set_feeds(self, values: Values, speeds: Values, prices: Values) -> None:
@@ -354,14 +433,19 @@ class _Cuts:
 class _Choices:
     """Speed words of one unit whose values are chosen together, each as if the others did not exist."""
 
-    def __init__(self, search: _Search, speeds: list[int], feeds_of_speed: Mapping[int, list[int]]) -> None:
+    def __init__(
+        self, search: _Search, speeds: list[int], feeds_of_speed: Mapping[int, list[int]]
+    ) -> None:
         """Find the cuts of the speeds, and all cuts of their feeds."""
         self._search = search
         self._scale = search.scales[speeds[0]]
         speed_of = np.full(len(search.speed_of), -1)
         cuts = []
         for speed in speeds:
-            mine = [search.cuts_of_speed[speed], *(search.cuts_of_feed[feed] for feed in feeds_of_speed[speed])]
+            mine = [
+                search.cuts_of_speed[speed],
+                *(search.cuts_of_feed[feed] for feed in feeds_of_speed[speed]),
+            ]
             speed_of[np.concatenate(mine)] = speed
             cuts += mine
         self._cuts = _Cuts(search, np.unique(np.concatenate(cuts)), speed_of)
@@ -388,12 +472,16 @@ class _Choices:
     def _sums(self, candidates: Values, values: Values) -> _Sums:
         """Return the sums for rows of candidates, a column for each speed word."""
         others = self._search.speed(values)[self._cuts.cuts]
-        return self._cuts.sums(np.where(self._moves, candidates[:, self._place] * self._scale, others))
+        return self._cuts.sums(
+            np.where(self._moves, candidates[:, self._place] * self._scale, others)
+        )
 
     def _among_coarse(self, values: Values, prices: Values) -> Values:
         candidates = np.unique(np.rint(np.arange(self._low, self._high + 1e-9, self._step)))
         if self._coarse is None or self._others_vary:
-            columns = np.broadcast_to(candidates[:, np.newaxis], (len(candidates), len(self._speeds)))
+            columns = np.broadcast_to(
+                candidates[:, np.newaxis], (len(candidates), len(self._speeds))
+            )
             self._coarse = self._sums(columns, values)
         _, costs = self._cuts.best(self._coarse, prices)
         return np.asarray(candidates[np.argmin(costs, axis=0)])

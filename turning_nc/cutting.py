@@ -33,16 +33,29 @@ class Machine:
     max_spindle_speed: float = 4000.0  # [rev/min]
     rapid: float = 10_000.0  # rapid traverse [mm/min]
     tool_change: float = 2.0  # [s]
-    max_feed: float = math.inf  # highest feed that the inserts take [mm/rev]; the scenario's machine has its own
+    max_feed: float = (
+        math.inf
+    )  # highest feed that the inserts take [mm/rev]; the scenario's machine has its own
 
 
 class Situation:
     """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed."""
 
     def __init__(
-        self, scenario: Scenario, machine: Machine, moves: Moves, removal: Removal, evidence: "Evidence | None" = None
+        self,
+        scenario: Scenario,
+        machine: Machine,
+        moves: Moves,
+        removal: Removal,
+        evidence: "Evidence | None" = None,
     ) -> None:
-        self.scenario, self.machine, self.moves, self.removal, self.evidence = scenario, machine, moves, removal, evidence
+        self.scenario, self.machine, self.moves, self.removal, self.evidence = (
+            scenario,
+            machine,
+            moves,
+            removal,
+            evidence,
+        )
         slices, all_moves = removal.slices, moves.moves
 
         def of(values: Iterable[Any]) -> NDArray[Any]:
@@ -51,24 +64,44 @@ class Situation:
         self.kinds = of(move.kind for move in all_moves)
         self.tool = of(move.tool for move in all_moves)
         self.line = of(move.line for move in all_moves)
-        self.feed = of(move.feed.value for move in all_moves)  # as programmed [mm/rev], or [mm/min] if not per revolution
-        self.speed = of(move.speed.value for move in all_moves)  # as programmed [m/min], or [rev/min] if not constant
+        self.feed = of(
+            move.feed.value for move in all_moves
+        )  # as programmed [mm/rev], or [mm/min] if not per revolution
+        self.speed = of(
+            move.speed.value for move in all_moves
+        )  # as programmed [m/min], or [rev/min] if not constant
         self.per_revolution = of(move.per_revolution for move in all_moves)
         self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
         self.spindle_on = of(move.spindle_on for move in all_moves)
-        self.max_spindle = np.minimum(of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed)
+        self.max_spindle = np.minimum(
+            of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed
+        )
         changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
-        waits = of(move.time + machine.tool_change * change for move, change in zip(all_moves, changed, strict=True))
+        waits = of(
+            move.time + machine.tool_change * change
+            for move, change in zip(all_moves, changed, strict=True)
+        )
         rapid = np.where(self.kinds == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
-        self.other_time = rapid + np.where(np.diff(slices.move, prepend=-1) > 0, waits, 0.0)  # of rapids, dwells, changes [s]
+        self.other_time = rapid + np.where(
+            np.diff(slices.move, prepend=-1) > 0, waits, 0.0
+        )  # of rapids, dwells, changes [s]
         self.fed = np.isin(self.kinds, ("feed", "thread"))  # slices that are run at feed
         drills = [tool for tool, kind in removal.tools.items() if kind.startswith(DRILL)]
-        self.apart = self.fed & ((self.kinds == "thread") | np.isin(self.tool, drills))  # threads, drills: no load is computed
+        self.apart = self.fed & (
+            (self.kinds == "thread") | np.isin(self.tool, drills)
+        )  # threads, drills: no load is computed
         self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.apart  # slices that turn metal
-        self.without_limit = [getattr(scenario.limits, name) == none for name, none in NO_LIMIT.items()]  # thrust force, power
+        self.without_limit = [
+            getattr(scenario.limits, name) == none for name, none in NO_LIMIT.items()
+        ]  # thrust force, power
         low = scenario.machine.feed_min
-        self.feed_range = low, max(min(scenario.machine.feed_max, machine.max_feed), low)  # of feeds to choose [mm/rev]
-        self.by_tool = {tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())}  # slices, by first use of tools
+        self.feed_range = (
+            low,
+            max(min(scenario.machine.feed_max, machine.max_feed), low),
+        )  # of feeds to choose [mm/rev]
+        self.by_tool = {
+            tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())
+        }  # slices, by first use of tools
 
     def finishing(self, cuts: NDArray[np.int64], depth: float) -> bool:
         """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts.
@@ -79,7 +112,9 @@ class Situation:
         metal = cuts[self.engaged[cuts]]
         length = slices.length[metal]
         deep = float(length[slices.depth[metal] > depth].sum())
-        grooving = any(self.removal.tools[tool].startswith("groove") for tool in set(self.tool[metal].tolist()))
+        grooving = any(
+            self.removal.tools[tool].startswith("groove") for tool in set(self.tool[metal].tolist())
+        )
         return grooving or deep <= 0.5 * float(length.sum())
 
 
@@ -104,7 +139,9 @@ class Play:
         return np.maximum(self.force_share, self.power_share)
 
 
-def motion(situation: Situation, feed: Values, speed: Values) -> tuple[Values, Values, Values, Values]:
+def motion(
+    situation: Situation, feed: Values, speed: Values
+) -> tuple[Values, Values, Values, Values]:
     """Return time [s], cutting speed [m/min], feed [mm/rev] and spindle speed [rev/min] of the slices."""
     s = situation
     around = 2.0 * math.pi * np.maximum(s.removal.slices.radius, 1e-6) / 1000.0  # [m/rev]
@@ -141,7 +178,12 @@ def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)
     return np.asarray(np.minimum(turns, situation.max_spindle[slices]))
 
 
-def play(situation: Situation, wear: Values | float, feed: Values | None = None, speed: Values | None = None) -> Play:
+def play(
+    situation: Situation,
+    wear: Values | float,
+    feed: Values | None = None,
+    speed: Values | None = None,
+) -> Play:
     """Play the slices in their order; every tool has an edge of its own.
 
     Edges are changed at a flank wear [mm], given for all slices or each. The part is the last of each edge, so that loads are
@@ -153,15 +195,22 @@ def play(situation: Situation, wear: Values | float, feed: Values | None = None,
     time, cutting_speed, per_turn, turns = motion(s, feed, speed)
     on = s.engaged
     life = np.zeros(len(time))
-    life[on] = (time - s.other_time)[on] / tool_life(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on])
+    life[on] = (time - s.other_time)[on] / tool_life(
+        scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on]
+    )
     exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
     worn, wear = np.zeros(len(time)), np.broadcast_to(wear, time.shape)
     end = (wear / criterion) ** (1.0 / exponent)
     for mine in s.by_tool.values():
         used = np.cumsum(life[mine])
-        worn[mine] = criterion * np.minimum(np.maximum(end[mine] - used[-1], 0.0) + used, end[mine]) ** exponent
+        worn[mine] = (
+            criterion
+            * np.minimum(np.maximum(end[mine] - used[-1], 0.0) + used, end[mine]) ** exponent
+        )
     shares = np.zeros((2, len(time)))
-    force, power = loads(scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on])
+    force, power = loads(
+        scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on]
+    )
     idle, highest = power_range(scenario, turns[on])
     shares[:, on] = force / scenario.limits.thrust_force, (power + idle) / highest
     shares[s.without_limit] = 0.0
@@ -175,31 +224,47 @@ def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Va
     return np.asarray(60.0 * (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time))
 
 
-def loads(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values) -> tuple[Values, Values]:
+def loads(
+    scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values
+) -> tuple[Values, Values]:
     """Return thrust force [N] and spindle power [kW], without the idle power.
 
     Power falls with the cutting speed to 0, as at the centre of a face.
     """
     speed = _within_laws(scenario, cutting_speed)
-    power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(cutting_speed / speed, 1.0)
+    power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(
+        cutting_speed / speed, 1.0
+    )
     return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
 
 
 def power_range(scenario: Scenario, spindle_speed: Values) -> tuple[Values, Values]:
     """Return the power of the idling spindle and the highest power [kW] at spindle speeds [rev/min]."""
-    speed = math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0  # at which the scenario states them
+    speed = (
+        math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0
+    )  # at which the scenario states them
     return idle_power_at(scenario, speed), scenario.limits.power * capacity_at(scenario, speed)
 
 
 def highest_feed(
-    scenario: Scenario, cutting_speed: Values, spindle_speed: Values, depth: Values, wear: Values, high: float
+    scenario: Scenario,
+    cutting_speed: Values,
+    spindle_speed: Values,
+    depth: Values,
+    wear: Values,
+    high: float,
 ) -> Values:
     """Return the highest feed within the limits of force and power, and at most ``high`` [mm/rev]."""
     material, (idle, highest) = scenario.material, power_range(scenario, spindle_speed)
-    force, power = loads(scenario, cutting_speed, np.ones_like(cutting_speed), depth, wear)  # at 1 mm/rev
+    force, power = loads(
+        scenario, cutting_speed, np.ones_like(cutting_speed), depth, wear
+    )  # at 1 mm/rev
     feed = np.full(cutting_speed.shape, high)
     force_limit, power_limit = scenario.limits.thrust_force, np.maximum(highest - idle, 1e-9)
-    for load, limit, law in ((force, force_limit, material.thrust_force), (power, power_limit, material.power)):
+    for load, limit, law in (
+        (force, force_limit, material.thrust_force),
+        (power, power_limit, material.power),
+    ):
         if law.feed > 0.0:
             feed = np.minimum(feed, (limit / load) ** (1.0 / law.feed))
     return feed

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 from turning_nc.dialects import NUMBER
 from turning_nc.expression import MAX_SHOWN
 from turning_nc.modal import Setting
-from turning_nc.passes import Roughing, Thread, decreasing_depths, pecked, repeated_passes, roughing_passes, thread_passes
+from turning_nc.passes import (
+    Roughing,
+    Thread,
+    decreasing_depths,
+    pecked,
+    repeated_passes,
+    roughing_passes,
+    thread_passes,
+)
 from turning_nc.paths import Path, Point, joined, shifted
 from turning_nc.words import Line, Problem, Span, Word
 
@@ -61,7 +69,9 @@ class Side:
 # Fanuc.
 
 
-def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequence[Line], index: int) -> int:
+def fanuc_cycle(
+    control: "Control", codes: set[float], line: Line, lines: Sequence[Line], index: int
+) -> int:
     """Run a cycle; return the index of the line that follows."""
     code = control.function(codes)
     if code in (74, 75, 76, 81, 82, 83, 84):
@@ -70,7 +80,11 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
         return index + 1
     if not (line.first("P") and line.first("Q")):
         if code == 70 or not line.first("U", "W", "D", "R"):
-            other = "" if code in (72, 73) else f"; in SINUMERIK programs G{code} is a unit: --dialect sinumerik"
+            other = (
+                ""
+                if code in (72, 73)
+                else f"; in SINUMERIK programs G{code} is a unit: --dialect sinumerik"
+            )
             raise Problem(f"G{code} needs the first and last block of the contour: P and Q{other}")
         _first_block(control, code, line)
         return index + 1
@@ -86,11 +100,17 @@ def fanuc_cycle(control: "Control", codes: set[float], line: Line, lines: Sequen
     allowance = control.length(line.first("W")), control.length(line.first("U")) * _halved(control)
     if code == 73:
         if state.repeats == 0:
-            raise Problem("G73 needs a block before it that says how often it repeats its contour: R")
-        _add_passes(control, repeated_passes(contour, start, allowance, state.pattern, state.repeats))
+            raise Problem(
+                "G73 needs a block before it that says how often it repeats its contour: R"
+            )
+        _add_passes(
+            control, repeated_passes(contour, start, allowance, state.pattern, state.repeats)
+        )
         return ends + 1
     if state.depth <= 0.0:
-        raise Problem(f"G{code} needs the depth of its passes: a block before it with {'W' if code == 72 else 'U'}")
+        raise Problem(
+            f"G{code} needs the depth of its passes: a block before it with {'W' if code == 72 else 'U'}"
+        )
     side = _side(control, contour, allowance, code == 72)
     cycle = Roughing(state.depth, state.retraction, allowance, side.upwards, code == 72)
     _add_passes(control, roughing_passes(contour, start, cycle))
@@ -133,15 +153,26 @@ def _halved(control: "Control") -> float:
     return control.scaled_x(1.0, True) / control.length_scale
 
 
-def _side(control: "Control", contour: Sequence[Path], allowance: Point, facing: bool, machining: str = "") -> Side:
+def _side(
+    control: "Control", contour: Sequence[Path], allowance: Point, facing: bool, machining: str = ""
+) -> Side:
     """Return and keep the side of a contour that a cycle turns.
 
     It is that which the caller gives, that of the kind of machining, or that on which a control starts: it goes from the start
     point to the first point of the contour.
     """
-    axis, start, line, first = (0 if facing else 1), control.here, control.line.number, contour[0].start
+    axis, start, line, first = (
+        (0 if facing else 1),
+        control.here,
+        control.line.number,
+        contour[0].start,
+    )
     heights = [first[axis], *(path.end[axis] for path in contour)]
-    steps = start[axis] - first[axis], allowance[axis], start[axis] - 0.5 * (min(heights) + max(heights))
+    steps = (
+        start[axis] - first[axis],
+        allowance[axis],
+        start[axis] - 0.5 * (min(heights) + max(heights)),
+    )
     upwards = next((step for step in steps if abs(step) > 1e-6), 1.0) > 0.0
     word, scale = "ZX"[axis], (1.0 if facing else 1.0 / _halved(control)) / control.length_scale
     why = f"from its start at {word}{start[axis] * scale:g} to the contour's first point at {word}{first[axis] * scale:g}"
@@ -150,8 +181,14 @@ def _side(control: "Control", contour: Sequence[Path], allowance: Point, facing:
         upwards = ((given or machining) == "outside") == (start[1] >= 0.0)
         why = "as given" if given else "by its kind of machining"
     elif steps[0] * allowance[axis] < -1e-9:
-        choice = "correct the program" if facing else f"correct it, or set --side {line}=outside or {line}=inside"
-        raise Problem(f"it cuts {why}, but the sign of {'UW'[facing]} says the other side: {choice}")
+        choice = (
+            "correct the program"
+            if facing
+            else f"correct it, or set --side {line}=outside or {line}=inside"
+        )
+        raise Problem(
+            f"it cuts {why}, but the sign of {'UW'[facing]} says the other side: {choice}"
+        )
     reach = [first[0], *(path.end[0] for path in contour)]
     control.sides[line] = side = Side(upwards, why, facing, start, (min(reach), max(reach)))
     return side
@@ -165,7 +202,9 @@ def _first_block(control: "Control", code: int, line: Line) -> None:
         z, x = (control.length(line.first(address)) for address in ("KI" if whole else "WU"))
         count = line.number_of("D" if whole else "R") or 0.0
         if not (count == int(count) and 1 <= count <= MAX_REPEATS):
-            raise Problem(f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times")
+            raise Problem(
+                f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times"
+            )
         state.pattern, state.repeats = (z, x), int(count)
         return
     depth = line.first("D" if whole else "W" if code == 72 else "U")
@@ -175,7 +214,9 @@ def _first_block(control: "Control", code: int, line: Line) -> None:
         state.retraction = control.length(retraction)
 
 
-def _contour_blocks(control: "Control", line: Line, lines: Sequence[Line], index: int, after: bool) -> tuple[int, int]:
+def _contour_blocks(
+    control: "Control", line: Line, lines: Sequence[Line], index: int, after: bool
+) -> tuple[int, int]:
     """Return the first and the last line of a cycle's contour, which follows the cycle if ``after``."""
     first, last = line.number_of("P"), line.number_of("Q")
     places = control.places(lines)
@@ -194,7 +235,9 @@ def _fanuc_thread(control: "Control", line: Line, code: int) -> None:
     if not line.first("X", "Z", "U", "W"):
         digits = p.text.zfill(6) if p else ""
         if not (digits.isdigit() and len(digits) == 6):
-            raise Problem("G76 needs its first block, such as G76 P020060 Q50 R0.02: P holds finishing passes, pull-out, angle")
+            raise Problem(
+                "G76 needs its first block, such as G76 P020060 Q50 R0.02: P holds finishing passes, pull-out, angle"
+            )
         smallest, allowance = control.length(q, steps=True), control.length(r, steps=True)
         control.cycle.thread = int(digits[:2]), 0.5 * int(digits[4:]), smallest, allowance
         return
@@ -207,10 +250,20 @@ def _fanuc_thread(control: "Control", line: Line, code: int) -> None:
             "G76 X Z K(height) D(first depth) F(lead)"
         )
     finishing, angle, smallest, allowance = thread
-    (end, root), height, taper = control.target(line), control.length(p, steps=True), control.length(r, steps=True)
-    depths = decreasing_depths(height, control.length(q, steps=True), smallest, allowance, finishing)
+    (end, root), height, taper = (
+        control.target(line),
+        control.length(p, steps=True),
+        control.length(r, steps=True),
+    )
+    depths = decreasing_depths(
+        height, control.length(q, steps=True), smallest, allowance, finishing
+    )
     with control.thread_feed(lead):
-        _add_passes(control, thread_passes(Thread(control.here, end, (root + taper, root), height, angle), depths), "thread")
+        _add_passes(
+            control,
+            thread_passes(Thread(control.here, end, (root + taper, root), height, angle), depths),
+            "thread",
+        )
 
 
 def _pecking(control: "Control", line: Line, code: int) -> None:
@@ -219,16 +272,25 @@ def _pecking(control: "Control", line: Line, code: int) -> None:
         control.cycle.pecking = control.length(line.first("R"), steps=True)
         return
     words = line.first("P", "I"), line.first("Q", "K")  # along X and Z
-    x, z = (abs(control.length(word, steps=word is not None and word.address in "PQ")) for word in words)
+    x, z = (
+        abs(control.length(word, steps=word is not None and word.address in "PQ")) for word in words
+    )
     peck, across = (z, x) if code == 74 else (x, z)
-    _add_passes(control, pecked(control.here, control.target(line), code - 74, peck, across, control.cycle.pecking))
+    _add_passes(
+        control,
+        pecked(control.here, control.target(line), code - 74, peck, across, control.cycle.pecking),
+    )
 
 
 def _drilling(control: "Control", line: Line, code: int) -> None:
     """Run G81, G82, G83 or G84 as one move along Z and back."""
     start = control.here
     path = Path(start, (control.target(line)[0], start[1]))
-    with control.thread_feed(control.feed.value / control.length_scale) if code == 84 else contextlib.nullcontext():
+    with (
+        control.thread_feed(control.feed.value / control.length_scale)
+        if code == 84
+        else contextlib.nullcontext()
+    ):
         control.add(path, "thread" if code == 84 else "feed")
     control.go_rapidly(start)
 
@@ -239,14 +301,31 @@ def box_cycle(control: "Control", code: int, line: Line) -> None:
     if line.codes & control.dialect.boxes.keys():
         end, taper = start, 0.0
     taken = control.target(line)
-    z, x = taken[0] if line.first("Z", "W") else end[0], taken[1] if line.first("X", "U") else end[1]
+    z, x = (
+        taken[0] if line.first("Z", "W") else end[0],
+        taken[1] if line.first("X", "U") else end[1],
+    )
     taper = control.length(line.first("R")) if line.first("R") else taper
     control.cycle.box = (z, x), taper
     if code == 94:
-        ends = [((z + taper, start[1]), True), ((z, x), False), ((start[0], x), False), (start, True)]
+        ends = [
+            ((z + taper, start[1]), True),
+            ((z, x), False),
+            ((start[0], x), False),
+            (start, True),
+        ]
     else:
-        ends = [((start[0], x + taper), True), ((z, x), False), ((z, start[1]), code == 92), (start, True)]
-    with control.thread_feed(control.feed.value / control.length_scale) if code == 92 else contextlib.nullcontext():
+        ends = [
+            ((start[0], x + taper), True),
+            ((z, x), False),
+            ((z, start[1]), code == 92),
+            (start, True),
+        ]
+    with (
+        control.thread_feed(control.feed.value / control.length_scale)
+        if code == 92
+        else contextlib.nullcontext()
+    ):
         _add_passes(control, [list(joined(start, *ends))], "thread" if code == 92 else "feed")
 
 
@@ -262,9 +341,13 @@ def _contour(control: "Control", lines: Sequence[Line], first: int, last: int) -
     with inner.deeper():
         inner.run_lines(lines, first, last)
         inner.end_corner()
-    paths = [replace(move.path, line=move.line) for move in inner.moves if move.kind in ("rapid", "feed")]
+    paths = [
+        replace(move.path, line=move.line) for move in inner.moves if move.kind in ("rapid", "feed")
+    ]
     ends = {line.number for line in lines[first:last] if 40 in line.codes}  # of compensation
-    while len(paths) > 2 and (paths[-1].rapid or (paths[-1].line in ends and _returns(paths))):  # the tool departs
+    while len(paths) > 2 and (
+        paths[-1].rapid or (paths[-1].line in ends and _returns(paths))
+    ):  # the tool departs
         paths.pop()
     if len(paths) < 2:
         raise Problem("the contour has no moves after the one that leads to it")
@@ -293,7 +376,9 @@ def _number(name: str, arguments: Arguments, index: int, default: float = 0.0) -
     if not text:
         return default
     if not re.fullmatch(NUMBER, text):
-        raise Problem(f"argument {index + 1} of {name} is {text[:MAX_SHOWN]!r}, but must be a number")
+        raise Problem(
+            f"argument {index + 1} of {name} is {text[:MAX_SHOWN]!r}, but must be a number"
+        )
     word = Word(f"argument {index + 1} of {name}: ", float(text), text)
     if word.fault:
         raise Problem(word.fault)
@@ -308,7 +393,11 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
 
     def feed(index: int) -> Setting:
         value = number(index)
-        return Setting(value * control.feed_scale, arguments[index][1], control.feed_scale) if value > 0 else control.feed
+        return (
+            Setting(value * control.feed_scale, arguments[index][1], control.feed_scale)
+            if value > 0
+            else control.feed
+        )
 
     if not arguments:
         raise Problem('CYCLE95 needs its arguments: ("contour", depth, ...)')
@@ -320,9 +409,15 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     contour = _contour(control, *_contour_lines(control, arguments[0][0].strip('"'), lines))
     away = number(11, RETRACTION_CYCLE95) * control.length_scale
     both = number(4)
-    allowance = (number(2) + both) * control.length_scale, side * (number(3) + both) * control.length_scale
+    allowance = (
+        (number(2) + both) * control.length_scale,
+        side * (number(3) + both) * control.length_scale,
+    )
     head, end = contour[0].start, contour[-1].end
-    farthest = max((head, *(path.end for path in contour)), key=lambda point: point[0] if facing else side * point[1])
+    farthest = max(
+        (head, *(path.end for path in contour)),
+        key=lambda point: point[0] if facing else side * point[1],
+    )
     start = shifted((farthest[0], head[1]) if facing else (head[0], farthest[1]), allowance)
     # Before the contour along the feed, and beyond it along the infeed.
     feed_axis = 1 if facing else 0
@@ -333,7 +428,9 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     upwards = _side(control, contour, allowance, facing, machining).upwards
     if variant not in (5, 6, 7, 8):
         control.feed = feed(5)
-        cycle = Roughing(number(1) * control.length_scale, away, allowance, upwards, facing, equal=True)
+        cycle = Roughing(
+            number(1) * control.length_scale, away, allowance, upwards, facing, equal=True
+        )
         _add_passes(control, roughing_passes(contour, start, cycle))
     if variant >= 5:
         control.feed = feed(7)
@@ -344,33 +441,67 @@ def cycle95(control: "Control", arguments: Arguments, lines: Sequence[Line]) -> 
     control.feed = kept
 
 
-def _contour_lines(control: "Control", name: str, lines: Sequence[Line]) -> tuple[Sequence[Line], int, int]:
+def _contour_lines(
+    control: "Control", name: str, lines: Sequence[Line]
+) -> tuple[Sequence[Line], int, int]:
     if ":" in name:
         labels = [label.strip() for label in name.upper().split(":")]
-        places = [next((k for k, line in enumerate(lines) if line.first(f"{label}:")), -1) for label in labels]
+        places = [
+            next((k for k, line in enumerate(lines) if line.first(f"{label}:")), -1)
+            for label in labels
+        ]
         if len(places) != 2 or not 0 <= places[0] < places[1]:
             raise Problem(f"the labels of the contour {name!r} are not in the program")
         return lines, places[0], places[1] + 1
     found = control.program.parts.get(name.upper())
     if found is None:
-        raise Problem(f"the contour {name!r} is not in this file; its sub-programs are {control.program.sub_programs}")
+        raise Problem(
+            f"the contour {name!r} is not in this file; its sub-programs are {control.program.sub_programs}"
+        )
     return found, 0, len(found)
 
 
 def cycle97(control: "Control", arguments: Arguments) -> None:
     """Cut a thread."""
-    lead, size, first, last, *diameters, run_in, run_out, height, allowance, angle, _, cuts, spare, variant, starts, clearance = (
+    (
+        lead,
+        size,
+        first,
+        last,
+        *diameters,
+        run_in,
+        run_out,
+        height,
+        allowance,
+        angle,
+        _,
+        cuts,
+        spare,
+        variant,
+        starts,
+        clearance,
+    ) = (
         _number("CYCLE97", arguments, index, default)
-        for index, default in enumerate((0.0,) * 12 + (1.0, 0.0, 1.0, 1.0, CLEARANCE_CYCLE97 / control.length_scale))
+        for index, default in enumerate(
+            (0.0,) * 12 + (1.0, 0.0, 1.0, 1.0, CLEARANCE_CYCLE97 / control.length_scale)
+        )
     )
     if lead <= 0.0:
-        raise Problem(f"CYCLE97 needs its pitch as first argument; the size of a thread alone, {size:g}, is not understood")
+        raise Problem(
+            f"CYCLE97 needs its pitch as first argument; the size of a thread alone, {size:g}, is not understood"
+        )
     if variant not in (1, 2, 3, 4) or first == last or height <= 0.0:
-        raise Problem("CYCLE97 needs a thread's start, another end, a depth above 0, and a kind of machining from 1 to 4")
+        raise Problem(
+            "CYCLE97 needs a thread's start, another end, a depth above 0, and a kind of machining from 1 to 4"
+        )
     if starts > MAX_REPEATS:
-        raise Problem(f"CYCLE97 cuts {starts:g} starts of a thread, but {MAX_REPEATS} at most are made")
+        raise Problem(
+            f"CYCLE97 cuts {starts:g} starts of a thread, but {MAX_REPEATS} at most are made"
+        )
     if not (1 <= cuts <= MAX_REPEATS and 0 <= spare <= MAX_REPEATS and 0.0 <= allowance < height):
-        raise Problem(f"CYCLE97 needs 1 to {MAX_REPEATS} cuts, and a finishing allowance below the depth")
+        raise Problem(
+            f"CYCLE97 needs 1 to {MAX_REPEATS} cuts, and a finishing allowance below the depth"
+        )
     outwards, scale = (1.0 if variant in (1, 3) else -1.0), control.length_scale
     along = 1.0 if last > first else -1.0
     begin, end = first - along * run_in, last + along * run_out
@@ -380,7 +511,9 @@ def cycle97(control: "Control", arguments: Arguments) -> None:
     roots = scale * (crests[0] - outwards * height), scale * (crests[1] - outwards * height)
     thread = Thread((scale * begin, scale * clear), scale * end, roots, scale * height, abs(angle))
     power = 1.0 if variant in (1, 2) else 0.5
-    depths = [scale * (height - allowance) * ((number + 1) / cuts) ** power for number in range(int(cuts))]
+    depths = [
+        scale * (height - allowance) * ((number + 1) / cuts) ** power for number in range(int(cuts))
+    ]
     depths += [scale * height] * (int(spare) + (allowance > 0.0))
     control.go_rapidly(thread.start)
     with control.thread_feed(lead):

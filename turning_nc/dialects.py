@@ -21,21 +21,35 @@ class Dialect:
     """The syntax of a control's programs, and the words that it understands."""
 
     name: Literal["fanuc", "fanuc-b", "fanuc-c", "sinumerik"]
-    system: Literal["A", "B", "C", ""]  # Fanuc's G code system; programs of system B without cycles are read as A, too
+    system: Literal[
+        "A", "B", "C", ""
+    ]  # Fanuc's G code system; programs of system B without cycles are read as A, too
     word: re.Pattern[str]  # matches a word; its groups are those of ``words.Word``
     comment: re.Pattern[str]
-    sub_program: re.Pattern[str]  # matches the line that begins a part of the file; a group holds its name
-    flow: re.Pattern[str]  # matches a block that jumps, loops or depends; its groups: word, condition, jump, target, then
+    sub_program: re.Pattern[
+        str
+    ]  # matches the line that begins a part of the file; a group holds its name
+    flow: re.Pattern[
+        str
+    ]  # matches a block that jumps, loops or depends; its groups: word, condition, jump, target, then
     addresses: frozenset[str]  # addresses that take a value
     names: frozenset[str]  # words and calls without a value
-    codes: frozenset[float]  # G functions that are understood, also those without effect on path and times
-    units: Mapping[float, tuple[float, bool]]  # G functions of units: length [mm], and whether feeds and speeds change too
+    codes: frozenset[
+        float
+    ]  # G functions that are understood, also those without effect on path and times
+    units: Mapping[
+        float, tuple[float, bool]
+    ]  # G functions of units: length [mm], and whether feeds and speeds change too
     spindle_limits: frozenset[float]  # G functions that make S a limit of the spindle
     references: frozenset[float]  # G functions that move to a reference point
     cycles: Mapping[float, int]  # G functions of cycles, and their numbers in Fanuc's system A
-    boxes: Mapping[float, int]  # G functions that turn, thread or face a box, and their numbers in system A
+    boxes: Mapping[
+        float, int
+    ]  # G functions that turn, thread or face a box, and their numbers in system A
     feed_modes: Mapping[float, bool]  # G functions of feeds, and whether these are per revolution
-    takes_coordinates: frozenset[float]  # G functions that are not understood, whose blocks' coordinates are their own
+    takes_coordinates: frozenset[
+        float
+    ]  # G functions that are not understood, whose blocks' coordinates are their own
     corners: Mapping[str, CornerKind]  # words that break the corner at the end of a move
     arc_radius: str
     thread_lead: tuple[str, ...]
@@ -50,7 +64,9 @@ FANUC = Dialect(
         re.VERBOSE,
     ),
     # A comment may lack its end; [ begins a directive of a simulator, O and a name or <NAME> a program.
-    comment=re.compile(r"\((?:[^()]|\([^()]*\))*(?:\)|$)|;.*|^\s*(?:\[.*|O[A-Z]\w*(?=\s*(?:\(|$))|<\w+>)|[%\x1a]\s*$"),
+    comment=re.compile(
+        r"\((?:[^()]|\([^()]*\))*(?:\)|$)|;.*|^\s*(?:\[.*|O[A-Z]\w*(?=\s*(?:\(|$))|<\w+>)|[%\x1a]\s*$"
+    ),
     sub_program=re.compile(r"[O:]\s*(\d{1,8})"),
     flow=re.compile(
         r"(?:(?P<word>IF|WHILE)\s*(?P<condition>\[.*\]))?\s*(?:(?P<jump>GOTO|DO|END)\s*(?P<target>\d+)|THEN\s*(?P<then>.+))"
@@ -69,8 +85,12 @@ FANUC = Dialect(
     boxes={90: 90, 92: 92, 94: 94},
     feed_modes={94: False, 95: True, 98: False, 99: True},
     # Macros, data, polar and cylindrical coordinates, splines, skips, drilling and threads that are not read.
-    takes_coordinates=frozenset({5, 7.1, 10, 12.1, 13.1, 31, 34, *range(35, 40), 50.2, 51, 51.2, 52, 65, 66, 66.1, 68, 68.1})
-    | frozenset({77, 78, 79, *range(85, 90), 107, *range(110, 120), *range(183, 190), *range(270, 290)}),
+    takes_coordinates=frozenset(
+        {5, 7.1, 10, 12.1, 13.1, 31, 34, *range(35, 40), 50.2, 51, 51.2, 52, 65, 66, 66.1, 68, 68.1}
+    )
+    | frozenset(
+        {77, 78, 79, *range(85, 90), 107, *range(110, 120), *range(183, 190), *range(270, 290)}
+    ),
     corners={",C": "legs", ",R": "radius"},
     arc_radius="R",
     thread_lead=("F", "K"),
@@ -110,20 +130,66 @@ SINUMERIK = Dialect(
         re.VERBOSE,
     ),
     comment=re.compile(r'("[^"]*")|;.*|^\s*%\s*$|\x1a'),
-    sub_program=re.compile(r"%_N_(\w+?)_(?:MPF|SPF)|PROC\s+(\w+)(?:\s*\(\s*\))?(?:\s+(?:SAVE|DISPLOF|SBLOF))*"),
+    sub_program=re.compile(
+        r"%_N_(\w+?)_(?:MPF|SPF)|PROC\s+(\w+)(?:\s*\(\s*\))?(?:\s+(?:SAVE|DISPLOF|SBLOF))*"
+    ),
     flow=re.compile(
         r"(?:(?P<word>IF|WHILE)\b(?P<condition>.+?))?\s*(?:\b(?P<jump>GOTO[BF]?|ENDWHILE)\b\s*(?P<target>\w*))?(?P<then>(?!))?"
     ),
-    addresses=frozenset({*"NGMTSFXZIKDLP", "CR", "LIMS", "S1", "M1", "T1", "CHR", "CHF", "RND", "RNDM", "SF", "ANG", "SPOS"}),
+    addresses=frozenset(
+        {
+            *"NGMTSFXZIKDLP",
+            "CR",
+            "LIMS",
+            "S1",
+            "M1",
+            "T1",
+            "CHR",
+            "CHF",
+            "RND",
+            "RNDM",
+            "SF",
+            "ANG",
+            "SPOS",
+        }
+    ),
     names=frozenset(
         {"DIAMON", "DIAMOF", "DIAM90", "CYCLE95", "CYCLE97", "RET", "SUPA"}
-        | {"SOFT", "BRISK", "DRIVE", "FFWON", "FFWOF", "CFC", "CFTCP", "CFIN", "COMPOF", "STOPRE", "NORM", "KONT", "G"}
+        | {
+            "SOFT",
+            "BRISK",
+            "DRIVE",
+            "FFWON",
+            "FFWOF",
+            "CFC",
+            "CFTCP",
+            "CFIN",
+            "COMPOF",
+            "STOPRE",
+            "NORM",
+            "KONT",
+            "G",
+        }
         | {"MSG", "SETMS", "WORKPIECE", "GROUP_BEGIN", "GROUP_END", "TRANS", "ATRANS"}
     ),
     codes=frozenset(
         _CODES_OF_BOTH
         | {25, 26, 70, 71, 74, 75, 700, 710}
-        | {9, 18, 40, 60, 64, 290, 450, 451, 500, *range(54, 58), *range(505, 600), *range(601, 604), *range(641, 646)}
+        | {
+            9,
+            18,
+            40,
+            60,
+            64,
+            290,
+            450,
+            451,
+            500,
+            *range(54, 58),
+            *range(505, 600),
+            *range(601, 604),
+            *range(641, 646),
+        }
     ),
     units={70: (INCH, False), 71: (1.0, False), 700: (INCH, True), 710: (1.0, True)},
     spindle_limits=frozenset({25, 26}),
@@ -132,12 +198,16 @@ SINUMERIK = Dialect(
     boxes={},
     feed_modes={94: False, 95: True},
     # Zero offsets, poles, splines, tapping and threads that are not read.
-    takes_coordinates=frozenset({5, 34, 35, 58, 59, 63, 92, 110, 111, 112, 147, 148, 247, 248, 331, 332, 347, 348}),
+    takes_coordinates=frozenset(
+        {5, 34, 35, 58, 59, 63, 92, 110, 111, 112, 147, 148, 247, 248, 331, 332, 347, 348}
+    ),
     corners={"CHR": "legs", "CHF": "chord", "RND": "radius"},
     arc_radius="CR",
     thread_lead=("K", "I"),
 )
-DIALECTS: dict[str, Dialect] = {dialect.name: dialect for dialect in (FANUC, FANUC_B, FANUC_C, SINUMERIK)}
+DIALECTS: dict[str, Dialect] = {
+    dialect.name: dialect for dialect in (FANUC, FANUC_B, FANUC_C, SINUMERIK)
+}
 DIAMETERS = "DIAMON", "DIAMOF", "DIAM90"
 NOT_READ = {
     "CYCLE951": ", stock removal by SINUMERIK Operate: write it as CYCLE95 with a contour, or as moves",
@@ -253,13 +323,18 @@ FOREIGN = (
             # B is the radius of an arc; B0 is an axis of mill-turn machines.
             r"G0?[23](?!\d)(?![^\n]*(?:R[ \t=]*\d|[IK][ \t]*[-+.\d]))[^\nB]*B[ \t]*[+-]?0*\.?0*[1-9]",
         ),
-        pair=Pair(_signs(r"^[^\nG]*G5[89][ \t]+[XZ][^\nG]*$"), _signs(r"G92[ \t]*S")),  # zero offsets, limit of the spindle
+        pair=Pair(
+            _signs(r"^[^\nG]*G5[89][ \t]+[XZ][^\nG]*$"), _signs(r"G92[ \t]*S")
+        ),  # zero offsets, limit of the spindle
         tried="sinumerik",
     ),
     Foreign("Fagor or Huazhong (HNC)", _signs(r"^%(?:\d+[ \t\r]*$|[^\s,]+,\s*M\w*,)")),
     Foreign(
         "Mazak (EIA)",
-        _signs(r"\bG53\.5\b|\bG10\.9\b|\bG109\b|\bG27[0-9]\b|\bG12[23]\.1\b|\bG6[89]\.5\b", r"\bM99[89]\s*<"),
+        _signs(
+            r"\bG53\.5\b|\bG10\.9\b|\bG109\b|\bG27[0-9]\b|\bG12[23]\.1\b|\bG6[89]\.5\b",
+            r"\bM99[89]\s*<",
+        ),
         read=True,
     ),
 )

@@ -25,11 +25,22 @@ def factors(situation: Situation, played: Play) -> dict[str, Values]:
 
 def parts_per_edge(situation: Situation, played: Play) -> dict[str, float]:
     """Return the parts after which each tool's edge is changed; a share of one if edges do not last a part."""
-    used = np.zeros(len(played.time))  # share of the life of an edge that lasts shorter than 97.5 % of them
-    margin = life_margin(situation.scenario, situation.evidence or Evidence(), factors(situation, played))
+    used = np.zeros(
+        len(played.time)
+    )  # share of the life of an edge that lasts shorter than 97.5 % of them
+    margin = life_margin(
+        situation.scenario, situation.evidence or Evidence(), factors(situation, played)
+    )
     used[situation.engaged] = played.used_life[situation.engaged] * np.exp(margin)
-    found = {tool: (played.life_at_change[mine][0], used[mine].sum()) for tool, mine in situation.by_tool.items()}
-    return {tool: float(whole_parts(life / share)) for tool, (life, share) in found.items() if share > 0.0}
+    found = {
+        tool: (played.life_at_change[mine][0], used[mine].sum())
+        for tool, mine in situation.by_tool.items()
+    }
+    return {
+        tool: float(whole_parts(life / share))
+        for tool, (life, share) in found.items()
+        if share > 0.0
+    }
 
 
 def change_wear(situation: Situation) -> Values:
@@ -41,7 +52,11 @@ def change_wear(situation: Situation) -> Values:
     parts = [parts_per_edge(situation, played) for played in plays]
     chosen = np.zeros(len(situation.tool))
     for tool, mine in situation.by_tool.items():
-        whole = [played for played, count in zip(plays, parts, strict=True) if count.get(tool, 1.0) >= 1.0] or plays[-1:]
+        whole = [
+            played
+            for played, count in zip(plays, parts, strict=True)
+            if count.get(tool, 1.0) >= 1.0
+        ] or plays[-1:]
         kept = [played for played in whole if played.load[mine].max() <= 1.0] or whole[:1]
         chosen[mine] = kept[-1].change_wear[mine]
     return chosen
@@ -54,17 +69,24 @@ def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
     """
     on, where = situation.engaged, {}
     time = np.bincount(situation.line, played.time * on)
-    for name, measured, out in prediction.outside(situation.evidence or Evidence(), factors(situation, played)):
+    for name, measured, out in prediction.outside(
+        situation.evidence or Evidence(), factors(situation, played)
+    ):
         there = np.zeros(len(on), np.bool_)
         there[on] = out
         share = np.bincount(situation.line, played.time * there) / np.maximum(time, 1e-9)
-        where[f"{name.replace('_', ' ')} outside the measured {measured}"] = there & (share > BRIEF)[situation.line]
+        where[f"{name.replace('_', ' ')} outside the measured {measured}"] = (
+            there & (share > BRIEF)[situation.line]
+        )
     return where
 
 
 def beyond(situation: Situation, played: Play) -> list[str]:
     """Return notes on cuts beyond what was measured, or above the machine's speed."""
-    found = {text: set(situation.line[there].tolist()) for text, there in outside(situation, played).items()}
+    found = {
+        text: set(situation.line[there].tolist())
+        for text, there in outside(situation, played).items()
+    }
     notes = [f"* {at_lines(lines)}: {text}" for text, lines in found.items() if lines]
     highest = situation.scenario.machine.cutting_speed_max
     fast = situation.engaged & (played.cutting_speed > 1.001 * highest)

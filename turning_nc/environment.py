@@ -38,7 +38,8 @@ class ToolPath:
         self,
         program: str | os.PathLike[str],
         scenario: Source = "rough_turning",  # bars, edge changes, time limit and reference removal rate are replaced
-        stock: str | None = None,  # see ``stock.read_stock``; by default a bar that the program fits in
+        stock: str
+        | None = None,  # see ``stock.read_stock``; by default a bar that the program fits in
         tools: Mapping[str, str] = {},  # kinds, as for ``stock.remove``
         tool: str | None = None,  # whose edge is played; by default the one that removes most metal
         max_spindle_speed: float = Machine.max_spindle_speed,  # of the machine [rev/min]
@@ -53,11 +54,15 @@ class ToolPath:
             raise NcError(f"parts is {parts}, but must be at least 1")
         base = Scenario.load(scenario)
         if base.control.action == "part":
-            raise NcError('control.action is "part", but a program is played where speed and feed are set step by step')
+            raise NcError(
+                'control.action is "part", but a program is played where speed and feed are set step by step'
+            )
         text = read_program_file(Path(program))
         with naming(program):
             moves = run(text)
-        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools)
+        removal = remove(
+            moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools
+        )
         situation = Situation(base, Machine(max_spindle_speed), moves, removal)
         slices = removal.slices
         metal = {name: float(slices.volume[mine].sum()) for name, mine in situation.by_tool.items()}
@@ -71,28 +76,50 @@ class ToolPath:
         self.diameter = float(2.0 * np.average(radius, weights=slices.volume[mine]))
         self.lengths = slices.length[mine] * 2.0 * radius / self.diameter
         self.ends = np.cumsum(self.lengths)
-        _, self.speeds, self.feeds, _ = (values[mine] for values in motion(situation, situation.feed, situation.speed))
+        _, self.speeds, self.feeds, _ = (
+            values[mine] for values in motion(situation, situation.feed, situation.speed)
+        )
         speed_range = machine.cutting_speed_min, machine.cutting_speed_max
-        velocity = 1000.0 * np.clip(self.speeds, *speed_range) / (np.pi * self.diameter)  # [rev/min]
+        velocity = (
+            1000.0 * np.clip(self.speeds, *speed_range) / (np.pi * self.diameter)
+        )  # [rev/min]
         velocity *= np.clip(self.feeds, machine.feed_min, machine.feed_max)  # [mm/min]
         self.minutes = float((self.lengths / velocity).sum())
         limits = np.clip(np.pi * 2.0 * radius * situation.max_spindle[mine] / 1000.0, *speed_range)
         lengths, depths, limits = _merged(self.lengths, depth, limits)
         cut = depths > 0.0
-        removal_rate = np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes  # [cm3/min]
-        workpiece: dict[str, Any] = {"bars": parts, "bar_length": float(lengths.sum()), "approach": 0.0}
-        workpiece |= {"diameter": self.diameter, "depth_of_cut": float(np.average(depths[cut], weights=lengths[cut]))}
+        removal_rate = (
+            np.pi * self.diameter * np.dot(depths, lengths) / 1000.0 / self.minutes
+        )  # [cm3/min]
+        workpiece: dict[str, Any] = {
+            "bars": parts,
+            "bar_length": float(lengths.sum()),
+            "approach": 0.0,
+        }
+        workpiece |= {
+            "diameter": self.diameter,
+            "depth_of_cut": float(np.average(depths[cut], weights=lengths[cut])),
+        }
         profile = {"depth_profile": depths, "section_lengths": lengths, "section_speeds": limits}
         workpiece |= {name: tuple(values.tolist()) for name, values in profile.items()}
         job = {"edge_changes": "automatic", "time_limit": TIME_LIMIT * parts * self.minutes}
-        changes = {"workpiece": workpiece, "control": job, "economics": {"reference_removal_rate": float(removal_rate)}}
+        changes = {
+            "workpiece": workpiece,
+            "control": job,
+            "economics": {"reference_removal_rate": float(removal_rate)},
+        }
         sections = {name: getattr(base, name) for name in changes}
-        changed = {name: type(old).model_validate(old.model_dump() | changes[name]) for name, old in sections.items()}
+        changed = {
+            name: type(old).model_validate(old.model_dump() | changes[name])
+            for name, old in sections.items()
+        }
         self.scenario = base.model_copy(update=changed)
 
     def programmed(self, path: float) -> tuple[float, float]:
         """Return the programmed cutting speed [m/min] and feed [mm/rev] at a position along the row of parts [mm]."""
-        index = min(int(np.searchsorted(self.ends, path % self.ends[-1], "right")), len(self.ends) - 1)
+        index = min(
+            int(np.searchsorted(self.ends, path % self.ends[-1], "right")), len(self.ends) - 1
+        )
         return float(self.speeds[index]), float(self.feeds[index])
 
 
@@ -117,11 +144,17 @@ def _starts(lengths: Values, depths: Values, limits: Values, tolerance: float) -
     apart = tolerance * float(depths.max())
     length, area = float(lengths[0]), float(lengths[0] * depths[0])  # of the section up to here
     cuts = (depths > 0.0).tolist()
-    for k, (next_length, depth, limit) in enumerate(zip(lengths.tolist(), depths.tolist(), limits.tolist(), strict=True)):
+    for k, (next_length, depth, limit) in enumerate(
+        zip(lengths.tolist(), depths.tolist(), limits.tolist(), strict=True)
+    ):
         if k == 0:
             continue
         into_metal = cuts[k] != cuts[k - 1] and tolerance < 0.3
-        if abs(depth - area / max(length, 1e-12)) > apart or into_metal or limit < limits[starts[-1]] / 1.3:
+        if (
+            abs(depth - area / max(length, 1e-12)) > apart
+            or into_metal
+            or limit < limits[starts[-1]] / 1.3
+        ):
             starts.append(k)
             length = area = 0.0
         length += next_length
@@ -173,14 +206,18 @@ class ProgramEnv(RoughTurningEnv):
         gymnasium.make("turning_env:RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
     """
 
-    def __init__(self, program: str | os.PathLike[str], render_mode: str | None = None, **arguments: Any) -> None:
+    def __init__(
+        self, program: str | os.PathLike[str], render_mode: str | None = None, **arguments: Any
+    ) -> None:
         self.tool_path = ToolPath(program, **arguments)
         scenario = self.tool_path.scenario
         control = scenario.control.model_copy(update={"action": "set_point"})
         super().__init__(scenario.model_copy(update={"control": control}), render_mode)
         self._path = 0.0
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray[np.float32], Any]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Any]:
         observation, info = super().reset(seed=seed, options=options)
         self._path = float(info["path"])
         return observation, info

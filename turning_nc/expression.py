@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from types import CodeType
 
-DECIMALS = 12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
+DECIMALS = (
+    12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
+)
 MAX_LENGTH = 500  # characters of an expression; a block of a control has fewer
 MAX_SHOWN = 40  # characters of an expression that a message shows
 _TOKEN = re.compile(
@@ -17,15 +19,46 @@ _TOKEN = re.compile(
     (?:ABS|SIN|COS|TAN|SQRT|EXP|LN|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
     re.ASCII | re.VERBOSE,
 )
-_PYTHON = {"[": "(", "]": ")", "AND": "and", "OR": "or", "EQ": "==", "NE": "!=", "<>": "!=", "GT": ">", "GE": ">=", "LT": "<"}
+_PYTHON = {
+    "[": "(",
+    "]": ")",
+    "AND": "and",
+    "OR": "or",
+    "EQ": "==",
+    "NE": "!=",
+    "<>": "!=",
+    "GT": ">",
+    "GE": ">=",
+    "LT": "<",
+}
 _PYTHON |= {"LE": "<=", "MOD": "%"}
 _FUNCTIONS = {
-    **{"ABS": abs, "SQRT": math.sqrt, "FIX": math.trunc, "TRUNC": math.trunc, "FUP": math.ceil, "ROUND": round},
-    **{"SIN": lambda degrees: math.sin(math.radians(degrees)), "COS": lambda degrees: math.cos(math.radians(degrees))},
+    **{
+        "ABS": abs,
+        "SQRT": math.sqrt,
+        "FIX": math.trunc,
+        "TRUNC": math.trunc,
+        "FUP": math.ceil,
+        "ROUND": round,
+    },
+    **{
+        "SIN": lambda degrees: math.sin(math.radians(degrees)),
+        "COS": lambda degrees: math.cos(math.radians(degrees)),
+    },
     **{"TAN": lambda degrees: math.tan(math.radians(degrees)), "EXP": math.exp, "LN": math.log},
 }
 _NODES = (
-    *(ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.BoolOp, ast.Constant, ast.Subscript, ast.Name, ast.Call),
+    *(
+        ast.Expression,
+        ast.BinOp,
+        ast.UnaryOp,
+        ast.Compare,
+        ast.BoolOp,
+        ast.Constant,
+        ast.Subscript,
+        ast.Name,
+        ast.Call,
+    ),
     *(ast.operator, ast.unaryop, ast.cmpop, ast.boolop, ast.expr_context),
 )
 
@@ -47,7 +80,9 @@ class Expression:
             ValueError: it takes the root or the logarithm of a number below 0, or its value is too large.
         """
         try:
-            value = float(eval(self._code, {"__builtins__": {}, **_FUNCTIONS}, {"variables": variables}))
+            value = float(
+                eval(self._code, {"__builtins__": {}, **_FUNCTIONS}, {"variables": variables})
+            )
         except OverflowError:
             raise ValueError("its value is too large") from None
         if not math.isfinite(value):
@@ -64,14 +99,18 @@ def parse(text: str) -> Expression:
     """
     shown = repr(text.strip()[:MAX_SHOWN])
     if len(text) > MAX_LENGTH:
-        raise ValueError(f"an expression of {len(text)} characters is longer than the {MAX_LENGTH} that are read: {shown}")
+        raise ValueError(
+            f"an expression of {len(text)} characters is longer than the {MAX_LENGTH} that are read: {shown}"
+        )
     place = 0
     python: list[str] = []
     variables: set[str] = set()
     while place < len(text):
         match = _TOKEN.match(text, place)
         if match is None:
-            raise ValueError(f"{text[place:].strip()[:MAX_SHOWN]!r} is neither number, variable, operator nor parenthesis")
+            raise ValueError(
+                f"{text[place:].strip()[:MAX_SHOWN]!r} is neither number, variable, operator nor parenthesis"
+            )
         place = match.end()
         token = match[match.lastgroup or 0]
         if match.lastgroup == "number":
@@ -89,7 +128,9 @@ def parse(text: str) -> Expression:
             raise SyntaxError
         return Expression(text.strip(), frozenset(variables), compile(tree, text, "eval"))
     except (SyntaxError, RecursionError, MemoryError):
-        raise ValueError(f"{shown} is not an expression of numbers, variables, + - * / and parentheses") from None
+        raise ValueError(
+            f"{shown} is not an expression of numbers, variables, + - * / and parentheses"
+        ) from None
 
 
 def _is_allowed(node: ast.AST) -> bool:

@@ -38,11 +38,15 @@ def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
         if name not in habits:
             raise NcError(f"tool {name!r} is not in the program, which has {', '.join(habits)}")
     if len(habits) > MAX_TOOLS:
-        raise NcError(f"the program uses {len(habits)} tools, but {MAX_TOOLS} at most are played: are its T words tools?")
+        raise NcError(
+            f"the program uses {len(habits)} tools, but {MAX_TOOLS} at most are played: are its T words tools?"
+        )
     return {tool: given.get(tool) or seen.kind() for tool, seen in habits.items()}
 
 
-def inside_solid(moves: Moves, kinds: Mapping[str, str], given: Mapping[str, str], stock: Any) -> set[str]:
+def inside_solid(
+    moves: Moves, kinds: Mapping[str, str], given: Mapping[str, str], stock: Any
+) -> set[str]:
     """Return the tools that move as if they turned inside, but find no hole.
 
     A hole is in the stock (a polygon), or an earlier tool makes it: a drill, or one that cuts along Z nearer to the axis.

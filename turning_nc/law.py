@@ -34,7 +34,9 @@ _NUMBER = r"-?(?:\d{1,12}(?:\.\d{0,12})?|\.\d{1,12})"
 """A number without exponent, because controls read exponents differently."""
 _FIRST_VALUE = re.compile(rf"(\$AC_PARAM\[\d\])\s*=\s*({_NUMBER})")
 _POLYNOMIAL = re.compile(rf"FCTDEF\((\d{{1,3}}),({_NUMBER}(?:,{_NUMBER}){{5}})\)")
-_ACTION = re.compile(r"ID=(\d{1,3}) +(?:WHENEVER +(\S(?:.*\S)?) +)?DO +(?:SYNFCT\((\d{1,3}),([^,]+),([^,]+)\)|([^=]+)=([^=]+))")
+_ACTION = re.compile(
+    r"ID=(\d{1,3}) +(?:WHENEVER +(\S(?:.*\S)?) +)?DO +(?:SYNFCT\((\d{1,3}),([^,]+),([^,]+)\)|([^=]+)=([^=]+))"
+)
 
 
 Function = Callable[[Mapping[str, float]], float]
@@ -47,8 +49,12 @@ class Law:
 
     lines: list[str] = field(default_factory=list)
     first_values: dict[str, float] = field(default_factory=dict, init=False, compare=False)
-    polynomials: dict[int, tuple[float, ...]] = field(default_factory=dict, init=False, compare=False)
-    actions: dict[int, tuple[Expression | None, str, Function]] = field(default_factory=dict, init=False, compare=False)
+    polynomials: dict[int, tuple[float, ...]] = field(
+        default_factory=dict, init=False, compare=False
+    )
+    actions: dict[int, tuple[Expression | None, str, Function]] = field(
+        default_factory=dict, init=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         given, self.lines = self.lines, []
@@ -62,7 +68,9 @@ class Law:
         elif match := _POLYNOMIAL.fullmatch(line):
             low, high, *_ = self.polynomials[int(match[1])] = tuple(map(float, match[2].split(",")))
             if low > high:
-                raise Problem(f"the lower limit of polynomial {match[1]} is {low}, above the upper one, {high}")
+                raise Problem(
+                    f"the lower limit of polynomial {match[1]} is {low}, above the upper one, {high}"
+                )
         elif match := _ACTION.fullmatch(line):
             self._act(*match.groups())
         else:
@@ -70,12 +78,22 @@ class Law:
             raise Problem(f"{line!r} is not understood: a law consists of {allowed}")
         self.lines.append(line)
 
-    def _act(self, identity: str, condition: str | None, number: str | None, target: str, source: str, *assigned: str) -> None:
+    def _act(
+        self,
+        identity: str,
+        condition: str | None,
+        number: str | None,
+        target: str,
+        source: str,
+        *assigned: str,
+    ) -> None:
         output, text = (target, source) if number else assigned
         if (output := output.strip()) not in WRITABLE:
             raise Problem(f"{output!r} cannot be written, only {', '.join(WRITABLE)}")
         if int(identity) <= max(self.actions, default=0):
-            raise Problem(f"ID={identity} must precede ID={max(self.actions)}: actions run in this order")
+            raise Problem(
+                f"ID={identity} must precede ID={max(self.actions)}: actions run in this order"
+            )
         if number is not None and int(number) not in self.polynomials:
             raise Problem(f"polynomial {number} is not defined")
         expression, when = _parse(text), None if condition is None else _parse(condition)
@@ -114,7 +132,9 @@ def _parse(text: str) -> Expression:
     except ValueError as error:
         raise Problem(str(error)) from None
     if unknown := expression.variables - set(READABLE):
-        raise Problem(f"the variable {min(unknown)} cannot be read here, only {', '.join(READABLE)}")
+        raise Problem(
+            f"the variable {min(unknown)} cannot be read here, only {', '.join(READABLE)}"
+        )
     return expression
 
 
@@ -127,24 +147,48 @@ class LawWriter:
 
     def act(self, effect: str, *conditions: str) -> None:
         """Add an action that holds while all conditions do."""
-        texts = conditions if len(conditions) < 2 else [f"({condition})" for condition in conditions]
+        texts = (
+            conditions if len(conditions) < 2 else [f"({condition})" for condition in conditions]
+        )
         when = f"WHENEVER {' AND '.join(texts)} " if texts else ""
         self._actions.append(f"ID={len(self._actions) + 1} {when}DO {effect}")
 
-    def polynomial(self, coefficients: tuple[float, ...], low: float, high: float, output: str, *conditions: str) -> None:
+    def polynomial(
+        self,
+        coefficients: tuple[float, ...],
+        low: float,
+        high: float,
+        output: str,
+        *conditions: str,
+    ) -> None:
         """Add a polynomial of the load, and the action that writes it to an output."""
         number = len(self._polynomials) + 1
-        self._polynomials.append(f"FCTDEF({number},{','.join(map(number_text, (low, high, *coefficients)))})")
+        self._polynomials.append(
+            f"FCTDEF({number},{','.join(map(number_text, (low, high, *coefficients)))})"
+        )
         self.act(f"SYNFCT({number},{output},{LOAD})", *conditions)
 
-    def table(self, function: Callable[[float], float], first: float, last: float, *, beyond: bool) -> None:
+    def table(
+        self, function: Callable[[float], float], first: float, last: float, *, beyond: bool
+    ) -> None:
         """Tabulate a function of the load [%] from ``first`` to ``last`` into the gain; ``beyond``: constant above ``last``."""
-        for low, high, coefficients in _fitted(function, round(first, DECIMALS), round(last, DECIMALS)):
+        for low, high, coefficients in _fitted(
+            function, round(first, DECIMALS), round(last, DECIMALS)
+        ):
             lowest, highest = sorted((function(low), function(high)))
-            self.polynomial(coefficients, lowest, highest, GAIN, f"{LOAD}>={number_text(low)}", f"{LOAD}<{number_text(high)}")
+            self.polynomial(
+                coefficients,
+                lowest,
+                highest,
+                GAIN,
+                f"{LOAD}>={number_text(low)}",
+                f"{LOAD}<{number_text(high)}",
+            )
         if beyond:
             value = function(last)
-            self.polynomial((value, 0.0, 0.0, 0.0), value, value, GAIN, f"{LOAD}>={number_text(last)}")
+            self.polynomial(
+                (value, 0.0, 0.0, 0.0), value, value, GAIN, f"{LOAD}>={number_text(last)}"
+            )
 
     def law(self, limits: tuple[float, float] | None = None) -> Law:
         """Return the law; with limits [%], it clips the state to them and writes it to the override."""
@@ -156,12 +200,17 @@ class LawWriter:
         return Law([f"{STATE}=100.0", *self._polynomials, *self._actions])
 
 
-def _fitted(function: Callable[[float], float], low: float, high: float) -> list[tuple[float, float, tuple[float, ...]]]:
+def _fitted(
+    function: Callable[[float], float], low: float, high: float
+) -> list[tuple[float, float, tuple[float, ...]]]:
     """Return cubic polynomials (from, to, a0 to a3) that fit a function within ``GAIN_TOLERANCE``, by bisection."""
     nodes = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
     fit = Fitted.fit(nodes, [function(node) for node in nodes], 3, domain=[low, high])
     xs = np.linspace(low, high, 41)
-    if all(abs(fit(x) - y) <= GAIN_TOLERANCE * max(1.0, abs(y)) for x, y in ((x, function(x)) for x in xs)):
+    if all(
+        abs(fit(x) - y) <= GAIN_TOLERANCE * max(1.0, abs(y))
+        for x, y in ((x, function(x)) for x in xs)
+    ):
         coefficients = fit.convert().coef.tolist()
         return [(low, high, (*coefficients, *[0.0] * (4 - len(coefficients))))]
     middle = round(0.5 * (low + high), DECIMALS)

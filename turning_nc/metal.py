@@ -32,7 +32,9 @@ class Metal:
 
     def __init__(self, polygon: Any) -> None:
         self._pieces = np.full(16, None, dtype=object)
-        self._bounds = np.full((16, 4), _NOWHERE)  # of the pieces: lowest Z and X, highest Z and X [mm]
+        self._bounds = np.full(
+            (16, 4), _NOWHERE
+        )  # of the pieces: lowest Z and X, highest Z and X [mm]
         self._free = list(range(16))
         self._put(polygon)
 
@@ -150,7 +152,9 @@ def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
     return areas
 
 
-def _add_overlaps(areas: Values, indices: NDArray[np.int64], polygons: NDArray[Any], whole: Any) -> None:
+def _add_overlaps(
+    areas: Values, indices: NDArray[np.int64], polygons: NDArray[Any], whole: Any
+) -> None:
     """Add the areas of polygons within another one to those at their indices."""
     shapely.prepare(whole)
     meets = shapely.intersects(whole, polygons)

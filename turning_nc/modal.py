@@ -7,7 +7,10 @@ from turning_nc.dialects import DIAMETERS, FANUC, INCH, foreign_sign
 from turning_nc.paths import Point
 from turning_nc.words import Line, PartProgram, Problem, Span, Word
 
-HOME: Point = (200.0, 200.0)  # tool position before the first move and at reference points [mm] (assumption)
+HOME: Point = (
+    200.0,
+    200.0,
+)  # tool position before the first move and at reference points [mm] (assumption)
 FOOT = 0.3048
 MAX_REACH = 1e5  # largest distance of the tool from the zero point along an axis [mm]; that of a stock's ends, too
 MIN_RATE, MAX_RATE = 1e-6, 1e6  # of feeds and speeds, in any unit; a control's are far within
@@ -34,7 +37,9 @@ class Modal:
 
     program: PartProgram
     unit: str | None = None  # unit of a program that states none: mm or inch
-    steps: bool = False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    steps: bool = (
+        False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    )
     radius: bool = False  # whether X is a radius in a program that does not state it
     notes: dict[str, list[int]] = field(default_factory=dict)  # lines of each note
     z: float = HOME[0]
@@ -69,12 +74,20 @@ class Modal:
             self.set_units_and_modes({inch} if self.unit == "inch" else set())
             if self.unit is None:
                 names = " nor ".join(f"G{code}" for code in self.dialect.units)
-                self.note(f"neither {names} states the unit of the program: mm is taken (assumption); --unit inch sets inches")
-        self.linuxcnc = self.fanuc and (bool(codes & {7, 8}) or any(word.address.startswith("#<") for word in words))
+                self.note(
+                    f"neither {names} states the unit of the program: mm is taken (assumption); --unit inch sets inches"
+                )
+        self.linuxcnc = self.fanuc and (
+            bool(codes & {7, 8}) or any(word.address.startswith("#<") for word in words)
+        )
         if self.linuxcnc and not codes & self.dialect.feed_modes.keys():
             self.per_revolution = False
-            self.note("neither G94 nor G95 states the kind of feed: feeds are per minute, as in LinuxCNC (assumption)")
-        states_diameter = bool(codes & {7, 8}) if self.fanuc else any(word.address in DIAMETERS for word in words)
+            self.note(
+                "neither G94 nor G95 states the kind of feed: feeds are per minute, as in LinuxCNC (assumption)"
+            )
+        states_diameter = (
+            bool(codes & {7, 8}) if self.fanuc else any(word.address in DIAMETERS for word in words)
+        )
         self._take_diameter(states_diameter)
         feeds = any(line.codes & {94, 95} and not line.first(*_COORDINATES) for line in lines)
         increments = any({91} == line.codes & {91, 28, 30} for line in lines)
@@ -100,7 +113,11 @@ class Modal:
             self.diameter = "DIAMOF"
             self.note("X is taken as a radius, as --radius says")
         elif not stated:
-            why = "as usual" if self.fanuc else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
+            why = (
+                "as usual"
+                if self.fanuc
+                else "since neither DIAMON nor DIAMOF nor DIAM90 is programmed"
+            )
             self.note(f"X is taken as a diameter, {why} (assumption); --radius sets a radius")
 
     @property
@@ -124,7 +141,9 @@ class Modal:
             return None
         stated = codes & self.dialect.boxes.keys()
         if self.dialect is FANUC and not self.system_a and (unclear := codes & {90, 91, 92, 94}):
-            raise Problem(f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some controls")
+            raise Problem(
+                f"G{min(unclear):g} with coordinates but without G0 or G1 is a cycle on some controls"
+            )
         if stated:
             return self.dialect.boxes[min(stated)]
         return self.motion if self.motion in (90, 92, 94) else None
@@ -154,13 +173,19 @@ class Modal:
         if word is None or word.value is None:
             return
         # The lead of a thread stays in force, but must not change.
-        lead = self.fanuc and (codes & {32, 33} or self.function(codes) in (76, 84) or self.motion == 92)
-        self.feed = Setting(_rate(word) * self.feed_scale, None if lead else word.span, self.feed_scale)
+        lead = self.fanuc and (
+            codes & {32, 33} or self.function(codes) in (76, 84) or self.motion == 92
+        )
+        self.feed = Setting(
+            _rate(word) * self.feed_scale, None if lead else word.span, self.feed_scale
+        )
 
     def set_speed(self, line: Line, codes: set[float]) -> None:
         """Set the limit of the spindle, the kind of its speed, and the speed."""
         spindle = line.first("S", "S1")
-        limit = line.number_of("LIMS") or (line.number_of("D") if self.fanuc and 96 in codes else None)
+        limit = line.number_of("LIMS") or (
+            line.number_of("D") if self.fanuc and 96 in codes else None
+        )
         if limiting := codes & self.dialect.spindle_limits:
             limit = self._limit_or_zero_point(line, min(limiting), spindle)
             spindle = None
@@ -176,20 +201,28 @@ class Modal:
 
     def _limit_or_zero_point(self, line: Line, code: float, spindle: Word | None) -> float | None:
         """Return the limit of the spindle that G50, G92, G25 or G26 states; set the zero point before the first move."""
-        limit = None if spindle is None or code == 25 else spindle.value  # G25 states the lowest speed
+        limit = (
+            None if spindle is None or code == 25 else spindle.value
+        )  # G25 states the lowest speed
         if line.first(*_COORDINATES):
             if not (self.fanuc and self.here == HOME and line.first("X", "Z")):
-                raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
+                raise Problem(
+                    f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S..."
+                )
             self.z, self.x = self.target(line)
             self.note(f"G{code:g} sets the zero point from where the tool stands")
         elif spindle is None or spindle.value is None:
-            raise Problem(f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S...")
+            raise Problem(
+                f"G{code:g} is understood as a limit of the spindle alone: G{code:g} S..."
+            )
         return limit
 
     def _set_kind_of_speed(self, constant: bool) -> None:
         """Set whether S is a cutting speed (G96) or a spindle speed (G97)."""
         if constant != self.constant_cutting_speed:
-            kept = self.speed.value > 0.0 and not constant  # G97 alone keeps the spindle at its present speed
+            kept = (
+                self.speed.value > 0.0 and not constant
+            )  # G97 alone keeps the spindle at its present speed
             self.speed = Setting(self.spindle_speed()) if kept else Setting()
         self.constant_cutting_speed = constant
         if not self.fanuc and constant and not self.per_revolution:
@@ -201,13 +234,18 @@ class Modal:
             raise Problem("no speed is set: S")
         if not self.constant_cutting_speed:
             return self.speed.value
-        return min(1000.0 * self.speed.value / (2.0 * math.pi * max(abs(self.x), 1e-6)), self.max_spindle_speed)
+        return min(
+            1000.0 * self.speed.value / (2.0 * math.pi * max(abs(self.x), 1e-6)),
+            self.max_spindle_speed,
+        )
 
     def set_tool(self, line: Line) -> None:
         """Set tool and spindle, and note machine functions that are not understood."""
         word = line.first("T", "T1")
         if word is not None:
-            cancels = self.fanuc and len(word.text) >= 3 and word.text.endswith("00")  # the offset, not the tool
+            cancels = (
+                self.fanuc and len(word.text) >= 3 and word.text.endswith("00")
+            )  # the offset, not the tool
             if not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
                 self.tool = word.text if word.value is None else f"T{word.text}"
         for word in line.words:
@@ -215,7 +253,9 @@ class Modal:
                 if word.value in (3, 4, 5, 13, 14):
                     self.spindle_on = word.value != 5
                 elif word.value not in _KNOWN_M:
-                    self.note(f"M{word.value:g} is not understood; it is taken as without effect on the path")
+                    self.note(
+                        f"M{word.value:g} is not understood; it is taken as without effect on the path"
+                    )
 
     def in_units(self, word: Word) -> float:
         """Return a length as it is written, in mm or inch; a number without a decimal point may count steps."""
@@ -236,7 +276,9 @@ class Modal:
         if "." in word.text or not (steps or self.counts_steps):
             return word.value * self.length_scale
         inch = self.length_scale == INCH
-        self.note(f"a cycle's words without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}")
+        self.note(
+            f"a cycle's words without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}"
+        )
         return word.value * (STEP_INCH * INCH if inch else STEP_MM)
 
     def target(self, line: Line, start: Point | None = None) -> Point:
@@ -247,10 +289,16 @@ class Modal:
             if word.value is None or word.address not in _COORDINATES:
                 continue
             self._note_whole(word)
-            incremental = word.address in ("U", "W") or (not self.absolute and word.mode != "AC") or word.mode == "IC"
+            incremental = (
+                word.address in ("U", "W")
+                or (not self.absolute and word.mode != "AC")
+                or word.mode == "IC"
+            )
             given.add("X" if word.address in ("X", "U") else "Z")
             if word.address in ("X", "U"):
-                x = self.scaled_x(self.in_units(word), incremental) + (self.x if incremental else 0.0)
+                x = self.scaled_x(self.in_units(word), incremental) + (
+                    self.x if incremental else 0.0
+                )
             else:
                 z = self.in_units(word) * self.length_scale + (self.z if incremental else 0.0)
         angle = line.number_of("A", ",A", "ANG") if len(given) == 1 else None
@@ -263,7 +311,11 @@ class Modal:
         try:
             return within_reach((z, x))
         except Problem as problem:
-            hint = "; are its numbers steps of 0.001, --steps?" if self.line.number in self.large_numbers else ""
+            hint = (
+                "; are its numbers steps of 0.001, --steps?"
+                if self.line.number in self.large_numbers
+                else ""
+            )
             raise Problem(f"{problem}{hint}") from None
 
     def _note_whole(self, word: Word) -> None:
@@ -272,9 +324,13 @@ class Modal:
             return
         inch = self.length_scale == INCH
         if self.steps:
-            self.note(f"coordinates without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}")
+            self.note(
+                f"coordinates without a decimal point are read as steps of {'0.0001 inch' if inch else '0.001 mm'}"
+            )
             return
-        self.note(f"coordinates without a decimal point are read as {'inch' if inch else 'mm'}, not as steps of 0.001")
+        self.note(
+            f"coordinates without a decimal point are read as {'inch' if inch else 'mm'}, not as steps of 0.001"
+        )
         if abs(word.value) >= MIN_LARGE:
             number = self.line.number
             self.large_numbers[number] = max(abs(word.value), self.large_numbers.get(number, 0.0))
@@ -288,7 +344,9 @@ def within_reach(point: Point) -> Point:
     """
     z, x = point
     if not (abs(z) <= MAX_REACH and abs(x) <= MAX_REACH):
-        raise Problem(f"the tool would go to Z{z:g} X{2.0 * x:g} mm, but {MAX_REACH:g} mm from zero are allowed at most")
+        raise Problem(
+            f"the tool would go to Z{z:g} X{2.0 * x:g} mm, but {MAX_REACH:g} mm from zero are allowed at most"
+        )
     return point
 
 

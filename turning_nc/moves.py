@@ -10,7 +10,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from turning_nc.cycles import CycleState, Side, box_cycle, cycle95, cycle97, end_of_contour, fanuc_cycle
+from turning_nc.cycles import (
+    CycleState,
+    Side,
+    box_cycle,
+    cycle95,
+    cycle97,
+    end_of_contour,
+    fanuc_cycle,
+)
 from turning_nc.dialects import DIAMETERS, NOT_READ
 from turning_nc.law import Law
 from turning_nc.modal import HOME, Modal, Setting, within_reach
@@ -30,7 +38,9 @@ class Move:
 
     kind: Kind
     path: Path
-    line: int  # line of the file whose block moves the tool; for a pass of a cycle, that of the cycle
+    line: (
+        int  # line of the file whose block moves the tool; for a pass of a cycle, that of the cycle
+    )
     line_end: int  # place in the text after this line's last word
     tool: str
     feed: Setting
@@ -41,7 +51,9 @@ class Move:
     spindle_on: bool
     cycle_pass: int = 0  # number of the pass within a cycle, from 1; 0 outside
     time: float = 0.0  # duration of a dwell [s]
-    compensation: int = 0  # 41 or 42 if the nose radius is compensated to the left or to the right; 0 if not
+    compensation: int = (
+        0  # 41 or 42 if the nose radius is compensated to the left or to the right; 0 if not
+    )
     finishes: int = 0  # line of the roughing cycle whose contour the move finishes; 0 if none
 
 
@@ -49,9 +61,13 @@ class Move:
 class Reading:
     """Choices of the user in reading a program."""
 
-    go_on: bool = False  # whether words that are not understood are left out, and named in the notes
+    go_on: bool = (
+        False  # whether words that are not understood are left out, and named in the notes
+    )
     unit: str | None = None  # mm or inch, if the program states none
-    steps: bool = False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    steps: bool = (
+        False  # whether numbers without a decimal point count steps of 0.001 mm or 0.0001 inch
+    )
     radius: bool = False  # whether X is a radius, if the program does not state it
     sides: Mapping[int, str] = field(default_factory=dict)
     """Sides that roughing cycles turn, outside or inside, by their lines; by default those that a control takes."""
@@ -65,10 +81,14 @@ class Moves:
     reading: Reading
     moves: tuple[Move, ...]
     law: Law  # its synchronized actions
-    notes: tuple[str, ...]  # assumptions, and words that are not understood but do not change the tool's path, with lines
+    notes: tuple[
+        str, ...
+    ]  # assumptions, and words that are not understood but do not change the tool's path, with lines
     states_unit: bool  # whether the program or the caller states the unit
     sides: dict[int, Side]  # sides that roughing cycles turn, by their lines
-    large_numbers: dict[int, float]  # largest coordinates that look like steps but are read as mm or inch, by lines
+    large_numbers: dict[
+        int, float
+    ]  # largest coordinates that look like steps but are read as mm or inch, by lines
 
 
 class _End(Exception):
@@ -81,10 +101,33 @@ class _Return(Exception):
 
 _MOTIONS = {0, 1, 2, 3, 32, 33}
 _PLACES = {"X", "Z", "U", "W"}
-_PARAMETERS = {"I", "K", "R", "P", "Q", "D", "L", "A", "CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
+_PARAMETERS = {
+    "I",
+    "K",
+    "R",
+    "P",
+    "Q",
+    "D",
+    "L",
+    "A",
+    "CR",
+    "ANG",
+    ",A",
+    ",C",
+    ",R",
+    "CHR",
+    "CHF",
+    "RND",
+}
 """Words that say how a block moves, beside its coordinates."""
 NULL_NOTE = "words of Y, V, C, B or A that are 0 have no effect in turning"
-_NULL_AXES = {"Y", "V", "C", "B", "A"}  # of mill-turn machines; at 0 they do not change how a tool turns
+_NULL_AXES = {
+    "Y",
+    "V",
+    "C",
+    "B",
+    "A",
+}  # of mill-turn machines; at 0 they do not change how a tool turns
 
 
 def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
@@ -105,7 +148,9 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
         control.run_lines(program.parts[program.main])
     control.end_corner()
     if unused := reading.sides.keys() - control.sides.keys():
-        raise NcError(f"--side is given for {at_lines(unused)}, which holds no G71 or CYCLE95 along Z")
+        raise NcError(
+            f"--side is given for {at_lines(unused)}, which holds no G71 or CYCLE95 along Z"
+        )
     if control.problems and not reading.go_on:
         raise NcError(f"not understood{control.tried}:\n  " + "\n  ".join(_listed(control)))
     if not any(move.kind in ("feed", "thread") for move in control.moves):
@@ -116,9 +161,21 @@ def run(program: PartProgram, reading: Reading = Reading()) -> Moves:
         for reason in reasons:
             note = f"left out: {reason} {where}".rstrip()
             control.notes.setdefault(note, []).append(line)
-    named = tuple(f"{at_lines(lines)}: {note}" for note, lines in sorted(control.notes.items(), key=lambda item: min(item[1])))
+    named = tuple(
+        f"{at_lines(lines)}: {note}"
+        for note, lines in sorted(control.notes.items(), key=lambda item: min(item[1]))
+    )
     stated = control.states_unit or reading.unit is not None
-    return Moves(program, reading, tuple(control.moves), control.law, named, stated, control.sides, control.large_numbers)
+    return Moves(
+        program,
+        reading,
+        tuple(control.moves),
+        control.law,
+        named,
+        stated,
+        control.sides,
+        control.large_numbers,
+    )
 
 
 def _listed(control: "Control") -> list[str]:
@@ -152,7 +209,9 @@ class Control(Modal):
     cycle_pass: int = 0
     calls: int = 0
     blocks: list[int] = field(default_factory=lambda: [0])  # number of blocks run, also in contours
-    places_of_parts: dict[int, Places] = field(default_factory=dict)  # by the identity of a part's lines
+    places_of_parts: dict[int, Places] = field(
+        default_factory=dict
+    )  # by the identity of a part's lines
 
     def run_lines(self, lines: Sequence[Line], start: int = 0, end: int | None = None) -> None:
         """Run lines from an index to another; a cycle names the index at which the program goes on."""
@@ -161,7 +220,9 @@ class Control(Modal):
             self.line = line = lines[index]
             self.blocks[0] += 1
             if max(len(self.moves), self.blocks[0]) > MAX_BLOCKS:
-                raise NcError(f"line {line.number}: more than {MAX_BLOCKS} moves or blocks are run; are calls repeated?")
+                raise NcError(
+                    f"line {line.number}: more than {MAX_BLOCKS} moves or blocks are run; are calls repeated?"
+                )
             follows = None
             with self.naming_problems():
                 try:
@@ -200,7 +261,9 @@ class Control(Modal):
         """
         line = self.line
         if self.calls >= MAX_CALLS:
-            raise NcError(f"line {line.number}: sub-programs or contours call each other more than {MAX_CALLS} deep")
+            raise NcError(
+                f"line {line.number}: sub-programs or contours call each other more than {MAX_CALLS} deep"
+            )
         self.calls += 1
         try:
             yield
@@ -211,7 +274,9 @@ class Control(Modal):
     def _jump(self, line: Line, lines: Sequence[Line], index: int) -> int | None:
         """Return the index of the line that follows a jump, a loop or a false condition; None if the block is run."""
         assert line.flow is not None
-        word, condition, jump, target, then = (line.flow[name] for name in ("word", "condition", "jump", "target", "then"))
+        word, condition, jump, target, then = (
+            line.flow[name] for name in ("word", "condition", "jump", "target", "then")
+        )
         true = condition is None or bool(evaluated(condition, self.variables))
         places = self.places(lines)
         if jump in ("END", "ENDWHILE"):
@@ -238,7 +303,9 @@ class Control(Modal):
             self.places_of_parts[id(lines)] = Places(lines)
         return self.places_of_parts[id(lines)]
 
-    def _target_of_jump(self, places: Places, target: str | None, first: int, end: int) -> int | None:
+    def _target_of_jump(
+        self, places: Places, target: str | None, first: int, end: int
+    ) -> int | None:
         """Return the first of some lines that has a label, or on a Fanuc also the number of a block."""
         found = [places.label(target, first, end)]
         if self.fanuc:
@@ -291,7 +358,9 @@ class Control(Modal):
             if box is not None:
                 box_cycle(self, box, line)
             elif codes & self.dialect.cycles.keys():
-                follows = end_of_contour(self, line, lines, index)  # in case that the cycle is left out
+                follows = end_of_contour(
+                    self, line, lines, index
+                )  # in case that the cycle is left out
                 follows = fanuc_cycle(self, codes, line, lines, index)
             elif not (codes & self.dialect.references and other_axes):
                 self._run(codes, line, lines)
@@ -308,7 +377,9 @@ class Control(Modal):
             self.compensation = 0
         for side in codes & {41, 42}:
             self.compensation = int(side)
-            self.note("the tool's tip follows the contour, as with a nose radius that the control compensates")
+            self.note(
+                "the tool's tip follows the contour, as with a nose radius that the control compensates"
+            )
 
     def _run(self, codes: set[float], line: Line, lines: Sequence[Line]) -> None:
         """Run a block's move, its cycle of SINUMERIK or its shift of the zero point."""
@@ -337,12 +408,20 @@ class Control(Modal):
         for word in line.words:
             with self.naming_problems():
                 words.append(word.with_value(self.variables))
-        self.variables |= {word.address: word.value for word in words if word.is_variable and word.value is not None}
+        self.variables |= {
+            word.address: word.value
+            for word in words
+            if word.is_variable and word.value is not None
+        }
         return replace(line, words=tuple(word for word in words if not word.is_variable))
 
     def _is_null(self, word: Word) -> bool:
         """Return whether a word is 0 and belongs to an axis that turning does not use, such as Y0 or C0."""
-        return word.value == 0.0 and word.address in _NULL_AXES and word.address not in self.dialect.addresses
+        return (
+            word.value == 0.0
+            and word.address in _NULL_AXES
+            and word.address not in self.dialect.addresses
+        )
 
     def _known(self, line: Line) -> Line:
         """Return the line without labels, null words, and words that the dialect does not have."""
@@ -361,8 +440,12 @@ class Control(Modal):
                 words.append(word)
         if others:
             names = [f"{word.address}{word.text}" for word in others]
-            went = f", so {' and '.join(names)} are left out" if self.go_on and len(names) > 1 else ""
-            functions = [word.value for word in others if word.address == "G" and word.value is not None]
+            went = (
+                f", so {' and '.join(names)} are left out" if self.go_on and len(names) > 1 else ""
+            )
+            functions = [
+                word.value for word in others if word.address == "G" and word.value is not None
+            ]
             self.refuse(Problem(f"G{min(functions):g} is not understood{went}"))
         return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
@@ -401,10 +484,14 @@ class Control(Modal):
         motions = line.codes & _MOTIONS
         if len(motions) < 2:
             return line
-        self.refuse(Problem(f"{' and '.join(f'G{code:g}' for code in sorted(motions))} exclude each other"))
+        self.refuse(
+            Problem(f"{' and '.join(f'G{code:g}' for code in sorted(motions))} exclude each other")
+        )
         words = []
         for word in line.words:
-            moves = word.address in _PLACES | _PARAMETERS or (word.address == "G" and word.value in motions)
+            moves = word.address in _PLACES | _PARAMETERS or (
+                word.address == "G" and word.value in motions
+            )
             if not moves:
                 words.append(word)
         return line if len(words) == len(line.words) else replace(line, words=tuple(words))
@@ -420,7 +507,9 @@ class Control(Modal):
                 self.note(NULL_NOTE)
             else:
                 corner = "; write ,R for a radius between moves" if word.address == "R" else ""
-                self.refuse(Problem(f"{word.address}{word.text} has no meaning in this block{corner}"))
+                self.refuse(
+                    Problem(f"{word.address}{word.text} has no meaning in this block{corner}")
+                )
         return line if len(words) == len(line.words) else replace(line, words=tuple(words))
 
     def _used(self, line: Line, codes: set[float]) -> set[str]:
@@ -432,7 +521,9 @@ class Control(Modal):
         elif motion in (32, 33):
             used = {"I", "K", "Q"}
         if not self.fanuc:
-            calls = any(word.address == "L" or word.address in self.program.parts for word in line.words)
+            calls = any(
+                word.address == "L" or word.address in self.program.parts for word in line.words
+            )
             return used | ({"D", "L", "P"} if calls else {"D", "L"})
         function = self.function(codes)
         if function:
@@ -456,7 +547,11 @@ class Control(Modal):
     def _dwell_word(self, line: Line) -> Word | None:
         """Return the word that holds the time of G4: the first after G4 that can, else the last before it."""
         addresses = {"X", "U", "P"} if self.fanuc else {"F", "S"}
-        place = next(index for index, word in enumerate(line.words) if word.address == "G" and word.value == 4.0)
+        place = next(
+            index
+            for index, word in enumerate(line.words)
+            if word.address == "G" and word.value == 4.0
+        )
         for word in (*line.words[place:], *reversed(line.words[:place])):
             if word.address in addresses and word.value is not None:
                 return word
@@ -484,7 +579,9 @@ class Control(Modal):
             seconds *= 60.0 / self.spindle_speed()
         elif word.address == "P" and self.linuxcnc:
             self.note("P of G4 is in seconds, as in LinuxCNC")
-        elif "." not in word.text and (word.address == "P" or (self.steps and word.address in ("X", "U"))):
+        elif "." not in word.text and (
+            word.address == "P" or (self.steps and word.address in ("X", "U"))
+        ):
             seconds /= 1000.0
         if seconds < 0.0:
             raise Problem(f"the dwell is {seconds:g} s, but must not be below 0")
@@ -498,7 +595,10 @@ class Control(Modal):
         rounding = line.number_of("RNDM")
         if rounding is not None:
             self.rounding = rounding * self.length_scale
-        if not (line.first("X", "Z", "U", "W") or (self.motion in (2, 3) and motions and line.first("I", "K"))):
+        if not (
+            line.first("X", "Z", "U", "W")
+            or (self.motion in (2, 3) and motions and line.first("I", "K"))
+        ):
             if line.first(*self.dialect.corners):
                 raise Problem("a chamfer or a radius needs a move to its corner in the same block")
             return
@@ -517,7 +617,11 @@ class Control(Modal):
             with self.thread_feed(lead):
                 self.add(Path(self.here, end), "thread")
         else:
-            path = self._arc(line, end) if self.motion in (2, 3) else Path(self.here, end, rapid=self.motion == 0)
+            path = (
+                self._arc(line, end)
+                if self.motion in (2, 3)
+                else Path(self.here, end, rapid=self.motion == 0)
+            )
             self.add(path, "rapid" if self.motion == 0 else "feed")
         if self.moves and self.moves[-1].path.end == end:
             self.corner = self._corner(line)
@@ -537,7 +641,9 @@ class Control(Modal):
         word = line.first(*self.dialect.corners)
         if word is not None and word.value:
             if self.motion != 1 or word.value < 0.0:
-                raise Problem("a chamfer or a radius needs a size above 0, and straight moves at feed, G1")
+                raise Problem(
+                    "a chamfer or a radius needs a size above 0, and straight moves at feed, G1"
+                )
             size = self.in_units(word) * self.length_scale
             return Corner(self.dialect.corners[word.address], size, line.number)
         modal = self.rounding > 0.0 and self.motion in (1, 2, 3)
@@ -551,9 +657,13 @@ class Control(Modal):
         i, k = line.first("I"), line.first("K")
         if not (i or k):
             if self.fanuc and not line.codes & {2, 3}:
-                self.note(f"G{self.motion} holds, but without centre or radius: it moves straight, as on a Fanuc; is G1 missing?")
+                self.note(
+                    f"G{self.motion} holds, but without centre or radius: it moves straight, as on a Fanuc; is G1 missing?"
+                )
                 return Path(start, end)
-            raise Problem(f"G{self.motion} needs a centre or a radius: I and K, or {'R' if self.fanuc else 'CR='}")
+            raise Problem(
+                f"G{self.motion} needs a centre or a radius: I and K, or {'R' if self.fanuc else 'CR='}"
+            )
         if any(word is not None and word.mode == "AC" for word in (i, k)):
             raise Problem("a centre in absolute coordinates, I=AC or K=AC, is not understood")
         dx = self.in_units(i) * self.length_scale if i else 0.0
@@ -561,10 +671,14 @@ class Control(Modal):
         centre = start[0] + dz, start[1] + dx
         first, last = math.dist(start, centre), math.dist(end, centre)
         if first > MAX_RADIUS:
-            raise Problem(f"an arc of radius {first:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?")
+            raise Problem(
+                f"an arc of radius {first:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
+            )
         if abs(first - last) > max(0.01, 1e-3 * first):
             hint = self._hint_at_radius(start, end, (dz, dx))
-            raise Problem(f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end{hint}")
+            raise Problem(
+                f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end{hint}"
+            )
         return Path(start, end, centre, clockwise)
 
     def _hint_at_radius(self, start: Point, end: Point, to_centre: Point) -> str:
@@ -599,13 +713,20 @@ class Control(Modal):
             NcError: the program makes too many moves.
         """
         if len(self.moves) >= MAX_BLOCKS:
-            raise NcError(f"line {self.line.number}: more than {MAX_BLOCKS} moves are made; are calls or passes repeated?")
+            raise NcError(
+                f"line {self.line.number}: more than {MAX_BLOCKS} moves are made; are calls or passes repeated?"
+            )
         within_reach(path.end)
         if kind in ("feed", "thread"):
             if path.length < 1e-9:
                 return
-            for setting, problem in ((self.feed, "no feed is set: F"), (self.speed, "no speed is set: S")):
-                if setting.value <= 0.0 and (self.go_on or not self.problems):  # else a line that is not understood may set it
+            for setting, problem in (
+                (self.feed, "no feed is set: F"),
+                (self.speed, "no speed is set: S"),
+            ):
+                if setting.value <= 0.0 and (
+                    self.go_on or not self.problems
+                ):  # else a line that is not understood may set it
                     raise Problem(problem)
         self.z, self.x = path.end
         if kind == "rapid" and path.length < 1e-9:
@@ -613,7 +734,11 @@ class Control(Modal):
         if self.corner and kind == "feed":
             corner, before, self.corner = self.corner, self.moves[-1], None
             first, between, path = break_corner(before.path, path, corner)
-            self.moves[-1:] = [replace(before, path=each) for each in (first, between) if each and each.length > 1e-9]
+            self.moves[-1:] = [
+                replace(before, path=each)
+                for each in (first, between)
+                if each and each.length > 1e-9
+            ]
             if path.length < 1e-9:
                 return
         self.end_corner()
@@ -641,7 +766,9 @@ class Control(Modal):
     def end_corner(self) -> None:
         """Name a chamfer or a radius that no move at feed follows."""
         if self.corner and not self.corner.modal:
-            self.problems[self.corner.line, ""] = ["after a chamfer or a radius, a move at feed must follow"]
+            self.problems[self.corner.line, ""] = [
+                "after a chamfer or a radius, a move at feed must follow"
+            ]
         self.corner = None
 
     # Calls.
@@ -667,15 +794,21 @@ class Control(Modal):
         elif not self.fanuc:
             for word in words:
                 name = f"L{word.text}" if word.address == "L" else word.address
-                if word.address == "L" or (word.value is None and not word.text and name in self.program.parts):
+                if word.address == "L" or (
+                    word.value is None and not word.text and name in self.program.parts
+                ):
                     self._call(name, line.number_of("P"))
 
     def _call(self, name: str, times: float | None) -> None:
         count = 1 if times is None else int(times)
         if name not in self.program.parts or name == self.program.main:
-            raise Problem(f"the sub-program {name} is not in this file; its sub-programs are {self.program.sub_programs}")
+            raise Problem(
+                f"the sub-program {name} is not in this file; its sub-programs are {self.program.sub_programs}"
+            )
         if not 0 < count <= 9999:
-            raise Problem(f"a sub-program is called {count} times, but must be called 1 to 9999 times")
+            raise Problem(
+                f"a sub-program is called {count} times, but must be called 1 to 9999 times"
+            )
         with self.deeper():
             for _ in range(count):
                 self.run_lines(self.program.parts[name])

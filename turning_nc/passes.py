@@ -39,7 +39,10 @@ def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> l
     for path in kept:
         profile += [view.seen(point) for point in path.points()]
         if any(after.along < before.along - 1e-6 for before, after in itertools.pairwise(profile)):
-            raise Problem(f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood", path.line)
+            raise Problem(
+                f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood",
+                path.line,
+            )
     levels, step = _levels(profile, view.seen(start).height, cycle)
     return _Roughing(view, profile, start, cycle.retraction, step).passes(levels, kept)
 
@@ -67,7 +70,11 @@ class _View:
 
     def seen(self, point: Point) -> _Seen:
         z, x = point
-        return _Seen(self.along * x, self.upwards * z) if self.facing else _Seen(self.along * z, self.upwards * x)
+        return (
+            _Seen(self.along * x, self.upwards * z)
+            if self.facing
+            else _Seen(self.along * z, self.upwards * x)
+        )
 
     def point(self, along: float, height: float) -> Point:
         feed, infeed = self.along * along, self.upwards * height
@@ -80,10 +87,14 @@ def _levels(profile: Sequence[_Seen], start: float, cycle: Roughing) -> tuple[li
     top = max(point.height for point in profile) if cycle.equal else start
     total = top - lowest
     if total <= 1e-6:
-        raise Problem("the start point lies within the contour: no metal is left between them; is the side right?")
+        raise Problem(
+            "the start point lies within the contour: no metal is left between them; is the side right?"
+        )
     count = math.ceil(total / cycle.depth - 1e-6)
     if count > MAX_PASSES:
-        raise Problem(f"{count} passes of {cycle.depth:g} mm are needed, but {MAX_PASSES} at most are made")
+        raise Problem(
+            f"{count} passes of {cycle.depth:g} mm are needed, but {MAX_PASSES} at most are made"
+        )
     step = total / count if cycle.equal else cycle.depth
     return [top - step * index for index in range(1, count)], step
 
@@ -144,7 +155,11 @@ class _Roughing:
         point = self.view.point
         wall = [stretch.begin]  # down which the tool goes from the level above
         before = stretch.before
-        while before >= 0 and wall[0].height < level + self.step - 1e-9 and self.profile[before].height > wall[0].height:
+        while (
+            before >= 0
+            and wall[0].height < level + self.step - 1e-9
+            and self.profile[before].height > wall[0].height
+        ):
             wall.insert(0, self.profile[before])
             before -= 1
         begin = wall[0].along
@@ -164,7 +179,10 @@ class _Roughing:
             if low > high:
                 continue
             for along in (low, high):
-                if _height(before, after, along) > left.height + slope * (along - left.along) + 1e-9:
+                if (
+                    _height(before, after, along)
+                    > left.height + slope * (along - left.along) + 1e-9
+                ):
                     return False
         return True
 
@@ -183,7 +201,10 @@ class _Roughing:
             share = min(max((level - here.height) / (after.height - here.height), 0.0), 1.0)
             crossing = here.along + share * (after.along - here.along)
             if begin is None:
-                before, begin = index, _Seen(crossing, here.height + share * (after.height - here.height))
+                before, begin = (
+                    index,
+                    _Seen(crossing, here.height + share * (after.height - here.height)),
+                )
             else:
                 found.append(_Stretch(before, begin, crossing))
                 begin = None
@@ -205,30 +226,42 @@ def _spaced(first: float, last: float, step: float) -> list[float]:
     count = math.ceil(abs(last - first) / step - 1e-6) if step > 0.0 else 1
     if count > MAX_PASSES:
         raise Problem(f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made")
-    return [*(first + math.copysign(number * step, last - first) for number in range(1, count)), last]
+    return [
+        *(first + math.copysign(number * step, last - first) for number in range(1, count)),
+        last,
+    ]
 
 
-def pecked(start: Point, end: Point, along: int, peck: float, across: float, back: float) -> list[list[Path]]:
+def pecked(
+    start: Point, end: Point, along: int, peck: float, across: float, back: float
+) -> list[list[Path]]:
     """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm]."""
     made, here = [], start
     first, last = start[1 - along], end[1 - along]
     places = [first, *(_spaced(first, last, across) if abs(last - first) > 1e-6 else ())]
     depths = _spaced(start[along], end[along], peck)
     if len(places) * len(depths) > MAX_PASSES:
-        raise Problem(f"{len(depths)} pecks at each of {len(places)} places are needed, but {MAX_PASSES} at most are made")
+        raise Problem(
+            f"{len(depths)} pecks at each of {len(places)} places are needed, but {MAX_PASSES} at most are made"
+        )
     for place in places:
         ends = [(start[along], True)]
         for depth in depths:
             drawn = math.copysign(min(back, peck or back), end[along] - start[along])
             ends += [(depth, False), (depth - drawn, True)]
-        points = [((value, place) if along == 0 else (place, value), rapid) for value, rapid in (*ends[:-1], ends[0])]
+        points = [
+            ((value, place) if along == 0 else (place, value), rapid)
+            for value, rapid in (*ends[:-1], ends[0])
+        ]
         made.append(list(joined(here, *points)))
         here = points[-1][0]
     made[-1] += joined(here, (start, True))
     return made
 
 
-def repeated_passes(contour: Sequence[Path], start: Point, allowance: Point, most: Point, count: int) -> list[list[Path]]:
+def repeated_passes(
+    contour: Sequence[Path], start: Point, allowance: Point, most: Point, count: int
+) -> list[list[Path]]:
     """Return the moves of G73: the contour ``count`` times, from ``most`` beyond the allowance to the allowance [mm]."""
     made: list[list[Path]] = []
     here = start
@@ -254,15 +287,23 @@ class Thread:
     angle: float = 0.0  # angle by which the tool goes in aslant: half the thread's angle to cut with one flank [degrees]
 
 
-def decreasing_depths(height: float, first: float, smallest: float, allowance: float, finishing: int) -> list[float]:
+def decreasing_depths(
+    height: float, first: float, smallest: float, allowance: float, finishing: int
+) -> list[float]:
     """Return the depths of all passes: first * sqrt(n), ``smallest`` apart at least, and the finishing passes [mm]."""
     if not (first > 0.0 and height > allowance >= 0.0):
-        raise Problem(f"a thread {height:g} mm high with a first pass of {first:g} mm and {allowance:g} mm left cannot be cut")
+        raise Problem(
+            f"a thread {height:g} mm high with a first pass of {first:g} mm and {allowance:g} mm left cannot be cut"
+        )
     depths = [min(first, height - allowance)]
     while depths[-1] < height - allowance - 1e-9:
-        depths.append(min(max(first * math.sqrt(len(depths) + 1), depths[-1] + smallest), height - allowance))
+        depths.append(
+            min(max(first * math.sqrt(len(depths) + 1), depths[-1] + smallest), height - allowance)
+        )
         if len(depths) > MAX_PASSES:
-            raise Problem(f"a thread of more than {MAX_PASSES} passes is not made: is the first depth right?")
+            raise Problem(
+                f"a thread of more than {MAX_PASSES} passes is not made: is the first depth right?"
+            )
     return depths + [height] * finishing
 
 
@@ -277,6 +318,19 @@ def thread_passes(thread: Thread, depths: list[float]) -> list[list[Path]]:
     for depth in depths:
         over = outwards * (thread.height - depth)
         begin = thread.start[0] + along * depth * math.tan(math.radians(thread.angle))
-        cut = [((begin, thread.roots[0] + over), True), ((thread.end, thread.roots[1] + over), False)]
-        made.append(list(joined(thread.start, ((begin, clear), True), *cut, ((thread.end, clear), True), (thread.start, True))))
+        cut = [
+            ((begin, thread.roots[0] + over), True),
+            ((thread.end, thread.roots[1] + over), False),
+        ]
+        made.append(
+            list(
+                joined(
+                    thread.start,
+                    ((begin, clear), True),
+                    *cut,
+                    ((thread.end, clear), True),
+                    (thread.start, True),
+                )
+            )
+        )
     return made

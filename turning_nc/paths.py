@@ -39,11 +39,16 @@ class Path:
     @property
     def direction(self) -> Point:
         """Unit vector of a straight move."""
-        return (self.end[0] - self.start[0]) / self.length, (self.end[1] - self.start[1]) / self.length
+        return (self.end[0] - self.start[0]) / self.length, (
+            self.end[1] - self.start[1]
+        ) / self.length
 
     def _turn(self) -> float:
         assert self.centre is not None
-        first, last = (math.atan2(point[1] - self.centre[1], point[0] - self.centre[0]) for point in (self.start, self.end))
+        first, last = (
+            math.atan2(point[1] - self.centre[1], point[0] - self.centre[0])
+            for point in (self.start, self.end)
+        )
         full = 2.0 * math.pi
         turn = (first - last) % full if self.clockwise else (last - first) % full
         turn = full if turn < 1e-9 or full - turn < 1e-9 else turn
@@ -58,12 +63,20 @@ class Path:
         count = max(math.ceil(abs(turn) / step), 2)
         first = math.atan2(self.start[1] - x, self.start[0] - z)
         angles = [first + turn * index / count for index in range(1, count)]
-        return [*((z + radius * math.cos(angle), x + radius * math.sin(angle)) for angle in angles), self.end]
+        return [
+            *((z + radius * math.cos(angle), x + radius * math.sin(angle)) for angle in angles),
+            self.end,
+        ]
 
     def moved(self, dz: float, dx: float) -> "Path":
         """Return the path shifted."""
         centre = None if self.centre is None else shifted(self.centre, (dz, dx))
-        return replace(self, start=shifted(self.start, (dz, dx)), end=shifted(self.end, (dz, dx)), centre=centre)
+        return replace(
+            self,
+            start=shifted(self.start, (dz, dx)),
+            end=shifted(self.end, (dz, dx)),
+            centre=centre,
+        )
 
 
 @dataclass(frozen=True)
@@ -93,14 +106,20 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
     """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative."""
     chord = math.dist(start, end)
     if abs(radius) > MAX_RADIUS:
-        raise Problem(f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?")
+        raise Problem(
+            f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
+        )
     if chord < 1e-9 or abs(radius) < 0.5 * chord - 1e-3:
-        raise Problem(f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart")
+        raise Problem(
+            f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart"
+        )
     height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))
     side = (1.0 if clockwise else -1.0) * math.copysign(1.0, radius)
     dz, dx = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
     middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
-    return Path(start, end, (middle[0] + side * height * dx, middle[1] - side * height * dz), clockwise)
+    return Path(
+        start, end, (middle[0] + side * height * dx, middle[1] - side * height * dz), clockwise
+    )
 
 
 def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path | None, Path]:
@@ -113,9 +132,14 @@ def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path 
     if abs(turn) < 1e-6:
         return before, None, after
     half = 0.5 * abs(turn)
-    cut = corner.size * {"legs": 1.0, "chord": 0.5 / math.cos(half), "radius": math.tan(half)}[corner.kind]
+    cut = (
+        corner.size
+        * {"legs": 1.0, "chord": 0.5 / math.cos(half), "radius": math.tan(half)}[corner.kind]
+    )
     if cut > min(before.length, after.length) + 1e-6:
-        raise Problem(f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm of a move that is shorter")
+        raise Problem(
+            f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm of a move that is shorter"
+        )
     start, end = shifted(before.end, first, -cut), shifted(after.start, second, cut)
     centre = None
     if corner.kind == "radius":

@@ -19,7 +19,13 @@ from turning_render.plot_style import BLUE, GREY, LIGHT, LIMIT, ORANGE, VERMILLI
 
 _LOADS = LinearSegmentedColormap.from_list("loads", ["#9ECAE1", BLUE, ORANGE, VERMILLION])
 _PART = "#B0B0B0"
-_ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3, "fontsize": "small", "frameon": False}
+_ABOVE: dict[str, Any] = {
+    "loc": "lower center",
+    "bbox_to_anchor": (0.5, 1.0),
+    "ncols": 3,
+    "fontsize": "small",
+    "frameon": False,
+}
 """Place of a legend: above its panel."""
 _TOP = 1.5  # load at which the colours end
 
@@ -40,19 +46,35 @@ def draw(situation: Situation, played: Play, title: str) -> Figure:
     lines = LineCollection(segments, array=percent, cmap=_LOADS, norm=norm, linewidths=1.6)
     above.add_collection(lines)
     rapid = [move.path for move in situation.moves.moves if move.kind == "rapid"]
-    above.add_collection(LineCollection([(path.start, path.end) for path in rapid], colors=GREY, linewidths=0.4, linestyles=":"))
+    above.add_collection(
+        LineCollection(
+            [(path.start, path.end) for path in rapid], colors=GREY, linewidths=0.4, linestyles=":"
+        )
+    )
     low_z, low_x, high_z, high_x = shapely.total_bounds([removal.stock, removal.part])
     margin = 0.04 * (high_z - low_z)
     bottom = max(low_x - margin, 0.0) if low_x > 0 else 0.0
-    above.set(xlim=(low_z - margin, high_z + 3 * margin), ylim=(bottom, high_x + 2 * margin), aspect="equal")
+    above.set(
+        xlim=(low_z - margin, high_z + 3 * margin),
+        ylim=(bottom, high_x + 2 * margin),
+        aspect="equal",
+    )
     above.set(xlabel="Z [mm]", ylabel="X, radius [mm]")
     figure.suptitle(title, x=0.01, horizontalalignment="left", fontsize="medium")
     rapid_mark = Line2D([], [], color=GREY, lw=0.8, ls=":", label="rapid")
-    above.legend(handles=[Patch(color=LIGHT, label="stock"), Patch(color=_PART, label="part"), rapid_mark], **_ABOVE)
-    figure.colorbar(lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max", panchor=(0.5, 0.5))
+    above.legend(
+        handles=[Patch(color=LIGHT, label="stock"), Patch(color=_PART, label="part"), rapid_mark],
+        **_ABOVE,
+    )
+    figure.colorbar(
+        lines, ax=above, label="load [% of its limit]", shrink=0.8, extend="max", panchor=(0.5, 0.5)
+    )
     ends = np.cumsum(played.time)
     times = np.repeat(np.concatenate(([0.0], ends)), 2)[1:-1]
-    for name, share, colour in (("thrust force", played.force_share, ORANGE), ("power", played.power_share, BLUE)):
+    for name, share, colour in (
+        ("thrust force", played.force_share, ORANGE),
+        ("power", played.power_share, BLUE),
+    ):
         below.plot(times, 100.0 * np.repeat(share, 2), color=colour, linewidth=1.0, label=name)
     below.axhline(100.0, **LIMIT, label="limit")
     below.set(xlim=(0.0, max(ends[-1], 1e-3)), xlabel="time [s]", ylabel="load [% of its limit]")

@@ -19,7 +19,9 @@ from turning_nc.words import NcError, PartProgram, divide, naming, read_program_
 
 SPEED_DECIMALS, FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS = 1, 3, 3, 1
 """A control's resolution: cutting speed 0.1 m/min, feed 0.001 mm/rev, lengths 0.001 mm, spindle speed 0.1 rev/min."""
-RETRACTION = 10.0  # radial distance by which the tool leaves the cut before it returns [mm] (assumption)
+RETRACTION = (
+    10.0  # radial distance by which the tool leaves the cut before it returns [mm] (assumption)
+)
 WARNING = "SIMULATION OUTPUT: NOT FOR A MACHINE WITHOUT REVIEW"
 SAFE_START = "G18 G40 G54 G64 G90 G95 G710 DIAMON"
 """Plane ZX; no tool radius compensation; first zero offset; no stop between blocks; absolute; feed per revolution; mm; X is a
@@ -68,15 +70,23 @@ class Program:
         }
         for what, (mine, its) in lengths.items():
             if abs(mine - its) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
-                raise NcError(f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm")
+                raise NcError(
+                    f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm"
+                )
         ranges = {
-            "cutting speed": (self.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max),
+            "cutting speed": (
+                self.cutting_speed,
+                machine.cutting_speed_min,
+                machine.cutting_speed_max,
+            ),
             "feed": (self.feed, machine.feed_min, machine.feed_max),
             "LIMS": (self.max_spindle_speed, 0.0, _highest_spindle_speed(scenario)),
         }
         for what, (value, low, high) in ranges.items():
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
-                raise NcError(f"the program's {what} is {value}, but the machine's range is {low:g} to {high:g}")
+                raise NcError(
+                    f"the program's {what} is {value}, but the machine's range is {low:g} to {high:g}"
+                )
 
 
 def rounded_within(value: float, low: float, high: float, decimals: int) -> float:
@@ -125,14 +135,27 @@ def _program(program: PartProgram) -> Program:
     path, radius = cut.path, cut.path.end[1]
     if others:
         raise NcError(f"line {others[0].line}: the cut must be one block, that of line {cut.line}")
-    if not (cut.kind == "feed" and path.centre is None and path.start[1] == radius and path.end[0] < path.start[0]):
+    if not (
+        cut.kind == "feed"
+        and path.centre is None
+        and path.start[1] == radius
+        and path.end[0] < path.start[0]
+    ):
         raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
-    if not (cut.constant_cutting_speed and cut.per_revolution and math.isfinite(cut.max_spindle_speed)):
+    if not (
+        cut.constant_cutting_speed and cut.per_revolution and math.isfinite(cut.max_spindle_speed)
+    ):
         raise NcError(f"line {cut.line}: feed must be under G95 and G96, with LIMS")
     for move in done.moves[1:]:  # the first comes from anywhere
         (z, x), (end, end_x) = move.path.start, move.path.end
-        if move is not cut and min(x, end_x) < radius + RETRACTION - 1e-9 and not (z == end and (end_x >= x or z >= 0.0)):
-            raise NcError(f"line {move.line}: a rapid move along Z must keep to X{2.0 * (radius + RETRACTION)} or beyond")
+        if (
+            move is not cut
+            and min(x, end_x) < radius + RETRACTION - 1e-9
+            and not (z == end and (end_x >= x or z >= 0.0))
+        ):
+            raise NcError(
+                f"line {move.line}: a rapid move along Z must keep to X{2.0 * (radius + RETRACTION)} or beyond"
+            )
     return Program(
         _in_resolution("X", 2.0 * radius, LENGTH_DECIMALS, cut),
         _in_resolution("Z", path.start[0], LENGTH_DECIMALS, cut),
@@ -156,10 +179,19 @@ def _in_resolution(address: str, value: float, decimals: int, move: Move) -> flo
 
 def write(program: Program, comments: Iterable[str] = ()) -> str:
     """Return the text of a program: warning, comments, units, and numbered blocks."""
-    lines = [f"; {line}" for text in (WARNING, *comments, UNITS) for line in textwrap.wrap(_plain(text), 100) or [""]]
+    lines = [
+        f"; {line}"
+        for text in (WARNING, *comments, UNITS)
+        for line in textwrap.wrap(_plain(text), 100) or [""]
+    ]
     diameter, across, start, end = (
         f"{length:.{LENGTH_DECIMALS}f}"
-        for length in (program.diameter, program.diameter + 2.0 * RETRACTION, program.start, program.end)
+        for length in (
+            program.diameter,
+            program.diameter + 2.0 * RETRACTION,
+            program.start,
+            program.end,
+        )
     )
     set_points = f"S{program.cutting_speed:.{SPEED_DECIMALS}f} F{program.feed:.{FEED_DECIMALS}f}"
     blocks = (

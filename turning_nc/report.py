@@ -20,7 +20,10 @@ MAX_TEXT = 36
 MAX_LOAD = 3.0  # highest plausible load over its limit [-]
 MIN_FEED, MAX_FEED = 0.002, 5.0  # range of plausible feeds in metal [mm/rev]
 MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
-MIN_DEEP, MIN_BACK = 3.0, 1.0  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
+MIN_DEEP, MIN_BACK = (
+    3.0,
+    1.0,
+)  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
 BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
 MIN_BACKWARDS = 2.0  # length of a tool's cuts with its back below which they do not count [mm]
 MIN_ASIDE = 0.2  # distance of a tool's body from its path, over its distance from the tip, from which its side counts [-]
@@ -45,27 +48,41 @@ class Summary:
     overload_time: float  # [s]
     limited: bool  # whether there is a limit of force or power
     used_life: dict[str, float]  # share of the tool life per part, by tool [-]
-    parts: dict[str, float]  # parts after which an edge is changed, by tool: 97.5 % of edges last as long
+    parts: dict[
+        str, float
+    ]  # parts after which an edge is changed, by tool: 97.5 % of edges last as long
     change_wear: dict[str, float]  # flank wear at which it is changed at the latest, by tool [mm]
     extrapolated: tuple[str, ...]  # tools that cut outside of what was measured
 
     def lines(self) -> list[str]:
         """Return the totals as text."""
-        apart = f"{self.time_of_threads_and_drills:.1f} s of threads and drills, " * (self.time_of_threads_and_drills > 0.0)
+        apart = f"{self.time_of_threads_and_drills:.1f} s of threads and drills, " * (
+            self.time_of_threads_and_drills > 0.0
+        )
         air = f"{self.time_at_feed_in_air:.1f} s at feed in air"
         times = f"{self.time_in_metal:.1f} s in metal, {apart}{air}, {self.other_time:.1f} s other"
         load = f"highest load: {100 * self.max_load:.0f} % of a limit; {self.overload_time:.1f} s above a limit"
         load = load if self.limited else "limits of force and power are off"
         edges = [
-            f"{tool}: {100 * self.used_life[tool]:.2f} % of the tool life a part, {self.change(tool)}" for tool in self.parts
+            f"{tool}: {100 * self.used_life[tool]:.2f} % of the tool life a part, {self.change(tool)}"
+            for tool in self.parts
         ]
-        return [f"cycle time: {self.time:.1f} s ({times})", f"removed: {self.removed:.2f} cm3", load, *edges]
+        return [
+            f"cycle time: {self.time:.1f} s ({times})",
+            f"removed: {self.removed:.2f} cm3",
+            load,
+            *edges,
+        ]
 
     def change(self, tool: str) -> str:
         """Return the edge change of a tool as text, with a star if it cuts outside of what was measured."""
         parts = self.parts[tool]
-        count = f"{parts:.2f} of a part" if parts < 1.0 else f"{parts:,.0f} part{'s' * (parts > 1.0)}"
-        return f"change after {count} or at {self.change_wear[tool]:.3g} mm" + " *" * (tool in self.extrapolated)
+        count = (
+            f"{parts:.2f} of a part" if parts < 1.0 else f"{parts:,.0f} part{'s' * (parts > 1.0)}"
+        )
+        return f"change after {count} or at {self.change_wear[tool]:.3g} mm" + " *" * (
+            tool in self.extrapolated
+        )
 
 
 def summary(situation: Situation, played: Play) -> Summary:
@@ -105,7 +122,10 @@ def comparison(before: Summary, after: Summary) -> list[str]:
         f"cycle time: {before.time:.1f} s before, {after.time:.1f} s after: {change}",
         *([load] if before.limited else []),
         f"tool life per part: {lives[0]:.2f} % before, {lives[1]:.2f} % after",
-        *(f"{tool}: {before.change(tool)} before, {after.change(tool)} after" for tool in before.parts),
+        *(
+            f"{tool}: {before.change(tool)} before, {after.change(tool)} after"
+            for tool in before.parts
+        ),
     ]
 
 
@@ -117,11 +137,22 @@ def changes(changed: Sequence[Change], nose_radius: float | None) -> list[str]:
         if change.feeds and nose_radius:
             depths = [f"{1000.0 * feed**2 / (8.0 * nose_radius):.1f}" for feed in change.feeds]
             roughness = f" (theoretical roughness Rt {' -> '.join(depths)} um)"
-        lines.append(f"  line {change.line}: {change.before or 'new word'} -> {change.after}{roughness}")
-    highest = max((change.feeds[1] for change in changed if change.feeds and change.feeds[1] > change.feeds[0]), default=0.0)
+        lines.append(
+            f"  line {change.line}: {change.before or 'new word'} -> {change.after}{roughness}"
+        )
+    highest = max(
+        (
+            change.feeds[1]
+            for change in changed
+            if change.feeds and change.feeds[1] > change.feeds[0]
+        ),
+        default=0.0,
+    )
     if highest and not nose_radius:
         needed = f"a nose radius of {2.0 * highest:.2g} mm or more"
-        lines.append(f"  feeds up to {highest:.3g} mm/rev need {needed}: set that of your inserts, --nose-radius")
+        lines.append(
+            f"  feeds up to {highest:.3g} mm/rev need {needed}: set that of your inserts, --nose-radius"
+        )
     return lines
 
 
@@ -157,14 +188,35 @@ def rows(situation: Situation, played: Play) -> list[Row]:
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
         mark = " *" * bool(beyond[group].any())
         line, radius, load = int(s.line[group[0]]), slices.radius[cut], loads[group].max()
-        row: Row = {"line": line, "cycle_pass": int(passes[group[0]]), "tool": str(s.tool[group[0]])}
-        row |= {"text": texts[line - 1].strip()[:MAX_TEXT], "depth": float(slices.depth[metal].max(initial=0.0))}
-        row |= {"diameters": (2.0 * float(radius.min()), 2.0 * float(radius.max())), "feed": float(played.feed[cut].max())}
-        row |= {"cutting_speed": float(played.cutting_speed[cut].max()), "time": float(time[group].sum())}
-        row |= {"air_time": float(time[group] @ in_air[group]), "removed": float(slices.volume[group].sum() / 1000.0)}
-        row |= {"force_share": float(played.force_share[group].max()), "power_share": float(played.power_share[group].max())}
+        row: Row = {
+            "line": line,
+            "cycle_pass": int(passes[group[0]]),
+            "tool": str(s.tool[group[0]]),
+        }
+        row |= {
+            "text": texts[line - 1].strip()[:MAX_TEXT],
+            "depth": float(slices.depth[metal].max(initial=0.0)),
+        }
+        row |= {
+            "diameters": (2.0 * float(radius.min()), 2.0 * float(radius.max())),
+            "feed": float(played.feed[cut].max()),
+        }
+        row |= {
+            "cutting_speed": float(played.cutting_speed[cut].max()),
+            "time": float(time[group].sum()),
+        }
+        row |= {
+            "air_time": float(time[group] @ in_air[group]),
+            "removed": float(slices.volume[group].sum() / 1000.0),
+        }
+        row |= {
+            "force_share": float(played.force_share[group].max()),
+            "power_share": float(played.power_share[group].max()),
+        }
         row |= {"used_life": float(played.used_life[group].sum()), "saves": saves}
-        remark = "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
+        remark = (
+            "OVERLOAD" if load > 1.0 else f"could save {saves:.0f} s" if saves >= MIN_WASTE else ""
+        )
         made.append(row | {"remark": remark + mark})
     return made
 
@@ -174,7 +226,10 @@ _COLUMNS: dict[str, tuple[str, Callable[[Row], str]]] = {
     "pass": ("", lambda row: str(row["cycle_pass"] or "")),
     "tool": ("", lambda row: row["tool"]),
     "depth": ("mm", lambda row: f"{row['depth']:.2f}"),
-    "diameter": ("mm", lambda row: "-".join(dict.fromkeys(f"{value:.4g}" for value in row["diameters"]))),
+    "diameter": (
+        "mm",
+        lambda row: "-".join(dict.fromkeys(f"{value:.4g}" for value in row["diameters"])),
+    ),
     "speed": ("m/min", lambda row: f"{row['cutting_speed']:.0f}"),
     "feed": ("mm/rev", lambda row: f"{row['feed']:.3f}"),
     "time": ("s", lambda row: f"{row['time']:.1f}"),
@@ -187,8 +242,16 @@ _COLUMNS: dict[str, tuple[str, Callable[[Row], str]]] = {
 
 def table(situation: Situation, blocks: Sequence[Row]) -> str:
     """Return an aligned table of rows, without loads that have no limit."""
-    off = [head for head, is_off in zip(("force", "power"), situation.without_limit, strict=True) if is_off]
-    columns = [[head, unit, *map(text, blocks)] for head, (unit, text) in _COLUMNS.items() if head not in off]
+    off = [
+        head
+        for head, is_off in zip(("force", "power"), situation.without_limit, strict=True)
+        if is_off
+    ]
+    columns = [
+        [head, unit, *map(text, blocks)]
+        for head, (unit, text) in _COLUMNS.items()
+        if head not in off
+    ]
     padded = []
     for column in columns:
         width = max(map(len, column))
@@ -204,14 +267,24 @@ def findings(blocks: Sequence[Row], count: int = 5) -> list[str]:
     over = [row for row in blocks if row["remark"].startswith("OVERLOAD")]
     if over:
         worst = 100 * max(max(row["force_share"], row["power_share"]) for row in over)
-        found.append(f"overload: {at_lines(row['line'] for row in over)}; the highest load is {worst:.0f} % of its limit")
-    for what, time_of in (("too little feed", itemgetter("saves")), ("air at feed", itemgetter("air_time"))):
+        found.append(
+            f"overload: {at_lines(row['line'] for row in over)}; the highest load is {worst:.0f} % of its limit"
+        )
+    for what, time_of in (
+        ("too little feed", itemgetter("saves")),
+        ("air at feed", itemgetter("air_time")),
+    ):
         wasted: dict[int, float] = {}
         for row in blocks:
             wasted[row["line"]] = wasted.get(row["line"], 0.0) + time_of(row)
-        longest = sorted(((time, line) for line, time in wasted.items() if time >= MIN_WASTE), reverse=True)[:count]
+        longest = sorted(
+            ((time, line) for line, time in wasted.items() if time >= MIN_WASTE), reverse=True
+        )[:count]
         if longest:
-            found.append(f"wasted by {what}: " + ", ".join(f"line {line} {time:.1f} s" for time, line in longest))
+            found.append(
+                f"wasted by {what}: "
+                + ", ".join(f"line {line} {time:.1f} s" for time, line in longest)
+            )
     return found
 
 
@@ -227,31 +300,63 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
             found[name] = f"{at_lines(lines)}: {text}"
 
     rapids = s.removal.rapids
-    add("rapid in metal", rapids, f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal")
-    add("load", on & (played.load > MAX_LOAD), f"the load is above {100 * MAX_LOAD:g} % of its limit")
+    add(
+        "rapid in metal",
+        rapids,
+        f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal",
+    )
+    add(
+        "load",
+        on & (played.load > MAX_LOAD),
+        f"the load is above {100 * MAX_LOAD:g} % of its limit",
+    )
     radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
     above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)
     text = "the depth of cut is above half the diameter: is X a radius, DIAMOF, G8 or --radius?"
     add("depth of cut", on & above & (slices.depth > MIN_DEEP), text)
-    add("feed", s.fed & on & (played.feed < MIN_FEED), f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?")
+    add(
+        "feed",
+        s.fed & on & (played.feed < MIN_FEED),
+        f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?",
+    )
     high = f"the feed is above {MAX_FEED:g} mm/rev: is it in mm/min, G94 or G98?"
     add("high feed", s.fed & on & (played.feed > MAX_FEED), high)
-    add("spindle stands", on & ~s.spindle_on, "the tool cuts while the spindle stands: M3 or M4 is missing")
-    add("back of the tool", _backwards(s, deep), "the tool cuts with its back: is it left-hand, --tool NAME=left?")
+    add(
+        "spindle stands",
+        on & ~s.spindle_on,
+        "the tool cuts while the spindle stands: M3 or M4 is missing",
+    )
+    add(
+        "back of the tool",
+        _backwards(s, deep),
+        "the tool cuts with its back: is it left-hand, --tool NAME=left?",
+    )
     gouged = s.removal.gouged
     text = f"the insert's back takes {sum(gouged.values()):.1f} mm2 of the part: is it a copying one, --tool NAME=copying?"
     add("gouged contour", gouged, text)
     for tool, parts in summary(s, played).parts.items():
         if parts > MAX_PARTS:
-            add("edge life", on & s.by_tool[tool], f"an edge of {tool} would last {parts:,.0f} parts")
+            add(
+                "edge life",
+                on & s.by_tool[tool],
+                f"an edge of {tool} would last {parts:,.0f} parts",
+            )
     if not on.any() and (s.fed & ~s.apart).any():
-        add("nothing cut", s.fed & ~s.apart, "no move at feed meets metal: are the stock, its zero point and the unit right?")
+        add(
+            "nothing cut",
+            s.fed & ~s.apart,
+            "no move at feed meets metal: are the stock, its zero point and the unit right?",
+        )
     fed_lines = set(s.line[s.fed].tolist())
     large = {line: number for line, number in s.moves.large_numbers.items() if line in fed_lines}
     text = f"coordinates up to {max(large.values(), default=0.0):.0f} without a decimal point look like steps: set --steps"
     add("steps", large, text)
     for side, where in _wrong_sides(s).items():
-        add("compensation", where, f"G{side} has the tool on the other side of the contour: is G{83 - side} right?")
+        add(
+            "compensation",
+            where,
+            f"G{side} has the tool on the other side of the contour: is G{83 - side} right?",
+        )
     if not s.moves.states_unit and (fed := s.fed & on).any():
         feed, diameter = float(played.feed[fed].max()), 2.0 * float(slices.radius[fed].max())
         if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
@@ -272,9 +377,13 @@ def _wrong_sides(s: Situation) -> dict[int, NDArray[np.bool_]]:
         shape = tool_shape(s.removal.tools[tool])
         if shape is not None:
             z, x = shape.mean(axis=0) / np.linalg.norm(shape.mean(axis=0))
-            left[mine] = (x * step[mine, 0] - z * step[mine, 1]) / np.maximum(slices.length[mine], 1e-9)
+            left[mine] = (x * step[mine, 0] - z * step[mine, 1]) / np.maximum(
+                slices.length[mine], 1e-9
+            )
     compensation = np.array([move.compensation for move in s.moves.moves])[slices.move]
-    clear = s.engaged & (abs(left) > MIN_ASIDE) & (slices.start[:, 1] > 0.0)  # tools beyond the axis do not count
+    clear = (
+        s.engaged & (abs(left) > MIN_ASIDE) & (slices.start[:, 1] > 0.0)
+    )  # tools beyond the axis do not count
     wrong = clear & np.where(left > 0.0, compensation == 42, compensation == 41)
     right = clear & (compensation > 0) & ~wrong
     found: dict[int, NDArray[np.bool_]] = {}
@@ -296,5 +405,9 @@ def _backwards(s: Situation, deep: NDArray[np.bool_]) -> NDArray[np.bool_]:
         if not kind.startswith(("groove", "drill", "neutral")):
             hand[mine] = -1.0 if "left" in kind else 1.0
     back = deep & (along * hand > BACKWARDS)
-    enough = [back & mine for mine in s.by_tool.values() if slices.length[back & mine].sum() > MIN_BACKWARDS]
+    enough = [
+        back & mine
+        for mine in s.by_tool.values()
+        if slices.length[back & mine].sum() > MIN_BACKWARDS
+    ]
     return np.asarray(np.any([np.zeros_like(deep), *enough], axis=0))

@@ -27,7 +27,11 @@ class Totals:
     def of(cls, infos: Iterable[dict[str, Any]]) -> Self:
         """Return the totals of an episode's steps."""
         steps = list(infos)
-        return cls(sum(info["removed"] for info in steps), sum(info["time"] for info in steps) / 60.0, steps[-1]["wear"])
+        return cls(
+            sum(info["removed"] for info in steps),
+            sum(info["time"] for info in steps) / 60.0,
+            steps[-1]["wear"],
+        )
 
     def difference(self, other: "Totals") -> float:
         """Return the largest of the relative differences [-]."""
@@ -35,7 +39,9 @@ class Totals:
         return max(abs(a - b) / max(abs(b), 1e-9) for a, b in zip(mine, its, strict=True))
 
 
-def _steps(scenario: Scenario, seed: int, act: Callable[[Observations], Actions]) -> Iterator[dict[str, Any]]:
+def _steps(
+    scenario: Scenario, seed: int, act: Callable[[Observations], Actions]
+) -> Iterator[dict[str, Any]]:
     """Play the first bar of a seed; yield the ``info`` of every step."""
     workpiece = scenario.workpiece.model_copy(update={"bars": 1})
     env = RoughTurningEnv(scenario.model_copy(update={"workpiece": workpiece}))
@@ -57,7 +63,9 @@ class LawPolicy:
     def __init__(self, program: Program, scenario: Scenario) -> None:
         program.check(scenario)
         if scenario.control.action != "override" or scenario.control.edge_changes != "end":
-            raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed, with one edge")
+            raise NcError(
+                f"scenario {scenario.name!r} does not set the override of a programmed feed, with one edge"
+            )
         if not program.law.actions:
             raise NcError("the program has no override law: no synchronized actions")
         self._program, self._scenario, self._variables = program, scenario, program.law.variables()
@@ -71,7 +79,10 @@ class LawPolicy:
         program, variables, machine = self._program, self._variables, self._scenario.machine
         spindle_speed = 1000.0 * float(reading.cutting_speed[0]) / (math.pi * program.diameter)
         variables[LOAD] = 100.0 * max(float(reading.load[0]), 0.0)
-        variables[SPINDLE_SPEED], variables[PATH_VELOCITY] = spindle_speed, spindle_speed * float(reading.feed[0])
+        variables[SPINDLE_SPEED], variables[PATH_VELOCITY] = (
+            spindle_speed,
+            spindle_speed * float(reading.feed[0]),
+        )
         if present is not None:
             variables[STATE] = present
         try:
@@ -79,11 +90,15 @@ class LawPolicy:
         except ZeroDivisionError as error:
             raise NcError(f"the law divides by 0 at a load of {variables[LOAD]:.1f} %") from error
         except ValueError as error:
-            raise NcError(f"the law has no value at a load of {variables[LOAD]:.1f} %: {error}") from error
+            raise NcError(
+                f"the law has no value at a load of {variables[LOAD]:.1f} %: {error}"
+            ) from error
         feed = 0.01 * override * program.feed
         if not machine.feed_min - 1e-9 <= feed <= machine.feed_max + 1e-9:
             allowed = f"the machine's range is {machine.feed_min} to {machine.feed_max}"
-            raise NcError(f"the law sets a feed of {feed:.6f} mm/rev at a load of {variables[LOAD]:.1f} %, but {allowed}")
+            raise NcError(
+                f"the law sets a feed of {feed:.6f} mm/rev at a load of {variables[LOAD]:.1f} %, but {allowed}"
+            )
         return override
 
     def act(self, observations: Observations) -> Actions:
@@ -102,7 +117,9 @@ def simulate(program: Program, scenario: Scenario, seed: int) -> Totals:
     return Totals.of(_steps(scenario, seed, LawPolicy(program, scenario).act))
 
 
-def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int) -> tuple[list[float], Totals]:
+def compare(
+    program: Program, make_policy: PolicyFactory, scenario: Scenario, seed: int
+) -> tuple[list[float], Totals]:
     """Play a controller on the first bar of a seed; return by how much the law's overrides differ from it, and its totals.
 
     Both compute the next override [%] of every step from the same measurements and present override.
@@ -116,9 +133,14 @@ def compare(program: Program, make_policy: PolicyFactory, scenario: Scenario, se
 
     def act(observations: Observations) -> Actions:
         reading = read(observations, scenario)
-        overrides.append(law.override(reading, 100.0 * float(reading.commanded_feed[0]) / program.feed))
+        overrides.append(
+            law.override(reading, 100.0 * float(reading.commanded_feed[0]) / program.feed)
+        )
         return policy.act(observations)
 
     infos = list(_steps(scenario, seed, act))
-    differences = [abs(mine - 100.0 * info["commanded_feed"] / program.feed) for mine, info in zip(overrides, infos, strict=True)]
+    differences = [
+        abs(mine - 100.0 * info["commanded_feed"] / program.feed)
+        for mine, info in zip(overrides, infos, strict=True)
+    ]
     return differences, Totals.of(infos)

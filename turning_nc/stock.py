@@ -32,14 +32,19 @@ with needed():
 Values = NDArray[np.float64]
 
 MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
-STEP, TOUCH = 0.02, 1e-3  # accuracy of the places where a move meets and leaves metal [mm], and the area that counts [mm2]
+STEP, TOUCH = (
+    0.02,
+    1e-3,
+)  # accuracy of the places where a move meets and leaves metal [mm], and the area that counts [mm2]
 MIN_AREA = 1e-9  # area below which a cut is not divided into slices [mm2]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
 COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
 MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
 GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
-_EDGE = 25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
+_EDGE = (
+    25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
+)
 
 
 ANGLES = {"outside": (5.0, 85.0), "copying": (52.0, 87.0), "neutral": (72.5, 107.5)}
@@ -49,8 +54,14 @@ KINDS = f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-i
 
 def _insert(first: float, second: float, marks: Iterable[str]) -> Values:
     """Return the corners of an insert with its tip at the origin: right-hand and for outside, if it is not marked otherwise."""
-    a, b = ((_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle))) for angle in (first, second))
-    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (-1.0 if "left" in marks else 1.0, -1.0 if "inside" in marks else 1.0)
+    a, b = (
+        (_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle)))
+        for angle in (first, second)
+    )
+    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (
+        -1.0 if "left" in marks else 1.0,
+        -1.0 if "inside" in marks else 1.0,
+    )
 
 
 def tool_shape(kind: str, slim: bool = False) -> Values | None:
@@ -61,10 +72,14 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
     Raises:
         NcError: there is no such kind.
     """
-    shape, *marks = kind.split("-") if kind.split("-")[0] in ANGLES else ("outside", *kind.split("-"))
+    shape, *marks = (
+        kind.split("-") if kind.split("-")[0] in ANGLES else ("outside", *kind.split("-"))
+    )
     if set(marks) <= {"left", "inside"} and len(set(marks)) == len(marks):
         first, second = ANGLES[shape]
-        return _insert(ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks)
+        return _insert(
+            ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks
+        )
     match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
     if kind != DRILL and (match is None or not MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
         raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
@@ -72,8 +87,13 @@ def tool_shape(kind: str, slim: bool = False) -> Values | None:
         return None
     width = float(match[2])
     if match[1] == DRILL:  # with a flat end
-        return np.array(((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0)))
-    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE))) * (1.0, -1.0 if match[3] else 1.0)
+        return np.array(
+            ((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0))
+        )
+    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE))) * (
+        1.0,
+        -1.0 if match[3] else 1.0,
+    )
 
 
 def read_stock(text: str) -> Any:
@@ -90,19 +110,27 @@ def read_stock(text: str) -> Any:
     if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
         bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
         outer = bar or tube
-        if not (inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH and face <= MAX_LENGTH):
+        if not (
+            inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH and face <= MAX_LENGTH
+        ):
             largest = f"a diameter of {MAX_DIAMETER:g} mm and a length of {MAX_LENGTH:g} mm at most"
-            raise NcError(f"stock {text[:60]!r}: sizes must be above 0, and the inner diameter below the outer; {largest}")
+            raise NcError(
+                f"stock {text[:60]!r}: sizes must be above 0, and the inner diameter below the outer; {largest}"
+            )
         return shapely.box(-length, inner / 2.0, face, outer / 2.0)
     path = Path(text)
     if path.suffix.lower() not in (".dxf", ".csv"):
-        raise NcError(f"stock {text!r} is no bar:DIAMETERxLENGTH, tube:OUTERxINNERxLENGTH, nor a .dxf or .csv file")
+        raise NcError(
+            f"stock {text!r} is no bar:DIAMETERxLENGTH, tube:OUTERxINNERxLENGTH, nor a .dxf or .csv file"
+        )
     return _closed(_dxf_lines(path) if path.suffix.lower() == ".dxf" else [_csv_points(path)], path)
 
 
 def _csv_points(path: Path) -> list[Point]:
     points: list[Point] = []
-    for number, line in enumerate(regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace").splitlines(), 1):
+    for number, line in enumerate(
+        regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace").splitlines(), 1
+    ):
         if not line.strip(" ,") or line.lstrip().startswith("#"):
             continue
         try:
@@ -110,9 +138,13 @@ def _csv_points(path: Path) -> list[Point]:
         except ValueError:
             if number == 1:  # a header
                 continue
-            raise NcError(f"{path}: line {number}: {line[:40]!r} is not Z and the diameter in mm") from None
+            raise NcError(
+                f"{path}: line {number}: {line[:40]!r} is not Z and the diameter in mm"
+            ) from None
         if not (abs(z) <= MAX_LENGTH and 0.0 <= diameter <= MAX_DIAMETER):
-            raise NcError(f"{path}: line {number}: Z must be within {MAX_LENGTH:g} mm, the diameter 0 to {MAX_DIAMETER:g} mm")
+            raise NcError(
+                f"{path}: line {number}: Z must be within {MAX_LENGTH:g} mm, the diameter 0 to {MAX_DIAMETER:g} mm"
+            )
         points.append((z, diameter / 2.0))
     return points
 
@@ -135,17 +167,25 @@ def _dxf_lines(path: Path) -> list[list[Point]]:
     lines = []
     for entity in drawing.modelspace():
         if entity.dxftype() not in kinds:
-            raise NcError(f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}")
-        numbers = [tag.value for tag in TagCollector.dxftags(entity) if isinstance(tag.value, float)]
+            raise NcError(
+                f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}"
+            )
+        numbers = [
+            tag.value for tag in TagCollector.dxftags(entity) if isinstance(tag.value, float)
+        ]
         if not all(abs(number) <= MAX_LENGTH for number in numbers):
-            raise NcError(f"{path}: {entity} has a number that is not finite or above {MAX_LENGTH:g}")
+            raise NcError(
+                f"{path}: {entity} has a number that is not finite or above {MAX_LENGTH:g}"
+            )
         try:
             points = list(ezdxf.path.make_path(entity).flattening(0.005))
         except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
             raise NcError(f"{path}: {entity} is no curve: {error}") from None
         line = [(units * point.x, units * point.y) for point in points]
         if any(max(abs(z), abs(x)) > MAX_LENGTH for z, x in line):
-            raise NcError(f"{path}: {entity} reaches beyond {MAX_LENGTH:g} mm: is its unit ($INSUNITS) right?")
+            raise NcError(
+                f"{path}: {entity} reaches beyond {MAX_LENGTH:g} mm: is its unit ($INSUNITS) right?"
+            )
         lines.append(line)
     return lines
 
@@ -160,9 +200,13 @@ def _closed(lines: Sequence[Sequence[Point]], path: Path) -> Any:
         areas = [shapely.Polygon([*points, (points[-1][0], 0.0), (points[0][0], 0.0)])]
     area = shapely.union_all(areas)
     if not area.is_valid or area.area < 1e-6:
-        raise NcError(f"{path}: its lines enclose no area: close the contour, or end it on the axis")
+        raise NcError(
+            f"{path}: its lines enclose no area: close the contour, or end it on the axis"
+        )
     if area.bounds[1] < -1e-6:
-        raise NcError(f"{path}: the contour reaches below the axis: draw only the half above it, with the axis at 0")
+        raise NcError(
+            f"{path}: the contour reaches below the axis: draw only the half above it, with the axis at 0"
+        )
     return area
 
 
@@ -178,13 +222,17 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     z, x = np.where((x == HOME[1]) & (z == HOME[0]), 0.0, (z, x))  # a feed from the reference point
     inside = np.repeat([kinds[move.tool].endswith("inside") for move in turned], 2)
     ends = np.array([x[::2], x[1::2]])
-    axial = np.repeat((abs(ends).min(axis=0) < 1e-6) | (ends.prod(axis=0) < 0.0), 2)  # moves that reach the axis
+    axial = np.repeat(
+        (abs(ends).min(axis=0) < 1e-6) | (ends.prod(axis=0) < 0.0), 2
+    )  # moves that reach the axis
     x = abs(x)
     plunges = (z[::2] == z[1::2]) & (z[::2] < 0.0) & (x[1::2] < x[::2])  # which begin in the air
     if not plunges.all():
         x[::2] = np.where(plunges, x[1::2], x[::2])
     lower = np.repeat(np.minimum(z[::2], z[1::2]), 2)
-    face = float(lower[axial].max(initial=0.0)) if x.max() > 1e-6 else 0.0  # of the bar, if the tool goes to its axis
+    face = (
+        float(lower[axial].max(initial=0.0)) if x.max() > 1e-6 else 0.0
+    )  # of the bar, if the tool goes to its axis
     length = 10.0 - float(min(z.min(), -1.0))
     radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
     cut = float(x[1::2][(x[::2] == x[1::2]) & (z[1::2] < 0.0)].max(initial=0.0))
@@ -192,8 +240,17 @@ def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str
     drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
     starts = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
     least = float(x[inside & (z < 0.0)].min(initial=radius))
-    bore = 0.0 if drilled else min(starts or [max(least - CLEARANCE, 0.5 * least) if least < radius else 0.0]) % radius
-    name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}" if bore else f"bar:{2.0 * radius:g}x{length:g}"
+    bore = (
+        0.0
+        if drilled
+        else min(starts or [max(least - CLEARANCE, 0.5 * least) if least < radius else 0.0])
+        % radius
+    )
+    name = (
+        f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}"
+        if bore
+        else f"bar:{2.0 * radius:g}x{length:g}"
+    )
     return shapely.box(-length, bore, face, radius), name + (f"+{face:g}" if face else "")
 
 
@@ -240,15 +297,23 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
     solid = inside_solid(moves, kinds, tools, stock)
     kinds |= dict.fromkeys(solid, "outside")
     beyond = _beyond_the_axis(moves)
-    cutting = _Cutting(stock, kinds, beyond, {move.tool for move in moves.moves if move.kind == "thread"})
+    cutting = _Cutting(
+        stock, kinds, beyond, {move.tool for move in moves.moves if move.kind == "thread"}
+    )
     unchecked = set(moves.sides)
-    for index, move in enumerate(tqdm(moves.moves, "removing metal", unit="move", leave=False, disable=None)):
+    for index, move in enumerate(
+        tqdm(moves.moves, "removing metal", unit="move", leave=False, disable=None)
+    ):
         if move.line in unchecked:
             unchecked.remove(move.line)
             _check_side(moves, move.line, cutting.left)
         for start, end in itertools.pairwise((move.path.start, *move.path.points())):
             cutting.run(index, move, start, end)
-    notes = [f"tool {name} works at negative X: its path is mirrored on the axis" for name in kinds if name in beyond]
+    notes = [
+        f"tool {name} works at negative X: its path is mirrored on the axis"
+        for name in kinds
+        if name in beyond
+    ]
     drill = "cuts along the axis alone and is taken as a drill that removes nothing: set --tool NAME=drill:DIAMETER"
     notes += [f"tool {name} {drill}" for name, kind in kinds.items() if kind == DRILL]
     notes += [
@@ -257,9 +322,15 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         if kind not in ("outside", DRILL) and name not in tools
     ]
     hole = "moves as if inside, but the stock has no hole there; so it is taken as outside"
-    notes += [f"tool {name} {hole}: give a tube, or set --tool {name}=KIND" for name in kinds if name in solid]
+    notes += [
+        f"tool {name} {hole}: give a tube, or set --tool {name}=KIND"
+        for name in kinds
+        if name in solid
+    ]
     part = cutting.left.polygon()
-    return Removal(cutting.slices(), stock, part, kinds, cutting.rapids, cutting.gouged(part), tuple(notes))
+    return Removal(
+        cutting.slices(), stock, part, kinds, cutting.rapids, cutting.gouged(part), tuple(notes)
+    )
 
 
 def _beyond_the_axis(moves: Moves) -> set[str]:
@@ -277,19 +348,33 @@ def _beyond_the_axis(moves: Moves) -> set[str]:
 class _Cutting:
     """Tools that take metal from a stock, one straight move after another."""
 
-    def __init__(self, stock: Any, kinds: Mapping[str, str], beyond: set[str], threading: set[str]) -> None:
+    def __init__(
+        self, stock: Any, kinds: Mapping[str, str], beyond: set[str], threading: set[str]
+    ) -> None:
         """Start with a stock; ``beyond`` are tools at negative X, ``threading`` those whose metal is not computed."""
         self.left = Metal(stock)
-        self.rapids: dict[int, float] = {}  # largest area of metal that a rapid move sweeps, by lines [mm2]
+        self.rapids: dict[
+            int, float
+        ] = {}  # largest area of metal that a rapid move sweeps, by lines [mm2]
         self._stock, self._beyond, self._threading = stock, beyond, threading
         self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
-        self._slim_shapes: dict[str, Values] = {}  # shapes with a slim back, of the tools that have another one
+        self._slim_shapes: dict[
+            str, Values
+        ] = {}  # shapes with a slim back, of the tools that have another one
         for name, kind in kinds.items():
             shape, slim_shape = self._shapes[name], tool_shape(kind, slim=True)
-            if shape is not None and slim_shape is not None and not np.array_equal(shape, slim_shape):
+            if (
+                shape is not None
+                and slim_shape is not None
+                and not np.array_equal(shape, slim_shape)
+            ):
                 self._slim_shapes[name] = slim_shape
-        self._slim = Metal(stock) if self._slim_shapes else None  # what tools with a slim back would leave
-        self._taken: list[tuple[int, NDArray[Any]]] = []  # lines, and the metal that their moves take
+        self._slim = (
+            Metal(stock) if self._slim_shapes else None
+        )  # what tools with a slim back would leave
+        self._taken: list[
+            tuple[int, NDArray[Any]]
+        ] = []  # lines, and the metal that their moves take
         self._moves: list[int] = []  # index of the move to which each straight move belongs
         self._paths: list[tuple[Point, Point]] = []  # straight moves
         self._cuts: list[_Cut] = []  # what each of them removes
@@ -306,7 +391,9 @@ class _Cutting:
             return AIR
         if move.tool in self._beyond:
             start, end = (start[0], -start[1]), (end[0], -end[1])
-        withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0  # from where it came
+        withdraws = (
+            start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0
+        )  # from where it came
         if move.kind == "rapid" and (withdraws or move.tool in self._threading):
             return AIR  # it rubs along each ridge of a shoulder, which would take long to compute
         sweep = Sweep(shape, start, end)
@@ -394,7 +481,9 @@ def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
         return _Cut(np.ones(1), np.array([area]), np.array([moments.sum()]))
     removed = Removed(sweep, metal)
     touch = min(TOUCH, 0.1 * area)
-    first, last = removed.first_steps(np.array((touch, area - touch)), sweep.length / steps, steps) / steps
+    first, last = (
+        removed.first_steps(np.array((touch, area - touch)), sweep.length / steps, steps) / steps
+    )
     first = max(first - 1.0 / steps, 0.0)
     count = min(math.ceil((last - first) * sweep.length / SLICE), MAX_SLICES)
     shares = np.linspace(first, last, count + 1)
@@ -411,9 +500,15 @@ def _check_side(moves: Moves, line: int, left: Metal) -> None:
     """Check that a cycle turns metal, and that there is a hole if it turns inside."""
     side = moves.sides[line]
     outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
-    within, beyond = (left.area_within(low, *ends) for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5)))
-    if not side.facing and (within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low)):
+    within, beyond = (
+        left.area_within(low, *ends) for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
+    )
+    if not side.facing and (
+        within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low)
+    ):
         hole = "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
-        found, other = ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
+        found, other = (
+            ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
+        )
         begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
         raise NcError(f"{begin}, but the stock has {found}; or set --side {line}={other}")

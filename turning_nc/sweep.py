@@ -54,13 +54,18 @@ class Removed:
         self._across = edges.first_across
         rise = self._last - self._first
         level = abs(rise) < SAME
-        self._slope = np.where(level, 0.0, (edges.last_across - edges.first_across) / np.where(level, 1.0, rise))
+        self._slope = np.where(
+            level, 0.0, (edges.last_across - edges.first_across) / np.where(level, 1.0, rise)
+        )
 
         # The front is f(c) = along + tilt * (c - across) in each band, and its integral over c continues from band to band.
         widths, heights = front.across[1:] - front.across[:-1], front.along[1:] - front.along[:-1]
         tilts = heights / widths
         integrals = np.concatenate(([0.0], np.cumsum(widths * (front.along[:-1] + 0.5 * heights))))
-        self._band_across, self._band_along = front.across[band, np.newaxis], front.along[band, np.newaxis]
+        self._band_across, self._band_along = (
+            front.across[band, np.newaxis],
+            front.along[band, np.newaxis],
+        )
         self._band_tilt, self._band_integral = tilts[band, np.newaxis], integrals[band, np.newaxis]
         self._start_x = sweep.start[1]
         self._along_x, self._across_x = float(sweep.along[1]), float(sweep.across[1])
@@ -75,7 +80,9 @@ class Removed:
         low, high, first, last = self._below(distances)
         middle = self._moment_density(0.5 * (low + high), 0.5 * (first + last))
         ends = self._moment_density(low, first) + self._moment_density(high, last)
-        return -self._sign @ ((ends + 4.0 * middle) / 6.0 * (high - low))  # Simpson's rule, exact for cubics
+        return -self._sign @ (
+            (ends + 4.0 * middle) / 6.0 * (high - low)
+        )  # Simpson's rule, exact for cubics
 
     def _below(self, distances: Values) -> tuple[Values, Values, Values, Values]:
         """Return the part of every edge (rows) below each distance (columns): s at its ends, then c at its ends."""
@@ -88,7 +95,11 @@ class Removed:
         """Return the integral over c, from 0, of the radius at (s, c): start + along * (s + front) + across * c."""
         beside = c - self._band_across
         front = self._band_integral + beside * (self._band_along + 0.5 * self._band_tilt * beside)
-        return (self._start_x + self._along_x * s) * c + self._along_x * front + 0.5 * self._across_x * c * c
+        return (
+            (self._start_x + self._along_x * s) * c
+            + self._along_x * front
+            + 0.5 * self._across_x * c * c
+        )
 
     def first_steps(self, areas: Values, step: float, count: int) -> NDArray[np.int64]:
         """Return the first of ``count`` steps along the line after which more than each area is removed; ``count`` if none is."""
@@ -159,7 +170,13 @@ def _edges(metal: NDArray[Any], sweep: Sweep) -> _Edges:
     is_outside = np.ones(len(rings), np.bool_)
     is_outside[1:] = polygon_of_ring[1:] != polygon_of_ring[:-1]
     sign = np.where(turns_left == is_outside, 1.0, -1.0)
-    return _Edges(along[:-1][within], across[:-1][within], along[1:][within], across[1:][within], sign[ring[within]])
+    return _Edges(
+        along[:-1][within],
+        across[:-1][within],
+        along[1:][within],
+        across[1:][within],
+        sign[ring[within]],
+    )
 
 
 def _divided(edges: _Edges, place: float) -> _Edges:
@@ -170,7 +187,9 @@ def _divided(edges: _Edges, place: float) -> _Edges:
     first_along, first_across, last_along, last_across, sign = (values[crosses] for values in edges)
     share = (place - first_across) / (last_across - first_across)
     along, across = first_along + share * (last_along - first_along), np.full(len(crosses), place)
-    shortened = edges._replace(last_along=edges.last_along.copy(), last_across=edges.last_across.copy())
+    shortened = edges._replace(
+        last_along=edges.last_along.copy(), last_across=edges.last_across.copy()
+    )
     shortened.last_along[crosses] = along
     shortened.last_across[crosses] = across
     rest = _Edges(along, across, last_along, last_across, sign)

@@ -23,7 +23,9 @@ MAX_NUMBER, MAX_DIGITS = 1e9, 40
 """Bound of the numbers of words, and of the digits and signs with which they are written; controls take eight or nine digits."""
 MAX_LISTED = 5  # largest number of lines that a note lists
 _MARK = re.compile("^(?:\u00ef\u00bb\u00bf|\ufeff)")  # of the byte order, as Latin 1 and as it is
-_SKIP = re.compile(r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*")  # / or /1 to /9 before a block that a switch of the control skips
+_SKIP = re.compile(
+    r"\s*(?:/(?:[1-9](?=\s*\D))?\s*)*"
+)  # / or /1 to /9 before a block that a switch of the control skips
 _NUMBER_GOES_ON = ",.=#[*+-"  # signs that belong to the word before them if no blank parts them
 _IN_BRACKETS = r"\"[^\"]*\"?|\([^)]*\)?|\[[^\]]*\]?|<[^>]*>?"
 _PIECE = re.compile(rf"(?:{_IN_BRACKETS}|[^\sA-Z])+|[A-Z](?:{_IN_BRACKETS}|\S)*")
@@ -59,7 +61,9 @@ class Problem(ValueError):
 def at_lines(numbers: Iterable[int]) -> str:
     """Return numbers of lines as text, the first ones of many."""
     listed = sorted(set(numbers))
-    shown = ", ".join(map(str, listed[:MAX_LISTED])) + f", ... ({len(listed)} lines)" * (len(listed) > MAX_LISTED)
+    shown = ", ".join(map(str, listed[:MAX_LISTED])) + f", ... ({len(listed)} lines)" * (
+        len(listed) > MAX_LISTED
+    )
     return f"line{'s' * (len(listed) > 1)} {shown}"
 
 
@@ -124,7 +128,9 @@ class Line:
     words: tuple[Word, ...]
     end: int  # place in the program's text after the last word
     unknown: tuple[str, ...] = ()  # pieces that are no words
-    flow: Mapping[str, str | None] | None = None  # jump, loop or condition: groups of the dialect's ``flow``
+    flow: Mapping[str, str | None] | None = (
+        None  # jump, loop or condition: groups of the dialect's ``flow``
+    )
 
     @cached_property
     def codes(self) -> set[float]:
@@ -147,7 +153,9 @@ class PartProgram:
 
     text: str
     dialect: Dialect
-    parts: dict[str, tuple[Line, ...]]  # lines of the main program, and of the sub-programs by their names
+    parts: dict[
+        str, tuple[Line, ...]
+    ]  # lines of the main program, and of the sub-programs by their names
 
     @property
     def main(self) -> str:
@@ -168,7 +176,9 @@ def read_program_file(path: Path, dialect: Dialect | None = None) -> PartProgram
             raise NcError("is UTF-16 text, which controls do not read: save it as ASCII or UTF-8")
         if b"\0" in data:
             raise NcError("is not text: it holds zero bytes")
-        return divide(data.decode("latin-1"), dialect)  # every byte is a character, and is written unchanged
+        return divide(
+            data.decode("latin-1"), dialect
+        )  # every byte is a character, and is written unchanged
 
 
 def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
@@ -179,7 +189,9 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
     """
     raw = _lines_within_bounds(text)
     if dialect is None and (sign := foreign_sign(text)) and not sign.control.read:
-        raise NcError(f"{sign.found}, which is not read; --dialect {sign.control.tried} tries to read it")
+        raise NcError(
+            f"{sign.found}, which is not read; --dialect {sign.control.tried} tries to read it"
+        )
     dialect = dialect or dialect_of(text)
     fanuc = dialect.system != ""
     parts: dict[str, list[Line]] = {"": []}
@@ -191,9 +203,13 @@ def divide(text: str, dialect: Dialect | None = None) -> PartProgram:
         if header and (fanuc or header.end() == len(stripped)):
             found = next(group for group in header.groups() if group)
             found = str(int(found)) if fanuc else found
-            if not (header.lastindex == 2 and found == name):  # PROC may repeat the name of its part
+            if not (
+                header.lastindex == 2 and found == name
+            ):  # PROC may repeat the name of its part
                 if found in parts:
-                    raise NcError(f"line {number}: {stripped!r} is defined twice, first in line {defined_at[found]}")
+                    raise NcError(
+                        f"line {number}: {stripped!r} is defined twice, first in line {defined_at[found]}"
+                    )
                 name, parts[found], defined_at[found] = found, [], number
             code = code.replace(header[0], " " * len(header[0]), 1) if fanuc else ""
         if code.strip():
@@ -216,13 +232,17 @@ def _lines_within_bounds(text: str) -> list[str]:
         raise NcError(f"has {len(lines)} lines, but {MAX_LINES} at most are read")
     for number, line in enumerate(lines, 1):
         if len(line) > MAX_CHARACTERS:
-            raise NcError(f"line {number}: has {len(line):,} characters, but {MAX_CHARACTERS:,} at most are read")
+            raise NcError(
+                f"line {number}: has {len(line):,} characters, but {MAX_CHARACTERS:,} at most are read"
+            )
     return lines
 
 
 def _without_comments(line: str, dialect: Dialect) -> str:
     """Replace a line's comments by blanks, so that places stay."""
-    line = dialect.comment.sub(lambda found: found[1] if found.re.groups and found[1] else " " * len(found[0]), line)
+    line = dialect.comment.sub(
+        lambda found: found[1] if found.re.groups and found[1] else " " * len(found[0]), line
+    )
     return line.replace("\t", " ")
 
 

@@ -55,7 +55,13 @@ class Fields:
         passes = []
         for number in range(scratch.work.passes[0]):
             start_pass(state, scratch.work, scratch.report, 0, p, action, number)
-            passes.append((state.commanded_cutting_speed[0], state.commanded_feed[0], scratch.work.pass_depth[0]))
+            passes.append(
+                (
+                    state.commanded_cutting_speed[0],
+                    state.commanded_feed[0],
+                    scratch.work.pass_depth[0],
+                )
+            )
         return passes
 
 

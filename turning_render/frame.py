@@ -8,7 +8,21 @@ from turning_render.bar import BarView, LoadChart
 from turning_render.gauges import Gauges
 from turning_render.history import History
 from turning_render.maps import OperatingMap
-from turning_render.theme import CARD, HEIGHT, INK, OVER, PAPER, QUIET, RULE, WIDTH, Box, Pixels, length, put, write
+from turning_render.theme import (
+    CARD,
+    HEIGHT,
+    INK,
+    OVER,
+    PAPER,
+    QUIET,
+    RULE,
+    WIDTH,
+    Box,
+    Pixels,
+    length,
+    put,
+    write,
+)
 
 _BAR: Box = (16, 46, WIDTH - 16, 306)
 _GAUGES: Box = (16, 316, 436, HEIGHT - 12)
@@ -21,12 +35,18 @@ class Frame:
 
     def __init__(self, scenario: Scenario, title: str) -> None:
         self.scenario, self._title = scenario, title
-        bar, chart, operating_map = BarView(scenario), LoadChart(scenario), OperatingMap(scenario, _MAP)
+        bar, chart, operating_map = (
+            BarView(scenario),
+            LoadChart(scenario),
+            OperatingMap(scenario, _MAP),
+        )
         self._views = (bar, chart, Gauges(scenario, _GAUGES), operating_map)
         image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _GAUGES, _MAP):
             left, top, right, bottom = box
-            ImageDraw.Draw(image).rounded_rectangle((left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE)
+            ImageDraw.Draw(image).rounded_rectangle(
+                (left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE
+            )
         bar.draw_axes(image, _BAR)
         chart.draw_axes(image, _BAR)
         operating_map.draw_axes(image, _MAP)
@@ -45,12 +65,20 @@ class Frame:
         write(image, (0, 4), self._title, 17)
         x = length(self._title, 17) + 16
         bad = history.state in ("edge broken", "edge worn out")
-        number = f"{history.bar + 1} of {workpiece.bars}" if workpiece.bars else f"{history.bar + 1}"
+        number = (
+            f"{history.bar + 1} of {workpiece.bars}" if workpiece.bars else f"{history.bar + 1}"
+        )
         what = "part" if scenario.control.action == "part" else "bar"
         write(image, (x, 7), history.state, 14, OVER if bad else INK)
         write(image, (x + length(history.state, 14) + 14, 7), f"{what} {number}", 14, QUIET)
-        clock = f"{history.time:.1f} s" if scenario.control.interval < 0.1 else f"{history.time / 60.0:.1f} min"
+        clock = (
+            f"{history.time:.1f} s"
+            if scenario.control.interval < 0.1
+            else f"{history.time / 60.0:.1f} min"
+        )
         name = "profit" if scenario.control.edge_changes == "commanded" else "return"
-        sums = [f"{history.removed:.0f} cm3", f"{name} {history.total:.1f} s"] if history.whole else []  # otherwise not known
+        sums = (
+            [f"{history.removed:.0f} cm3", f"{name} {history.total:.1f} s"] if history.whole else []
+        )  # otherwise not known
         write(image, (image.width, 7), "      ".join([clock, *sums]), 14, INK, "right")
         put(self._pixels, image, _HEADER)

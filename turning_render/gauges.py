@@ -29,16 +29,32 @@ def _gauges(scenario: Scenario) -> list[_Gauge]:
     """Return the gauges of what matters in a scenario."""
     limits, parts = scenario.limits, scenario.control.action == "part"
     prefix, of_pass = ("mean_", ", mean of last pass") if parts else ("", "")
-    power = _Gauge(f"power{of_pass}", "kW", 2, ui.POWER, f"{prefix}power", limits.power, "" if parts else "measured_power")
+    power = _Gauge(
+        f"power{of_pass}",
+        "kW",
+        2,
+        ui.POWER,
+        f"{prefix}power",
+        limits.power,
+        "" if parts else "measured_power",
+    )
     if scenario.spindle.reading == "torque" and not parts:
         share = limits.power / scenario.machine.rated_power
         power = _Gauge("share of available torque", "", 2, ui.POWER, "spindle_load", share)
     if scenario.control.aim == "roughness":
         most = scenario.surface.reference_max
-        power = _Gauge("roughness Ra", "um", 2, ui.SURFACE, "roughness", most, reference="roughness_reference")
+        power = _Gauge(
+            "roughness Ra", "um", 2, ui.SURFACE, "roughness", most, reference="roughness_reference"
+        )
     sensed = "" if parts or scenario.sensors.force == "servo_current" else "measured_thrust_force"
-    force = _Gauge(f"force{of_pass}", "N", 0, ui.FORCE, f"{prefix}thrust_force", limits.thrust_force, sensed)
-    return [power, force, _Gauge("flank wear (hidden)", "mm", 3, ui.LAND, "wear", scenario.tool.wear_criterion)]
+    force = _Gauge(
+        f"force{of_pass}", "N", 0, ui.FORCE, f"{prefix}thrust_force", limits.thrust_force, sensed
+    )
+    return [
+        power,
+        force,
+        _Gauge("flank wear (hidden)", "mm", 3, ui.LAND, "wear", scenario.tool.wear_criterion),
+    ]
 
 
 def _drawn(gauge: _Gauge, now: dict[str, float]) -> Image.Image:
@@ -48,10 +64,21 @@ def _drawn(gauge: _Gauge, now: dict[str, float]) -> Image.Image:
     across = ui.Ruler(0.0, 1.5 * gauge.limit, 0.0, _WIDTH - 1.0)
     value, limit = across.within(now[gauge.value]), across(gauge.limit)
     ui.write(image, (0, 3), gauge.title)
-    ui.write(image, (_WIDTH, 0), f"{now[gauge.value]:.{gauge.decimals}f} {gauge.unit}", 17, ui.INK, "right")
+    ui.write(
+        image,
+        (_WIDTH, 0),
+        f"{now[gauge.value]:.{gauge.decimals}f} {gauge.unit}",
+        17,
+        ui.INK,
+        "right",
+    )
     draw.rectangle((0, _TOP, _WIDTH, _BOTTOM), fill=ui.RULE)
     if gauge.reference:
-        mark, colour, text = across.within(now[gauge.reference]), ui.INK, f"reference {now[gauge.reference]:.2f} {gauge.unit}"
+        mark, colour, text = (
+            across.within(now[gauge.reference]),
+            ui.INK,
+            f"reference {now[gauge.reference]:.2f} {gauge.unit}",
+        )
         draw.rectangle((0, _TOP, value, _BOTTOM), fill=gauge.colour)
     else:
         mark, colour, text = limit, ui.OVER, f"limit {gauge.limit:.4g} {gauge.unit}"
@@ -87,7 +114,9 @@ class Gauges:
             row, column = divmod(number, 2)
             left, y = 208 * column, 6 + 22 * row
             ui.write(image, (left, y + 1), name, 12, ui.QUIET)
-            ui.write(image, (left + 192, y), value, 13, ui.QUIET if "hidden" in name else ui.INK, "right")
+            ui.write(
+                image, (left + 192, y), value, 13, ui.QUIET if "hidden" in name else ui.INK, "right"
+            )
         ui.put(frame, image, (self._left, self._top + 3 * _HEIGHT + 6))
 
     def _readings(self, history: History) -> list[tuple[str, str]]:
@@ -100,9 +129,19 @@ class Gauges:
             ("used life (hidden)", f"{100 * now['used_life']:.0f} %"),
         ]
         if control.action == "part":
-            part = [("passes", f"{now['passes']:.0f}"), ("part's time", f"{now['time'] / 60.0:.2f} min")]
-            part += [("metal", f"{now['removed']:.0f} cm3"), ("edges used", f"{now['edges_used']:.2f}")]
-            probe = [("next blank's probe", f"{now['probed_depth']:.2f} mm")] if self._scenario.sensors.probe else []
+            part = [
+                ("passes", f"{now['passes']:.0f}"),
+                ("part's time", f"{now['time'] / 60.0:.2f} min"),
+            ]
+            part += [
+                ("metal", f"{now['removed']:.0f} cm3"),
+                ("edges used", f"{now['edges_used']:.2f}"),
+            ]
+            probe = (
+                [("next blank's probe", f"{now['probed_depth']:.2f} mm")]
+                if self._scenario.sensors.probe
+                else []
+            )
             return [*edge, *part, ("return of the part", f"{history.reward:.0f} s"), *probe]
         in_metal = now["cutting"] > 0.0
         override = f"{100 * now['commanded_feed'] / control.initial_feed:.0f} %"
@@ -113,5 +152,7 @@ class Gauges:
             ("feed", f"{now['feed']:.3f} mm/rev"),
             ("hardness (hidden)", f"{now['hardness']:.2f}" if in_metal else "air"),
             ("removal rate", f"{now['removed'] / max(now['time'] / 60.0, 1e-9):.0f} cm3/min"),
-            ("override", override) if control.action == "override" else ("spindle", f"{now['spindle_speed']:.0f} rev/min"),
+            ("override", override)
+            if control.action == "override"
+            else ("spindle", f"{now['spindle_speed']:.0f} rev/min"),
         ]

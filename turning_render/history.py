@@ -50,14 +50,18 @@ class History:
         if self._watched:
             return
         self._watched = True
-        self.scenario = self._batch.job(self._index).scenario if self._batch.jobs else self._batch.scenario
+        self.scenario = (
+            self._batch.job(self._index).scenario if self._batch.jobs else self._batch.scenario
+        )
         self.fields = Fields(self.scenario)
         self._parts = self.scenario.control.action == "part"
         self.key, steps = self._moment()
         self.whole = steps == 0
         self.total = self.removed = 0.0
         self.bar, self.depth, self.hardness = 0, self.scenario.workpiece.depth_of_cut, 1.0
-        self.samples: deque[Sample] = deque(maxlen=self.scenario.workpiece.bars if self._parts else STEPS)
+        self.samples: deque[Sample] = deque(
+            maxlen=self.scenario.workpiece.bars if self._parts else STEPS
+        )
         self.passes: list[tuple[float, float, float]] = []
         self._note(steps)
 
@@ -88,7 +92,9 @@ class History:
                 self.depth, self.hardness = now["depth_of_cut"], now["hardness"]
             power = now["power"] / (limits.power * capacity_at(self.scenario, speed))
             loads = now["thrust_force"] / limits.thrust_force, power
-            self.samples.append(Sample(speed, feed, *loads, cutting, now["roughness"], now["roughness_reference"]))
+            self.samples.append(
+                Sample(speed, feed, *loads, cutting, now["roughness"], now["roughness_reference"])
+            )
         elif steps:
             self.passes = self.fields.passes(self._batch.actions[self._index])
             loads = now["mean_thrust_force"] / limits.thrust_force, now["mean_power"] / limits.power
@@ -115,7 +121,11 @@ class History:
             return "edge broken"
         if now["finished"] > 0.0:
             return "job finished"
-        return "edge worn out" if now["wear"] >= self.scenario.tool.wear_criterion * (1.0 - 1e-9) else "time is up"
+        return (
+            "edge worn out"
+            if now["wear"] >= self.scenario.tool.wear_criterion * (1.0 - 1e-9)
+            else "time is up"
+        )
 
     @property
     def state(self) -> str:

@@ -50,13 +50,26 @@ _COLOURS = ("#332288", "#44AA99", "#AA4466", "#117733", "#AA4499", "#6699CC", "#
 OTHERS = tuple((colour, dashes) for colour, (_, dashes) in zip(_COLOURS, LINES, strict=True))
 """Colours and dashes of all other policies."""
 
-LIMIT: dict[str, Any] = {"color": VERMILLION, "linewidth": 1.0, "linestyle": (0, (5, 1.5))}  # style of a limit
+LIMIT: dict[str, Any] = {
+    "color": VERMILLION,
+    "linewidth": 1.0,
+    "linestyle": (0, (5, 1.5)),
+}  # style of a limit
 OURS: dict[str, Any] = {"color": BLUE, "linewidth": 1.0, "marker": "o", "markersize": 2.6}
 """Style of data computed by the project."""
 _POINTS: dict[str, Any] = {"linestyle": "none", "markersize": 6.0}
-PRINTED = _POINTS | {"color": BLACK, "marker": "o", "markerfacecolor": "none", "markeredgewidth": 0.7}
+PRINTED = _POINTS | {
+    "color": BLACK,
+    "marker": "o",
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.7,
+}
 """Style of data printed in a paper."""
-CHOSEN = _POINTS | {"color": ORANGE, "marker": "D", "markeredgecolor": BLACK}  # style of operating points that a policy chooses
+CHOSEN = _POINTS | {
+    "color": ORANGE,
+    "marker": "D",
+    "markeredgecolor": BLACK,
+}  # style of operating points that a policy chooses
 
 FORMATS = ("png", "svg", "pdf")
 DPI = 250
@@ -67,7 +80,9 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }
 _PRINT: dict[str, Any] = {
     "font.size": MIN_FONT,
-    **dict.fromkeys(("axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize"), MIN_FONT),
+    **dict.fromkeys(
+        ("axes.labelsize", "axes.titlesize", "xtick.labelsize", "ytick.labelsize"), MIN_FONT
+    ),
     **dict.fromkeys(("legend.fontsize", "legend.title_fontsize"), MIN_FONT),
     **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
     **dict.fromkeys(("axes.linewidth", "xtick.major.width", "ytick.major.width"), 0.6),
@@ -133,6 +148,8 @@ def _with_palette(drawn: BytesIO) -> bytes:
 
     written = BytesIO()
     with Image.open(drawn) as image:
-        few = image.convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE)
+        few = image.convert("RGB").quantize(
+            256, method=Image.Quantize.MAXCOVERAGE, kmeans=1, dither=Image.Dither.NONE
+        )
     few.save(written, format="png", optimize=True, dpi=(DPI, DPI))
     return written.getvalue()

@@ -13,7 +13,9 @@ from PIL import Image, ImageDraw, ImageFont
 Colour = tuple[int, int, int]
 Pixels = NDArray[np.uint8]
 Point = tuple[float, float]
-Box = tuple[int, int, int, int]  # a rectangle: left, top, right and bottom; the last two are the first pixels outside
+Box = tuple[
+    int, int, int, int
+]  # a rectangle: left, top, right and bottom; the last two are the first pixels outside
 
 WIDTH, HEIGHT = 960, 640
 SCALE = 2  # factor by which moving parts are drawn larger and then reduced, as Pillow's lines are not smooth
@@ -38,14 +40,19 @@ SOFT_TINT: Colour = (236, 240, 244)
 HARD_TINT: Colour = (96, 122, 150)
 
 _PIECES = re.compile("([0-9 ])")
-_SPACE = 0.28  # space between words over the font size: the font's own is too narrow for small letters
+_SPACE = (
+    0.28  # space between words over the font size: the font's own is too narrow for small letters
+)
 _face = lru_cache(ImageFont.load_default)
 
 
 @lru_cache(maxsize=4096)
 def mixed(colour: Colour, share: float, ground: Colour = CARD) -> Colour:
     """Mix a share of a colour, 0 to 1, with a ground."""
-    red, green, blue = (round(share * ours + (1.0 - share) * theirs) for ours, theirs in zip(colour, ground, strict=True))
+    red, green, blue = (
+        round(share * ours + (1.0 - share) * theirs)
+        for ours, theirs in zip(colour, ground, strict=True)
+    )
     return red, green, blue
 
 
@@ -63,7 +70,14 @@ def _pieces(text: str, size: int) -> list[tuple[Image.Image, float]]:
     return [_letters(piece, size) for piece in _PIECES.split(text) if piece]
 
 
-def write(image: Image.Image, place: Point, text: str, size: int = 13, colour: Colour = INK, anchor: str = "left") -> None:
+def write(
+    image: Image.Image,
+    place: Point,
+    text: str,
+    size: int = 13,
+    colour: Colour = INK,
+    anchor: str = "left",
+) -> None:
     """Write a line of text with its top at a place: beginning there, ending there ("right") or in its middle ("middle")."""
     x = place[0] - {"left": 0.0, "middle": 0.5, "right": 1.0}[anchor] * length(text, size)
     for letters, advance in _pieces(text, size):
@@ -71,7 +85,9 @@ def write(image: Image.Image, place: Point, text: str, size: int = 13, colour: C
         x += advance
 
 
-def write_up(image: Image.Image, place: Point, text: str, size: int = 11, colour: Colour = QUIET) -> None:
+def write_up(
+    image: Image.Image, place: Point, text: str, size: int = 11, colour: Colour = QUIET
+) -> None:
     """Write a line of text from bottom to top, with its left side and its middle at a place."""
     line = Image.new("RGB", (math.ceil(length(text, size)) + 1, round(1.4 * size)))
     write(line, (0, 0), text, size, (255, 255, 255))
@@ -95,7 +111,9 @@ def put(frame: Pixels, image: Image.Image, corner: tuple[int, int]) -> None:
     frame[top : top + image.height, left : left + image.width] = np.asarray(image)
 
 
-def draw_key(image: Image.Image, place: tuple[int, int], entries: Sequence[tuple[str, Colour, int]], gap: int) -> None:
+def draw_key(
+    image: Image.Image, place: tuple[int, int], entries: Sequence[tuple[str, Colour, int]], gap: int
+) -> None:
     """Write a legend in one line: texts, each behind a sample of its colour and height [pixels]."""
     x, y = place
     for text, colour, height in entries:
@@ -116,7 +134,9 @@ class Ruler:
 
     def __call__(self, value: float) -> float:
         """Return the pixel of a value."""
-        return self.first + (value - self.start) / (self.end - self.start) * (self.last - self.first)
+        return self.first + (value - self.start) / (self.end - self.start) * (
+            self.last - self.first
+        )
 
     def within(self, value: float) -> float:
         """Return the pixel of a value, or the end of the scale beyond which it lies."""
@@ -137,7 +157,11 @@ def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
 
 def log_ticks(low: float, high: float) -> list[float]:
     """Return round numbers within a range, at about even distances on a log scale."""
-    digits = (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0) if high < 8.0 * low else (1.0, 2.0, 3.0, 6.0)
+    digits = (
+        (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+        if high < 8.0 * low
+        else (1.0, 2.0, 3.0, 6.0)
+    )
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = [digit * 10.0**power for power in powers for digit in digits]
     return [tick for tick in ticks if low * 0.999 <= tick <= high * 1.001]

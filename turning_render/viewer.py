@@ -24,12 +24,18 @@ class Viewer:
     metadata receive the frame rate.
     """
 
-    def __init__(self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1) -> None:
+    def __init__(
+        self, env: "RoughTurningEnv | RoughTurningVectorEnv", batch: "Batch", num_envs: int = 1
+    ) -> None:
         mode, allowed, control = env.render_mode, env.metadata["render_modes"], env.scenario.control
         if mode not in allowed:
-            raise ValueError(f"render_mode is {mode!r}, but must be None or one of {', '.join(map(repr, allowed))}")
+            raise ValueError(
+                f"render_mode is {mode!r}, but must be None or one of {', '.join(map(repr, allowed))}"
+            )
         # Few steps are shown in a second where a step is a whole part or a long interval.
-        env.metadata = env.metadata | {"render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30}
+        env.metadata = env.metadata | {
+            "render_fps": 2 if control.action == "part" or control.interval >= 10.0 else 30
+        }
         self._env = env
         self._batch = batch
         self._histories = [History(batch, index) for index in range(num_envs)]
@@ -55,7 +61,9 @@ class Viewer:
             if index not in self._frames or self._frames[index].scenario is not history.scenario:
                 self._frames[index] = Frame(history.scenario, self._title(history))
         self._watched = list(self._histories)
-        return tuple(self._frames[index].draw(history) for index, history in enumerate(self._histories))
+        return tuple(
+            self._frames[index].draw(history) for index, history in enumerate(self._histories)
+        )
 
     def _title(self, history: History) -> str:
         spec, name = self._env.spec, history.scenario.name
@@ -78,7 +86,10 @@ class Viewer:
             self._window.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_frames": {}, "_window": None}  # they hold nothing that cannot be drawn again
+        return self.__dict__ | {
+            "_frames": {},
+            "_window": None,
+        }  # they hold nothing that cannot be drawn again
 
 
 class Window:
@@ -109,7 +120,10 @@ class Window:
         try:
             pygame.display.init()
             # Without a display, SDL would draw to an invisible driver, unless the user has chosen it.
-            if pygame.display.get_driver() == "offscreen" and not {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys():
+            if (
+                pygame.display.get_driver() == "offscreen"
+                and not {"SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"} & os.environ.keys()
+            ):
                 pygame.display.quit()
                 raise pygame.error("there is no display")
             self._screen = pygame.display.set_mode(frame.shape[1::-1])

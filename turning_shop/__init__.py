@@ -23,7 +23,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield rows of cells as lines with aligned columns: the first to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for first, *others in rows:
-        cells = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        cells = [
+            first.ljust(widths[0]),
+            *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)),
+        ]
         yield "  ".join(cells).rstrip()
 
 
@@ -49,5 +52,7 @@ def regular_file(path: Path, max_bytes: int) -> Path:
     if not path.is_file():
         raise WorkshopError(f"{path} is a device, a pipe or a folder, but must be a file")
     if size > max_bytes:
-        raise WorkshopError(f"{path} has {size / 1e6:.3g} MB, but {max_bytes / 1e6:g} MB at most are read")
+        raise WorkshopError(
+            f"{path} has {size / 1e6:.3g} MB, but {max_bytes / 1e6:g} MB at most are read"
+        )
     return path

@@ -18,7 +18,10 @@ from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, records, what_if
 
-SPEEDS, FEEDS = 120, 60  # largest number of round cutting speeds, and of round feeds, that are tried
+SPEEDS, FEEDS = (
+    120,
+    60,
+)  # largest number of round cutting speeds, and of round feeds, that are tried
 AIMS = ("least cost", "least cost as measured", "most metal")
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
 BINDS = 5e-3  # relative gain of lifting a limit above which it binds [-]
@@ -40,9 +43,15 @@ class Prices(NamedTuple):
         minute = (economics.machine_rate + economics.operator_rate) / 60.0
         unit = economics.currency if minute else "min"
         minute = minute or 1.0
-        edge = economics.insert_price / economics.edges_per_insert if economics.insert_price else economics.edge_cost * minute
+        edge = (
+            economics.insert_price / economics.edges_per_insert
+            if economics.insert_price
+            else economics.edge_cost * minute
+        )
         if economics.insert_price and unit == "min":
-            raise WorkshopError("economics.insert_price is money, but economics.machine_rate is 0: set the machine's hourly rate")
+            raise WorkshopError(
+                "economics.insert_price is money, but economics.machine_rate is 0: set the machine's hourly rate"
+            )
         return cls(unit, minute, edge, economics.edge_change_time)
 
 
@@ -70,7 +79,9 @@ class Plan(NamedTuple):
     def as_record(self) -> dict[str, Any]:
         """Return all numbers for JSON."""
         _, _, *others = self._fields
-        return records(self.cuts, self.prediction)[0] | {name: float(getattr(self, name)) for name in others}
+        return records(self.cuts, self.prediction)[0] | {
+            name: float(getattr(self, name)) for name in others
+        }
 
     @property
     def mark(self) -> str:
@@ -99,14 +110,28 @@ class Advice(NamedTuple):
         return {"aim": self.aim} | self.plan.as_record() | {"bounds": bounds}
 
 
-def plan(scenario: Scenario, evidence: Evidence, cutting_speed: Any, feed: Any, wear: Any, hardness: Any = 1.0) -> Plan:
+def plan(
+    scenario: Scenario,
+    evidence: Evidence,
+    cutting_speed: Any,
+    feed: Any,
+    wear: Any,
+    hardness: Any = 1.0,
+) -> Plan:
     """Return the plan of a cutting speed [m/min] and a feed [mm/rev] whose edge is changed before a flank wear [mm]."""
     prices, work, machine = Prices.of(scenario), scenario.workpiece, scenario.machine
     cuts = what_if(scenario, cutting_speed, feed, hardness=hardness, wear=wear)
     prediction = predict(scenario, evidence, cuts, of_wear=True)
-    margin, known = life_margin(scenario, evidence, cuts._asdict()), np.full(cuts.time.shape, np.nan)
+    margin, known = (
+        life_margin(scenario, evidence, cuts._asdict()),
+        np.full(cuts.time.shape, np.nan),
+    )
     if law := evidence.laws.get("wear"):
-        known = law.quantile * law.log_deviation(scenario.material.wear, cuts._asdict(), 0.0) / scenario.material.wear.time
+        known = (
+            law.quantile
+            * law.log_deviation(scenario.material.wear, cuts._asdict(), 0.0)
+            / scenario.material.wear.time
+        )
     per_minute = cuts.feed * cuts.spindle_speed  # [mm/min]
     part_time = work.bar_length / per_minute
     cycle = (work.bar_length + work.approach) / per_minute + machine.return_time
@@ -129,7 +154,9 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
         WorkshopError: No speed and feed keep the limits with a worn edge, or the scenario is not one of plain bars.
     """
     if scenario.control.action == "part":
-        raise WorkshopError('control.action is "part": advise covers bars at one depth, not whole parts of several passes')
+        raise WorkshopError(
+            'control.action is "part": advise covers bars at one depth, not whole parts of several passes'
+        )
     tried = plan(scenario, evidence, *settings(scenario))
     if not allowed_loads(scenario).keeps(scenario, tried.cuts).any():
         raise WorkshopError(
@@ -158,7 +185,9 @@ def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
 def round_numbers(low: float, high: float, count: int) -> Values:
     """Return both ends, and between them multiples of 1, 2 or 5 times a power of ten, about ``count`` at most."""
     power = 10.0 ** np.floor(np.log10((high - low) / count))
-    step = next(factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= count)
+    step = next(
+        factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= count
+    )
     inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step)) * step
     return np.unique(np.round([low, *inner, high], 9))
 
@@ -170,11 +199,17 @@ def _aimed(tried: Plan, aim: str) -> Any:
 
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
-    possible = allowed_loads(scenario).keeps(scenario, tried.cuts) & ~(tried.prediction.extrapolated & (aim == AIMS[1]))
+    possible = allowed_loads(scenario).keeps(scenario, tried.cuts) & ~(
+        tried.prediction.extrapolated & (aim == AIMS[1])
+    )
     if not possible.any():
         return None
     index = np.where(possible, _aimed(tried, aim), np.inf).argmin()
-    return plan(scenario, evidence, *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")))
+    return plan(
+        scenario,
+        evidence,
+        *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")),
+    )
 
 
 class _Lift(NamedTuple):
@@ -189,14 +224,23 @@ class _Lift(NamedTuple):
 
 def _lifts(scenario: Scenario) -> Iterator[_Lift]:
     """Yield the limits of load, which are lifted, and the ends of ranges, which are moved by ``WIDER``."""
-    machine, spindle, tool, swarf = scenario.machine, scenario.spindle, scenario.tool, scenario.swarf
+    machine, spindle, tool, swarf = (
+        scenario.machine,
+        scenario.spindle,
+        scenario.tool,
+        scenario.swarf,
+    )
     yield _Lift("limits", "power", "kW", NO_LIMIT["power"], is_load=True)
     yield _Lift("limits", "thrust_force", "N", NO_LIMIT["thrust_force"], is_load=True)
     yield _Lift("tool", "edge_strength", "N", NO_STRENGTH, is_load=True)
     wider, lower = 1.0 + WIDER, 1.0 - WIDER
     yield _Lift("spindle", "max_speed", "rev/min", wider * spindle.max_speed, is_load=False)
-    yield _Lift("machine", "cutting_speed_min", "m/min", lower * machine.cutting_speed_min, is_load=False)
-    yield _Lift("machine", "cutting_speed_max", "m/min", wider * machine.cutting_speed_max, is_load=False)
+    yield _Lift(
+        "machine", "cutting_speed_min", "m/min", lower * machine.cutting_speed_min, is_load=False
+    )
+    yield _Lift(
+        "machine", "cutting_speed_max", "m/min", wider * machine.cutting_speed_max, is_load=False
+    )
     yield _Lift("machine", "feed_min", "mm/rev", lower * machine.feed_min, is_load=False)
     yield _Lift("machine", "feed_max", "mm/rev", wider * machine.feed_max, is_load=False)
     yield _Lift("tool", "nose_radius", "mm", wider * tool.nose_radius, is_load=False)
@@ -211,7 +255,9 @@ def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Ite
     lowest_feed, highest_feed = feed_range(scenario)
     for lift in _lifts(scenario):
         section = getattr(scenario, lift.section)
-        lifted = scenario.model_copy(update={lift.section: section.model_copy(update={lift.name: lift.moved})})
+        lifted = scenario.model_copy(
+            update={lift.section: section.model_copy(update={lift.name: lift.moved})}
+        )
         better = _best(lifted, evidence, plan(lifted, evidence, *settings(lifted)), aim)
         if not better or _aimed(best, aim) - _aimed(better, aim) <= BINDS * abs(_aimed(best, aim)):
             continue
@@ -240,7 +286,11 @@ def _loads_kept(scenario: Scenario) -> str:
 
 def life_spread(scenario: Scenario) -> float:
     """Return half the 95 % interval of an edge's life, in its logarithm, by the spread of edges that the scenario states [-]."""
-    return NormalDist().inv_cdf(0.5 + 0.5 * LEVEL) * scenario.tool.wear_factor_spread / scenario.material.wear.time
+    return (
+        NormalDist().inv_cdf(0.5 + 0.5 * LEVEL)
+        * scenario.tool.wear_factor_spread
+        / scenario.material.wear.time
+    )
 
 
 def life_margin(scenario: Scenario, evidence: Evidence, factors: Mapping[str, Values]) -> Values:
@@ -271,12 +321,20 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
     yield f"Cut {best.where}: {money(best.cost)} {unit} a part{interval}{best.mark}"
     if best.mark:
         values = best.cuts._asdict()
-        beyond = (f"{name} {values[name]:.3g}, but measured at {at}" for name, at, out in outside(evidence, values) if out)
+        beyond = (
+            f"{name} {values[name]:.3g}, but measured at {at}"
+            for name, at, out in outside(evidence, values)
+            if out
+        )
         yield f"* outside what was measured: {'; '.join(beyond)}"
     yield from _margins(allowed_loads(scenario), scenario)
     for bound in bounds:
         there = bound.without
-        moved = f", and {bound.law}; without it" if bound.law else f"; with a range {100 * WIDER:g} % wider"
+        moved = (
+            f", and {bound.law}; without it"
+            if bound.law
+            else f"; with a range {100 * WIDER:g} % wider"
+        )
         yield f"{bound.limit}, rules out a cheaper cut{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
     if not bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
@@ -290,7 +348,11 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
 
 def _margins(allowed: Allowed, scenario: Scenario) -> Iterator[str]:
     """Yield sentences on how far loads stay below what the scenario states, so that bars and edges may vary."""
-    below = [f"{100 * factor:.0f} % of limits.{name}" for name, factor in allowed.overload_factors.items() if factor < 0.995]
+    below = [
+        f"{100 * factor:.0f} % of limits.{name}"
+        for name, factor in allowed.overload_factors.items()
+        if factor < 0.995
+    ]
     if below:
         share = 100 * scenario.limits.overload_allowance
         kept = " and ".join(below)
@@ -317,7 +379,18 @@ def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iter
     yield ""
     yield from headline(scenario, evidence, found)
     yield ""
-    heads = ("speed", "feed", "change after", "or at wear", "tool life", "thrust", "power", "cycle", "mean MRR", "cost per part")
+    heads = (
+        "speed",
+        "feed",
+        "change after",
+        "or at wear",
+        "tool life",
+        "thrust",
+        "power",
+        "cycle",
+        "mean MRR",
+        "cost per part",
+    )
     yield from aligned([
         ("", *heads),
         ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),

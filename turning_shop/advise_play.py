@@ -34,7 +34,9 @@ MAX_STEPS = 50_000
 """Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
 MAX_EDGE_COST = 1e4  # largest price of an edge that a scenario may have [min]
 PRICING_EDGES = 4  # edges that a rule plays to find the cost of its own parts
-CLOCK_INTERVAL = 1.0  # control interval of fixed parameters [s]; sub-steps stay as long as the scenario's
+CLOCK_INTERVAL = (
+    1.0  # control interval of fixed parameters [s]; sub-steps stay as long as the scenario's
+)
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,9 @@ class Played:
 def constant(scenario: Scenario, best: Plan) -> Callable[[Observations], Actions]:
     """Return a policy that sets a plan's speed and feed."""
     machine, cuts = scenario.machine, best.cuts
-    speed = set_point_action(cuts.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max)
+    speed = set_point_action(
+        cuts.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max
+    )
     feed = set_point_action(cuts.feed, machine.feed_min, feed_range(scenario)[1])
     return lambda observations: np.tile(np.array([speed, feed], np.float32), (len(observations), 1))
 
@@ -116,12 +120,16 @@ def play_all(
         WorkshopError: An agent or no rule can play this scenario.
     """
     seeds, control = held_out_seeds(edges), scenario.control
-    own = _for_one_edge(scenario, best, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0))
+    own = _for_one_edge(
+        scenario, best, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0)
+    )
     on_play(FIXED)
     played = [(FIXED, play(as_factory(constant(scenario, best)), clocked(scenario, best), seeds))]
     notes = list(_assumptions(scenario))
     if not (found := provided("rules")):
-        notes.append("rules were not played: they are in a clone, from whose folder this command can play them")
+        notes.append(
+            "rules were not played: they are in a clone, from whose folder this command can play them"
+        )
     for catalogue in found:
         name, _ = best_rule(catalogue, scenario, own)
         on_play(f"rule {name}")
@@ -138,11 +146,15 @@ def play_all(
     results = _results(scenario, played)
     broken = [f"{each.broken} with {each.name}" for each in results if each.broken]
     if broken:
-        notes.append(f"of {edges} edges broke {', '.join(broken)}: see tool.edge_strength, edge_failure and mismatch")
+        notes.append(
+            f"of {edges} edges broke {', '.join(broken)}: see tool.edge_strength, edge_failure and mismatch"
+        )
     return Played(Prices.of(scenario).unit, edges, results, notes)
 
 
-def _at_own_cost(catalogue: Any, scenario: Scenario, own: Scenario, seeds: Sequence[int]) -> Scenario:
+def _at_own_cost(
+    catalogue: Any, scenario: Scenario, own: Scenario, seeds: Sequence[int]
+) -> Scenario:
     """Return the scenario of a rule, in which metal earns as much as the rule's own parts cost.
 
     At this price, the policy of least cost per part earns 0 and every other one less (Dinkelbach's method for ratios). This is
@@ -151,7 +163,9 @@ def _at_own_cost(catalogue: Any, scenario: Scenario, own: Scenario, seeds: Seque
     _, spec = best_rule(catalogue, scenario, own)
     result = _results(scenario, [("", play(spec.make, own, seeds))])[0]
     minutes = result.cost.value / Prices.of(scenario).minute
-    economics = own.economics.model_copy(update={"reference_removal_rate": part_volume(scenario) / minutes})
+    economics = own.economics.model_copy(
+        update={"reference_removal_rate": part_volume(scenario) / minutes}
+    )
     return own.model_copy(update={"economics": economics})
 
 
@@ -163,7 +177,9 @@ def _assumptions(scenario: Scenario) -> Iterator[str]:
     if depth or hardness:
         bars = f"bars vary in depth by {depth:.2g} mm and in hardness by {hardness:.2g} %"
     else:
-        bars = f"bars do not vary: state {', '.join(BARS_VARY)} to see what control saves when they do"
+        bars = (
+            f"bars do not vary: state {', '.join(BARS_VARY)} to see what control saves when they do"
+        )
     breaks = "edges do not break by force"
     if tool.edge_strength < NO_STRENGTH:
         breaks = f"half of the edges break at {tool.edge_strength:g} N"
@@ -175,7 +191,9 @@ def _assumptions(scenario: Scenario) -> Iterator[str]:
 def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
     """Return name and rule, to play ``own``: the first of ``RULES`` that is tuned for the scenario or needs no tuning."""
     for name in RULES:
-        with suppress(ValueError):  # raised by a rule that cannot play the scenario, or is not tuned for it
+        with suppress(
+            ValueError
+        ):  # raised by a rule that cannot play the scenario, or is not tuned for it
             return name, catalogue.spec(name, own, scenario)
     raise WorkshopError(f"no rule that ships can play {scenario.name!r}")
 
@@ -187,7 +205,9 @@ def clocked(scenario: Scenario, best: Plan) -> Scenario:
     return _for_one_edge(scenario, best, "set_point", minutes, longer)
 
 
-def _for_one_edge(scenario: Scenario, best: Plan, action: str, minutes: float, longer: int = 1) -> Scenario:
+def _for_one_edge(
+    scenario: Scenario, best: Plan, action: str, minutes: float, longer: int = 1
+) -> Scenario:
     """Return the scenario with episodes of one edge each, and steps ``longer`` times as long, in sub-steps of the same length.
 
     Feeds are those of ``feed_range``, and speed and feed begin at the advice, unless an override is of a programmed feed. The
@@ -195,7 +215,10 @@ def _for_one_edge(scenario: Scenario, best: Plan, action: str, minutes: float, l
     """
     values, control, prices = scenario.model_dump(), scenario.control, Prices.of(scenario)
     values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
-    values["control"] |= {"interval": longer * control.interval, "sub_steps": longer * control.sub_steps}
+    values["control"] |= {
+        "interval": longer * control.interval,
+        "sub_steps": longer * control.sub_steps,
+    }
     if action != "override":
         values["control"]["initial_cutting_speed"] = float(best.cuts.cutting_speed)
         values["control"]["initial_feed"] = float(best.cuts.feed)
@@ -213,7 +236,11 @@ def _overload(episodes: Episodes) -> float:
 
 def _results(scenario: Scenario, played: list[tuple[str, Episodes]]) -> list[Result]:
     """Return each policy's cost of a part, and what it saves over the first."""
-    prices, allowed, volume = Prices.of(scenario), scenario.limits.overload_allowance, part_volume(scenario)
+    prices, allowed, volume = (
+        Prices.of(scenario),
+        scenario.limits.overload_allowance,
+        part_volume(scenario),
+    )
     bootstrap = Bootstrap(len(played[0][1]["time"]))
     results: list[Result] = []
     for name, episodes in played:
@@ -226,7 +253,11 @@ def _results(scenario: Scenario, played: list[tuple[str, Episodes]]) -> list[Res
         # Means over seeds, the first of the seeds that were played, the others of resamples.
         time, spent, metal = (
             np.append(values.mean(), bootstrap.means(values[np.newaxis], ""))
-            for values in (minutes, prices.minute * minutes + prices.edge * edges, episodes["removed"])
+            for values in (
+                minutes,
+                prices.minute * minutes + prices.edge * edges,
+                episodes["removed"],
+            )
         )
         costs = spent / metal * volume
         if not results:

@@ -29,7 +29,9 @@ STRENGTH_DEVIATIONS = 2.5
 An edge meets the hardest and thickest of many places. Of 256 simulated edges, at most 5 broke in each of seven scenarios; at 2.0,
 up to 9 did.
 """
-LASTING_DEVIATIONS = 1.96  # standard deviations of edges by which the change comes early: 97.5 % last [-]
+LASTING_DEVIATIONS = (
+    1.96  # standard deviations of edges by which the change comes early: 97.5 % last [-]
+)
 MIN_ALLOWANCE = 1e-4  # smallest share of time in overload that a margin is computed for [-]
 MOMENTS = 200  # moments of an edge's life at which the share of time in overload is computed
 
@@ -62,7 +64,9 @@ class Allowed(NamedTuple):
 
     thrust_force: float  # [N]
     power: float  # [kW], at and above the spindle's base speed
-    overload_factors: dict[str, float]  # of each limit that is on: the allowed load over the limit [-]
+    overload_factors: dict[
+        str, float
+    ]  # of each limit that is on: the allowed load over the limit [-]
     by_strength: bool  # whether the thrust force is bound by the strength of edges
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
@@ -75,7 +79,11 @@ class Allowed(NamedTuple):
 def allowed_loads(scenario: Scenario) -> Allowed:
     """Return the largest loads that advice allows."""
     limits, tool = scenario.limits, scenario.tool
-    stated = {name: getattr(limits, name) for name, none in NO_LIMIT.items() if getattr(limits, name) < none}
+    stated = {
+        name: getattr(limits, name)
+        for name, none in NO_LIMIT.items()
+        if getattr(limits, name) < none
+    }
     factors = {name: _overload_factor(scenario, name, len(stated)) for name in stated}
     loads = {name: factors[name] * limit for name, limit in stated.items()}
     force = loads.get("thrust_force", math.inf)
@@ -123,14 +131,20 @@ def _overload_factor(scenario: Scenario, name: str, limits: int) -> float:
     distribution over the life; ``limits`` limits share the allowance. Most edges are changed before they reach the wear at the
     change, which 97.5 % of edges do not exceed.
     """
-    bars, shares, law = load_spread(scenario, name), scenario.limits, getattr(scenario.material, name)
+    bars, shares, law = (
+        load_spread(scenario, name),
+        scenario.limits,
+        getattr(scenario.material, name),
+    )
     allowance = max(shares.overload_allowance / limits, MIN_ALLOWANCE)
     if bars == 0.0 or allowance >= 0.5:
         return 1.0
     edges = law.wear * scenario.tool.wear_factor_spread
     spread = math.hypot(bars, edges)
     used_life = (np.arange(MOMENTS) + 0.5) / MOMENTS
-    at_change = -LASTING_DEVIATIONS * edges  # the usual edge is changed before it reaches the wear at the change
+    at_change = (
+        -LASTING_DEVIATIONS * edges
+    )  # the usual edge is changed before it reaches the wear at the change
     log_load = at_change + law.wear * scenario.material.wear.time * np.log(used_life)
 
     def too_long(log_excess: float) -> float:

@@ -21,11 +21,26 @@ from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.copies import ROUNDING, without_copies
-from turning_shop.fit import FACTORS, Fit, complete_rows, fit, fresh_rows, rows_correlate, tells_no_edges
+from turning_shop.fit import (
+    FACTORS,
+    Fit,
+    complete_rows,
+    fit,
+    fresh_rows,
+    rows_correlate,
+    tells_no_edges,
+)
 from turning_shop.form import misfit
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
-from turning_shop.plausibility import law_problems, name_lines, outliers, robust_fit, row_problems, unusual_edges
+from turning_shop.plausibility import (
+    law_problems,
+    name_lines,
+    outliers,
+    robust_fit,
+    row_problems,
+    unusual_edges,
+)
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers, stated_by
 from turning_shop.whatif import NO_LIMIT
@@ -87,7 +102,9 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
         else:
             kept[response] = _why_kept(response, measurements)
     if not fits:
-        raise WorkshopError("no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items()))
+        raise WorkshopError(
+            "no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items())
+        )
     robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
     problems += outliers(fits, robust)
     if not problems or force:  # wrong rows make laws wrong, too
@@ -133,7 +150,9 @@ def _why_kept(response: str, measurements: Measurements) -> str:
     return f"no row has all of {', '.join(needed)}"
 
 
-def _fit_where_it_holds(response: str, measurements: Measurements, base: Scenario) -> tuple[Fit, list[str]]:
+def _fit_where_it_holds(
+    response: str, measurements: Measurements, base: Scenario
+) -> tuple[Fit, list[str]]:
     """Return a law fitted to the rows for which its form holds, and a warning if those are not all."""
     fitted = _fit(response, measurements, base)
     wrong = misfit(fitted)
@@ -148,7 +167,9 @@ def _fit_where_it_holds(response: str, measurements: Measurements, base: Scenari
         f"{line} fits all rows with a scatter of {100 * wrong.scatter:.2g} %"
     )
     try:
-        refitted = _fit(response, replace(measurements, columns=measurements.columns | {response: used}), base)
+        refitted = _fit(
+            response, replace(measurements, columns=measurements.columns | {response: used}), base
+        )
     except WorkshopError as error:
         above = f"too few rows are left above {wrong.holds_from:.3g} {column.unit}, where it fits"
         raise WorkshopError(f"{reason}; {above}: {error}") from error
@@ -169,9 +190,15 @@ def _fit(response: str, measurements: Measurements, base: Scenario) -> Fit:
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
     """Return a law of wear whose exponent of speed or time, if the sheet cannot tell it, agrees with Taylor's n of catalogues."""
-    assumed, speed, wanted = dict(fitted.assumed), fitted.estimates.get("cutting_speed"), fitted.law.time / TAYLOR
+    assumed, speed, wanted = (
+        dict(fitted.assumed),
+        fitted.estimates.get("cutting_speed"),
+        fitted.law.time / TAYLOR,
+    )
     if speed and speed.high - speed.low > 2.0 * VAGUE and speed.low < wanted < speed.high:
-        assumed["cutting_speed"] = f"the sheet tells only that it is {speed.low:.2g} to {speed.high:.2g}"
+        assumed["cutting_speed"] = (
+            f"the sheet tells only that it is {speed.low:.2g} to {speed.high:.2g}"
+        )
     if "cutting_speed" in assumed:
         known = {"cutting_speed": wanted}
     elif "time" in assumed and fitted.law.cutting_speed > 0:
@@ -186,10 +213,17 @@ def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit
 def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
     for name in measurements.ignored:
         likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
-        yield f"column {name!r} is not understood and was ignored" + "".join(f"; is it {column}?" for column in likely)
-    counted = [complete_rows(response, measurements) | fresh_rows(response, measurements) for response in FACTORS]
+        yield f"column {name!r} is not understood and was ignored" + "".join(
+            f"; is it {column}?" for column in likely
+        )
+    counted = [
+        complete_rows(response, measurements) | fresh_rows(response, measurements)
+        for response in FACTORS
+    ]
     if {"wear", "time"} <= measurements.columns.keys():
-        counted.append((measurements.columns["wear"] == 0.0) & (measurements.columns["time"] == 0.0))
+        counted.append(
+            (measurements.columns["wear"] == 0.0) & (measurements.columns["time"] == 0.0)
+        )
     unused = ~np.logical_or.reduce(counted)
     if unused.any():
         yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
@@ -201,7 +235,11 @@ def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) 
             yield f"{response}: all rows are of fresh edges: loads of worn edges are higher, so limits may not hold with them"
         if fitted.edges is None and measurements.edges is not None:
             yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
-        if response == "wear" and fitted.edges is None and tells_no_edges(measurements, fitted.factors):
+        if (
+            response == "wear"
+            and fitted.edges is None
+            and tells_no_edges(measurements, fitted.factors)
+        ):
             spread = base.tool.wear_factor_spread
             assumed = f"{100 * spread:g} % is assumed, tool.wear_factor_spread"
             yield f"wear: too few edges or settings to tell how edges differ: {assumed}"
@@ -264,14 +302,25 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
     """
     path = None if base in presets() else Path(base)
     if path and (path.suffix != ".toml" or path.resolve() == out.resolve()):
-        raise WorkshopError(f"--base is {base}, but must be a preset or a file that ends in .toml, and not --out")
+        raise WorkshopError(
+            f"--base is {base}, but must be a preset or a file that ends in .toml, and not --out"
+        )
     own = stated_by(path)[0].get("limits", {}) if path else {}
-    off = {name: none for name, none in NO_LIMIT.items() if name in calibration.kept and name not in own}
+    off = {
+        name: none
+        for name, none in NO_LIMIT.items()
+        if name in calibration.kept and name not in own
+    }
     spread = calibration.wear_factor_spread
     tables = {"limits": off, "tool": {} if spread is None else {"wear_factor_spread": spread}}
-    values = Scenario.load(base).model_dump() | {"name": name_of_file(out), "material": calibration.material.model_dump()}
+    values = Scenario.load(base).model_dump() | {
+        "name": name_of_file(out),
+        "material": calibration.material.model_dump(),
+    }
     try:
-        scenario = Scenario.model_validate(values | {name: values[name] | table for name, table in tables.items()})
+        scenario = Scenario.model_validate(
+            values | {name: values[name] | table for name, table in tables.items()}
+        )
     except ValidationError as error:
         detail = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise WorkshopError(f"{out}: {detail}") from error
@@ -279,10 +328,14 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
     stated |= {name: table for name, table in tables.items() if table}
     before = read_evidence(Scenario.load(base))
     kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
-    lasting = [warning for warning in calibration.warnings if not warning.startswith("column ")]  # of laws, not of the sheet
+    lasting = [
+        warning for warning in calibration.warnings if not warning.startswith("column ")
+    ]  # of laws, not of the sheet
     evidence = Evidence(
         source=source,
-        warnings=tuple(dict.fromkeys((*calibration.problems, *lasting, *(before.warnings if kept else ())))),
+        warnings=tuple(
+            dict.fromkeys((*calibration.problems, *lasting, *(before.warnings if kept else ())))
+        ),
         laws=kept | {name: evidence_of(fitted) for name, fitted in calibration.fits.items()},
     )
     text = "\n".join(_toml_lines(calibration, stated, evidence, source))
@@ -290,7 +343,9 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
     return scenario
 
 
-def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evidence, source: str) -> Iterator[str]:
+def _toml_lines(
+    calibration: Calibration, stated: dict[str, Any], evidence: Evidence, source: str
+) -> Iterator[str]:
     yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its 95 % interval."
     for response, why in calibration.kept.items():
         yield f"# The law of {response} is the base's: {why}."
@@ -306,7 +361,9 @@ def _toml_lines(calibration: Calibration, stated: dict[str, Any], evidence: Evid
         for name, value in fitted.law.model_dump().items():
             comment = ""
             if name in fitted.estimates:
-                comment = f" # {fitted.estimates[name].low:.6g} to {fitted.estimates[name].high:.6g}"
+                comment = (
+                    f" # {fitted.estimates[name].low:.6g} to {fitted.estimates[name].high:.6g}"
+                )
             elif name in fitted.assumed:
                 comment = f" # assumed: {fitted.assumed[name]}"
             yield f"{name} = {value!r}{comment}"

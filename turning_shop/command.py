@@ -24,11 +24,15 @@ if TYPE_CHECKING:
 def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the commands, each with its function, help and options."""
     columns = [f"  {name:<14}{column.meaning} [{column.unit}]" for name, column in COLUMNS.items()]
-    columns.append(f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)")
+    columns.append(
+        f"  {EDGE:<14}name of the cutting edge, so that its readings do not count as independent (optional)"
+    )
     _calibrate.__doc__ = (_calibrate.__doc__ or "").replace("COLUMNS", "\n    ".join(columns))
     overwrite: dict[str, Any] = {"action": "store_true", "help": "replace existing files"}
 
-    add = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False).add_argument
+    add = command(
+        _calibrate, "fit the laws to cuts measured on a machine", scenario=False
+    ).add_argument
     add("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
     add("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
     base = "preset or TOML file for everything that is not fitted (default: %(default)s)"
@@ -51,29 +55,75 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
         ("--hardness", "hardness", "1"),
     ):
         text = f"numbers [{COLUMNS[column].unit}]" + (f" (default: {default})" if default else "")
-        table.add_argument(option, type=_number(column), required=default is None, help=text, **several)
+        table.add_argument(
+            option, type=_number(column), required=default is None, help=text, **several
+        )
     age = table.add_mutually_exclusive_group(required=True)
-    age.add_argument("--time", type=_number("time"), help="cutting time since the edge was fresh [min]", **several)
+    age.add_argument(
+        "--time",
+        type=_number("time"),
+        help="cutting time since the edge was fresh [min]",
+        **several,
+    )
     age.add_argument("--wear", type=_number("wear"), help="flank wear of the edge [mm]", **several)
     form = table.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON")
     form.add_argument("--csv", action="store_true", help="print CSV")
 
     add = command(_map, "draw the operating map of a worn edge").add_argument
-    add("--wear", type=_number("wear"), required=True, metavar="X", help="flank wear of the edge [mm]")
-    add("--depth", type=_number("depth_of_cut"), metavar="X", help="depth of cut [mm] (default: the scenario's)")
-    add("--hardness", type=_number("hardness"), default=1.0, metavar="X", help="hardness over nominal [-] (default: 1)")
+    add(
+        "--wear",
+        type=_number("wear"),
+        required=True,
+        metavar="X",
+        help="flank wear of the edge [mm]",
+    )
+    add(
+        "--depth",
+        type=_number("depth_of_cut"),
+        metavar="X",
+        help="depth of cut [mm] (default: the scenario's)",
+    )
+    add(
+        "--hardness",
+        type=_number("hardness"),
+        default=1.0,
+        metavar="X",
+        help="hardness over nominal [-] (default: 1)",
+    )
     add("--nose-radius", **nose_radius)
-    add("--out", type=picture_path, required=True, metavar="FILE", help="picture to write: PNG, SVG or PDF, by its suffix")
+    add(
+        "--out",
+        type=picture_path,
+        required=True,
+        metavar="FILE",
+        help="picture to write: PNG, SVG or PDF, by its suffix",
+    )
     add("--overwrite", **overwrite)
 
     add = command(_advise, "advise speed, feed and edge changes, in parts and money").add_argument
     add("--nose-radius", **nose_radius)
     agent = "ONNX file or module:object to compare with fixed parameters; may be repeated"
     add("--agent", action="append", default=[], metavar="POLICY", help=agent)
-    add("--seeds", type=_count, default=16, metavar="N", help="edges to play with each policy; 0: none (default: 16)")
-    add("--sheet", type=picture_path, metavar="FILE", help="page to pin to the machine: PDF, PNG or SVG")
-    add("--page", type=Path, metavar="HTML", help="offline page with sliders for settings and prices")
+    add(
+        "--seeds",
+        type=_count,
+        default=16,
+        metavar="N",
+        help="edges to play with each policy; 0: none (default: 16)",
+    )
+    add(
+        "--sheet",
+        type=picture_path,
+        metavar="FILE",
+        help="page to pin to the machine: PDF, PNG or SVG",
+    )
+    add(
+        "--page",
+        type=Path,
+        metavar="HTML",
+        help="offline page with sliders for settings and prices",
+    )
     add("--overwrite", **overwrite)
     add("--json", action="store_true", help="print all results as JSON")
 
@@ -88,7 +138,9 @@ def _column(text: str) -> tuple[str, str]:
     name, _, header = text.partition("=")
     column = named_column(name)
     if column is None or not header:
-        allowed = f"NAME=HEADER, such as Fc=Fx, where NAME is {', '.join(COLUMNS)} or the symbol of one"
+        allowed = (
+            f"NAME=HEADER, such as Fc=Fx, where NAME is {', '.join(COLUMNS)} or the symbol of one"
+        )
         raise argparse.ArgumentTypeError(f"{text!r} is not allowed: {allowed}")
     return column, header
 
@@ -117,10 +169,15 @@ def _calibrate(options: argparse.Namespace) -> int:
         raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     base = Scenario.load(options.base)
     try:
-        found = calibrate(read_measurements(options.measurements, dict(options.columns)), base, options.force)
+        found = calibrate(
+            read_measurements(options.measurements, dict(options.columns)), base, options.force
+        )
     except Implausible as error:
         print(*(f"implausible: {problem}" for problem in error.problems), sep="\n", file=sys.stderr)
-        print("error: nothing was written: correct the rows above; --force goes on with them", file=sys.stderr)
+        print(
+            "error: nothing was written: correct the rows above; --force goes on with them",
+            file=sys.stderr,
+        )
         return FAILED
     write_scenario(found, options.base, Path(options.measurements).name, options.out)
     for warning in (*found.problems, *found.warnings):
@@ -143,13 +200,18 @@ def _whatif(options: argparse.Namespace) -> int:
 
     scenario, evidence = _warned(options)
     ages = options.time or options.wear
-    depths, hardnesses = options.depth or [scenario.workpiece.depth_of_cut], options.hardness or [1.0]
+    depths, hardnesses = (
+        options.depth or [scenario.workpiece.depth_of_cut],
+        options.hardness or [1.0],
+    )
     axes = (depths, hardnesses, ages, options.cutting_speed, options.feed)
     _warn_of_settings(scenario, options.cutting_speed, options.feed)
     depth, hardness, age, speed, feed = np.meshgrid(*axes, indexing="ij")
     given = {"time": age} if options.time else {"wear": age}
     cuts = whatif.what_if(scenario, speed, feed, depth, hardness, **given)
-    prediction = predict(scenario, evidence, cuts, of_wear=options.time is None) if evidence.laws else None
+    prediction = (
+        predict(scenario, evidence, cuts, of_wear=options.time is None) if evidence.laws else None
+    )
     allowed = allowed_loads(scenario)
     if allowed.by_strength and np.any(cuts.thrust_force > allowed.thrust_force):
         above = f"thrust above {allowed.thrust_force:.0f} N, at a tool.edge_strength of {scenario.tool.edge_strength:g} N"
@@ -164,7 +226,11 @@ def _whatif(options: argparse.Namespace) -> int:
     else:
         print(*whatif.table(cuts, prediction), sep="\n")
         if prediction and prediction.extrapolated.any():
-            out = (f"{name} measured at {at}" for name, at, beyond in outside(evidence, cuts._asdict()) if beyond.any())
+            out = (
+                f"{name} measured at {at}"
+                for name, at, beyond in outside(evidence, cuts._asdict())
+                if beyond.any()
+            )
             print(f"* extrapolated, beyond what was measured: {', '.join(out)}")
     return 0
 
@@ -179,7 +245,10 @@ def _warn_of_settings(scenario: Scenario, speeds: Sequence[float], feeds: Sequen
         ("--feed", "mm/rev", feeds, machine.feed_min, machine.feed_max),
     ):
         if beyond := [value for value in values if not low <= value <= high]:
-            print(f"warning: {option} {beyond[-1]:g} is outside the machine's {low:g} to {high:g} {unit}", file=sys.stderr)
+            print(
+                f"warning: {option} {beyond[-1]:g} is outside the machine's {low:g} to {high:g} {unit}",
+                file=sys.stderr,
+            )
     highest = feed_range(scenario)[1]
     if highest < max(feeds) <= machine.feed_max:
         why = "half of tool.nose_radius, or the end of the chip breaker's window"
@@ -205,11 +274,16 @@ def _map(options: argparse.Namespace) -> int:
     scenario, evidence = _warned(options)
     criterion = scenario.tool.wear_criterion
     if options.wear > criterion:
-        raise WorkshopError(f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm")
+        raise WorkshopError(
+            f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm"
+        )
     from turning_render import plot_style
     from turning_shop import plots
 
-    plot_style.save(plots.draw_map(scenario, evidence, options.wear, options.depth, options.hardness), options.out)
+    plot_style.save(
+        plots.draw_map(scenario, evidence, options.wear, options.depth, options.hardness),
+        options.out,
+    )
     print(options.out)
     return 0
 
@@ -247,7 +321,10 @@ def _advise(options: argparse.Namespace) -> int:
         text = render(scenario, evidence, found, simulated)
         replace_file(options.page, lambda partial: partial.write_text(text, "utf-8"))
     if options.json:
-        said = {"headline": list(headline(scenario, evidence, found)), "warnings": evidence.warnings}
+        said = {
+            "headline": list(headline(scenario, evidence, found)),
+            "warnings": evidence.warnings,
+        }
         print_json({"advice": [each.as_record() for each in found], "played": played} | said)
         return 0
     print(*summary(scenario, evidence, found), sep="\n")

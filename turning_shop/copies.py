@@ -21,7 +21,11 @@ def without_copies(measurements: Measurements) -> tuple[Measurements, NDArray[np
     Edges of other names are copies, too, if all their rows agree.
     """
     names = list(measurements.columns)
-    _, reading = np.unique(np.column_stack([_levels(measurements.columns[name]) for name in names]), axis=0, return_inverse=True)
+    _, reading = np.unique(
+        np.column_stack([_levels(measurements.columns[name]) for name in names]),
+        axis=0,
+        return_inverse=True,
+    )
     edge = _real_edges(measurements, reading)
     _, first = np.unique(np.column_stack([reading, edge]), axis=0, return_index=True)
     kept = np.zeros(len(measurements.lines), np.bool_)
@@ -50,7 +54,9 @@ def _real_edges(measurements: Measurements, reading: NDArray[np.int64]) -> NDArr
     starts = np.flatnonzero(np.diff(measurements.edges[order])) + 1
     for rows in np.split(order, starts):
         if (measured[rows] >= 2).all():
-            real[rows] = originals.setdefault(tuple(np.unique(reading[rows]).tolist()), int(real[rows[0]]))
+            real[rows] = originals.setdefault(
+                tuple(np.unique(reading[rows]).tolist()), int(real[rows[0]])
+            )
     return real
 
 

@@ -48,9 +48,14 @@ def analyse(time: Values, current: Values, load: Values) -> CurrentReport:
     holds, loads = np.split(current, changes), load[np.append(0, changes)]
     length = min(map(len, holds))
     if len(np.unique(loads)) < MIN_LOADS or length < MIN_SAMPLES:
-        raise WorkshopError(f"load: needed are {MIN_LOADS} loads, each held for {MIN_SAMPLES} samples or more")
+        raise WorkshopError(
+            f"load: needed are {MIN_LOADS} loads, each held for {MIN_SAMPLES} samples or more"
+        )
     # Holds of one length have the same spectral lines.
-    spectra = [signal.periodogram(hold[-length:], rate, "hann", detrend=False, scaling="spectrum") for hold in holds]
+    spectra = [
+        signal.periodogram(hold[-length:], rate, "hann", detrend=False, scaling="spectrum")
+        for hold in holds
+    ]
     frequencies, amplitudes = spectra[0][0], np.sqrt([power for _, power in spectra])
     peak = int(np.polyfit(loads, amplitudes, 1)[0].argmax())
     frequency = float(frequencies[peak])
@@ -62,7 +67,10 @@ def analyse(time: Values, current: Values, load: Values) -> CurrentReport:
         "filtered": [_rms(signal.sosfiltfilt(sections, hold)) for hold in holds],
     }
     found = {name: stats.linregress(values, loads) for name, values in quantities.items()}
-    lines = {name: Line(float(line.intercept), float(line.slope), float(line.rvalue**2)) for name, line in found.items()}
+    lines = {
+        name: Line(float(line.intercept), float(line.slope), float(line.rvalue**2))
+        for name, line in found.items()
+    }
     return CurrentReport(loads.tolist(), quantities, frequency, lines)
 
 

@@ -30,17 +30,32 @@ FACTORS = {
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
 }
 """Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
-SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")  # equal in all readings of one edge in one bar
+SETTINGS = (
+    "cutting_speed",
+    "feed",
+    "depth_of_cut",
+    "hardness",
+)  # equal in all readings of one edge in one bar
 MIN_VARIATION = 1e-3  # relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent
 MIN_SHARE = 0.1  # share of a factor's variance within edges that is needed to estimate its exponent from readings of one edge [-]
 MIN_KEPT = 1e-3  # lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished
-SIGNIFICANCE = 0.01  # probability of the F test below which rows at the same settings count as correlated [-]
+SIGNIFICANCE = (
+    0.01  # probability of the F test below which rows at the same settings count as correlated [-]
+)
 LEVEL = 0.95  # confidence level of all intervals [-]
 MIN_SCATTER = 1e-4  # lowest scatter of the rows [-]: that of rounding to four digits
-MIN_READING_SCATTER = 0.01  # lowest scatter of a reading of an edge that was not measured [-] (assumption)
-MIN_TOLD_APART = 0.05  # share of the difference of fresh and worn edges that settings must leave unexplained [-]
-MIN_SETTINGS = 3  # different settings below which rows without names of edges do not tell how edges differ
-MAX_LOG = 700.0  # largest logarithm of an end of the coefficient's interval; it keeps the end finite
+MIN_READING_SCATTER = (
+    0.01  # lowest scatter of a reading of an edge that was not measured [-] (assumption)
+)
+MIN_TOLD_APART = (
+    0.05  # share of the difference of fresh and worn edges that settings must leave unexplained [-]
+)
+MIN_SETTINGS = (
+    3  # different settings below which rows without names of edges do not tell how edges differ
+)
+MAX_LOG = (
+    700.0  # largest logarithm of an end of the coefficient's interval; it keeps the end finite
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +79,9 @@ class Fit:
 
     response: str  # predicted quantity, a key of ``FACTORS``
     law: PowerLaw
-    estimates: dict[str, Estimate]  # the coefficient and the fitted exponents, by their names in ``PowerLaw``
+    estimates: dict[
+        str, Estimate
+    ]  # the coefficient and the fitted exponents, by their names in ``PowerLaw``
     assumed: dict[str, str]  # factors whose exponents are the base law's, with the reason
     covariance: Values  # of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``
     reading_scatter: float  # standard deviation of the logarithm of one reading of an edge that was not measured [-]
@@ -100,7 +117,11 @@ class Fit:
     def r_squared(self) -> float | None:
         """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
         logs = np.log(self.measured)
-        return 1.0 - float(np.mean(self.log_residuals**2) / np.var(logs)) if np.ptp(logs) >= MIN_VARIATION else None
+        return (
+            1.0 - float(np.mean(self.log_residuals**2) / np.var(logs))
+            if np.ptp(logs) >= MIN_VARIATION
+            else None
+        )
 
     @property
     def quality(self) -> str:
@@ -128,7 +149,8 @@ def fit(
     present = complete_rows(response, measurements)
     count, columns = int(present.sum()), measurements.columns
     factors = {
-        name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count) for name in FACTORS[response]
+        name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count)
+        for name in FACTORS[response]
     }
     fresh = fresh_rows(response, measurements)[present]
     mixed = bool(fresh.any() and not fresh.all())
@@ -139,39 +161,62 @@ def fit(
         factors["wear"] = np.ones(count)
         base = base.model_copy(update={"wear": 0.0})
     logs = {name: np.log(values) for name, values in factors.items()}
-    fitted, assumed = _identifiable(factors, {name: log for name, log in logs.items() if name not in given})
+    fitted, assumed = _identifiable(
+        factors, {name: log for name, log in logs.items() if name not in given}
+    )
     assumed |= given
     if fresh.any() and not mixed:
-        assumed["wear"] = "all rows are of fresh edges: the load of a worn edge is higher, and not known"
+        assumed["wear"] = (
+            "all rows are of fresh edges: the load of a worn edge is higher, and not known"
+        )
     if "hardness" not in columns:
         assumed["hardness"] = "there is no column hardness: nominal in all rows"
     if count < len(fitted) + 2 + int(mixed):
         varying = [name for name, log in logs.items() if _variation(log) >= MIN_VARIATION]
-        numbers = "the coefficient" + (f" and {len(varying)} exponents ({', '.join(varying)})" if varying else "")
+        numbers = "the coefficient" + (
+            f" and {len(varying)} exponents ({', '.join(varying)})" if varying else ""
+        )
         numbers += " and the level of fresh edges" * mixed
         raise WorkshopError(
             f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, "
             f"but {len(varying) + 2 + int(mixed)} are needed: for {numbers}, and one more to estimate the scatter"
         )
     measured = columns[response][present]
-    known = PowerLaw.model_validate(base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0))
+    known = PowerLaw.model_validate(
+        base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0)
+    )
     target = np.log(measured) - np.log(known(**factors))
     references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
-    design = np.column_stack([np.ones(count), *(logs[name] - references.get(name, 0.0) for name in fitted)])
+    design = np.column_stack(
+        [np.ones(count), *(logs[name] - references.get(name, 0.0) for name in fitted)]
+    )
     names = ("coefficient", *fitted)
     if mixed:
-        design = np.column_stack([design, fresh.astype(float)])  # the level of fresh edges, the last parameter
-    edges = None if measurements.edges is None else _edge_effect(target, design[:, 1:], measurements.edges[present])
+        design = np.column_stack(
+            [design, fresh.astype(float)]
+        )  # the level of fresh edges, the last parameter
+    edges = (
+        None
+        if measurements.edges is None
+        else _edge_effect(target, design[:, 1:], measurements.edges[present])
+    )
     solution, covariance, within = _least_squares(target, design, edges)
     fresh_level = float(np.exp(solution[-1])) if mixed else np.nan
     numbers_of_law = len(names)
     degrees = edges.degrees if edges else (count - design.shape[1],) * numbers_of_law
     solution, covariance = solution[:numbers_of_law], covariance[:numbers_of_law, :numbers_of_law]
-    law = _validated(response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True)))
-    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(0.5 + 0.5 * LEVEL, degrees[:numbers_of_law])
+    law = _validated(
+        response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True))
+    )
+    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(
+        0.5 + 0.5 * LEVEL, degrees[:numbers_of_law]
+    )
     ends = np.column_stack([solution - margins, solution + margins])
     ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
-    estimates = {name: Estimate(getattr(law, name), *row) for name, row in zip(names, ends.tolist(), strict=True)}
+    estimates = {
+        name: Estimate(getattr(law, name), *row)
+        for name, row in zip(names, ends.tolist(), strict=True)
+    }
     spread = edges.spread if edges else 0.0
     if edges is None and tells_no_edges(measurements, factors):
         spread = edge_spread
@@ -194,7 +239,9 @@ def fit(
 
 def tells_no_edges(measurements: Measurements, factors: Mapping[str, Values]) -> bool:
     """Return whether rows cannot tell how edges differ: too few are named, or none is and the settings hardly differ."""
-    settings = np.round(np.log(np.stack([factors[name] for name in SETTINGS], axis=1)) / MIN_VARIATION)
+    settings = np.round(
+        np.log(np.stack([factors[name] for name in SETTINGS], axis=1)) / MIN_VARIATION
+    )
     return measurements.edges is not None or len(np.unique(settings, axis=0)) < MIN_SETTINGS
 
 
@@ -225,15 +272,25 @@ def fresh_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
 
 def _filled_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
     absent = np.full(len(measurements.lines), np.nan)
-    needed = [measurements.columns.get(name, absent) for name in (response, *FACTORS[response]) if name != "hardness"]
+    needed = [
+        measurements.columns.get(name, absent)
+        for name in (response, *FACTORS[response])
+        if name != "hardness"
+    ]
     return np.asarray(np.isfinite(needed).all(axis=0))
 
 
-def _told_apart(response: str, measurements: Measurements, rows: NDArray[np.bool_], fresh: NDArray[np.bool_]) -> bool:
+def _told_apart(
+    response: str, measurements: Measurements, rows: NDArray[np.bool_], fresh: NDArray[np.bool_]
+) -> bool:
     """Return whether fresh edges were measured at settings that tell their level from the exponents of speed, feed and depth."""
     if not fresh.any():
         return True
-    logs = [np.log(measurements.columns[name][rows]) for name in SETTINGS if name in FACTORS[response] and name != "hardness"]
+    logs = [
+        np.log(measurements.columns[name][rows])
+        for name in SETTINGS
+        if name in FACTORS[response] and name != "hardness"
+    ]
     others = np.column_stack([np.ones(int(rows.sum())), *logs])
     indicator = fresh[rows].astype(float)
     rest = indicator - others @ np.linalg.lstsq(others, indicator, rcond=None)[0]
@@ -250,15 +307,24 @@ def rows_correlate(fitted: Fit) -> bool:
     settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
     _, group, members = np.unique(settings, axis=0, return_inverse=True, return_counts=True)
     means = np.bincount(group, residuals) / members
-    of_settings = 1 + sum(name in SETTINGS for name in fitted.estimates)  # the coefficient and exponents that settings decide
-    between, within = len(members) - of_settings, len(residuals) - len(members) - (len(fitted.estimates) - of_settings)
+    of_settings = 1 + sum(
+        name in SETTINGS for name in fitted.estimates
+    )  # the coefficient and exponents that settings decide
+    between, within = (
+        len(members) - of_settings,
+        len(residuals) - len(members) - (len(fitted.estimates) - of_settings),
+    )
     if between < 1 or within < 1:
         return False
     rest = float(((residuals - means[group]) ** 2).sum()) / within
-    return rest > 0 and bool(stats.f.sf(float(members @ means**2) / between / rest, between, within) < SIGNIFICANCE)
+    return rest > 0 and bool(
+        stats.f.sf(float(members @ means**2) / between / rest, between, within) < SIGNIFICANCE
+    )
 
 
-def _identifiable(factors: Mapping[str, Values], logs: Mapping[str, Values]) -> tuple[list[str], dict[str, str]]:
+def _identifiable(
+    factors: Mapping[str, Values], logs: Mapping[str, Values]
+) -> tuple[list[str], dict[str, str]]:
     """Return the factors whose exponents can be estimated, and the reasons why the others cannot.
 
     If factors vary only together, the first is fitted.
@@ -268,13 +334,22 @@ def _identifiable(factors: Mapping[str, Values], logs: Mapping[str, Values]) -> 
     for name, log in logs.items():
         if _variation(log) < MIN_VARIATION:
             values, unit = factors[name], COLUMNS[name].unit.replace("-", "")
-            assumed[name] = f"{name} never varies: {values.mean():.4g} {unit}".rstrip() + f" in all {len(values)} rows"
+            assumed[name] = (
+                f"{name} never varies: {values.mean():.4g} {unit}".rstrip()
+                + f" in all {len(values)} rows"
+            )
             continue
-        others = np.array([logs[other] - logs[other].mean() for other in kept]).reshape(len(kept), len(log)).T
+        others = (
+            np.array([logs[other] - logs[other].mean() for other in kept])
+            .reshape(len(kept), len(log))
+            .T
+        )
         weights = np.linalg.lstsq(others, log - log.mean(), rcond=None)[0]
         if _variation(log - others @ weights) < MIN_VARIATION:
             shares = np.abs(weights) * np.ptp(others, axis=0)
-            together = [other for other, share in zip(kept, shares, strict=True) if share >= MIN_VARIATION]
+            together = [
+                other for other, share in zip(kept, shares, strict=True) if share >= MIN_VARIATION
+            ]
             assumed[name] = f"{name} varies only together with {' and '.join(together)}"
         else:
             kept.append(name)
@@ -293,24 +368,45 @@ def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> Edg
     """
     _, group, members = np.unique(edge, return_inverse=True, return_counts=True)
     rows, edges = len(group), len(members)
-    own_design, own_target = design - _group_means(design, group), target - _group_means(target, group)
+    own_design, own_target = (
+        design - _group_means(design, group),
+        target - _group_means(target, group),
+    )
     total = ((design - design.mean(axis=0)) ** 2).sum(axis=0)
     within = (own_design**2).sum(axis=0) > MIN_SHARE * total
-    degrees_within, degrees_between = rows - edges - int(within.sum()), edges - 1 - int((~within).sum())
+    degrees_within, degrees_between = (
+        rows - edges - int(within.sum()),
+        edges - 1 - int((~within).sum()),
+    )
     if degrees_within < 1 or degrees_between < 1:
         return None
     slopes = np.linalg.lstsq(own_design[:, within], own_target, rcond=None)[0]
-    variance_within = float(((own_target - own_design[:, within] @ slopes) ** 2).sum()) / degrees_within
+    variance_within = (
+        float(((own_target - own_design[:, within] @ slopes) ** 2).sum()) / degrees_within
+    )
 
     level = _group_means(target - design[:, within] @ slopes, group)
     settings = np.column_stack([np.ones(rows), _group_means(design[:, ~within], group)])
-    deviation = level - settings @ np.linalg.lstsq(settings, level, rcond=None)[0]  # each edge weighs as often as it was read
+    deviation = (
+        level - settings @ np.linalg.lstsq(settings, level, rcond=None)[0]
+    )  # each edge weighs as often as it was read
     readings = (rows - float(members @ members) / rows) / (edges - 1)
-    variance_between = max(0.0, (float(deviation @ deviation) / degrees_between - variance_within) / readings)
+    variance_between = max(
+        0.0, (float(deviation @ deviation) / degrees_between - variance_within) / readings
+    )
     both = variance_within + members * variance_between
     kept = np.sqrt(np.divide(variance_within, both, out=np.ones(edges), where=both > 0))
-    degrees = (degrees_between, *(degrees_within if inside else degrees_between for inside in within))
-    return EdgeEffect(edges, float(np.sqrt(variance_between)), degrees, group, 1.0 - np.maximum(kept, MIN_KEPT)[group])
+    degrees = (
+        degrees_between,
+        *(degrees_within if inside else degrees_between for inside in within),
+    )
+    return EdgeEffect(
+        edges,
+        float(np.sqrt(variance_between)),
+        degrees,
+        group,
+        1.0 - np.maximum(kept, MIN_KEPT)[group],
+    )
 
 
 def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
@@ -320,14 +416,18 @@ def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
     return np.asarray((sums.T / np.bincount(group)).T[group])
 
 
-def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> tuple[Values, Values, float]:
+def _least_squares(
+    target: Values, design: Values, edges: EdgeEffect | None
+) -> tuple[Values, Values, float]:
     """Return the parameters, their covariance, and the standard deviation of a row's own scatter."""
     if edges is not None:
         target = target - edges.removed * _group_means(target, edges.group)
         design = design - edges.removed[:, np.newaxis] * _group_means(design, edges.group)
     inverse = np.linalg.pinv(design)
     solution = inverse @ target
-    scatter = float(np.linalg.norm(target - design @ solution) / np.sqrt(len(target) - len(solution)))
+    scatter = float(
+        np.linalg.norm(target - design @ solution) / np.sqrt(len(target) - len(solution))
+    )
     scatter = max(scatter, MIN_SCATTER)
     return solution, inverse @ inverse.T * scatter**2, scatter
 
@@ -337,6 +437,10 @@ def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> Power
         return PowerLaw.model_validate(base.model_dump() | values)
     except ValidationError as error:
         detail = error.errors()[0]
-        number = f"exponent of {detail['loc'][-1]}".replace("exponent of coefficient", "coefficient")
+        number = f"exponent of {detail['loc'][-1]}".replace(
+            "exponent of coefficient", "coefficient"
+        )
         why = "factors vary too little, rows scatter too much, or a unit is wrong"
-        raise WorkshopError(f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; {why}") from error
+        raise WorkshopError(
+            f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; {why}"
+        ) from error

@@ -19,7 +19,9 @@ MIN_MISFIT = 0.15
 MAX_MISFIT = 0.05  # likewise, up to which the law holds [-]
 MIN_GAIN = 0.6  # scatter about the straight line over that about the law, below which the line fits better [-]
 SPARE_ROWS = 4  # rows beyond the fitted numbers that are needed to tell the form
-SLOPES = np.geomspace(0.03, 3000.0, 60)  # slopes times the largest value of the factor that are tried first [-]
+SLOPES = np.geomspace(
+    0.03, 3000.0, 60
+)  # slopes times the largest value of the factor that are tried first [-]
 CANDIDATES = 200  # largest number of values of the factor that are tried as the lowest at which the law holds
 
 
@@ -61,11 +63,16 @@ def _misfit_in(fitted: Fit, factor: str) -> Misfit | None:
         return float(np.abs(about_line(float(np.exp(log_slope)))).mean())
 
     best = int(np.argmin([scale(float(np.log(slope))) for slope in SLOPES]))
-    low, high = (float(np.log(SLOPES[index])) for index in (max(best - 1, 0), min(best + 1, len(SLOPES) - 1)))
+    low, high = (
+        float(np.log(SLOPES[index])) for index in (max(best - 1, 0), min(best + 1, len(SLOPES) - 1))
+    )
     scaled = float(np.exp(optimize.minimize_scalar(scale, bounds=(low, high), method="bounded").x))
     remaining = about_line(scaled)
     apart = residual - remaining  # logarithm of the line over the law
-    if np.abs(apart).max() < MIN_MISFIT or np.abs(remaining).mean() > MIN_GAIN * np.abs(residual).mean():
+    if (
+        np.abs(apart).max() < MIN_MISFIT
+        or np.abs(remaining).mean() > MIN_GAIN * np.abs(residual).mean()
+    ):
         return None
     slope = scaled / float(values.max())
     holds_from = _holds_from(values, slope)

@@ -22,21 +22,51 @@ COLUMNS = {
     "cutting_speed": Column("m/min", 0.1, 5000, "cutting speed"),
     "feed": Column("mm/rev", 0.001, 10, "feed"),
     "depth_of_cut": Column("mm", 0.01, 50, "depth of cut"),
-    "time": Column("min", 1e-4, 1e5, "cutting time since the edge was fresh, all at this speed, feed and depth", True),
-    "wear": Column("mm", 1e-4, 5, "flank wear of the edge since it was fresh; 0: a fresh edge", True),
+    "time": Column(
+        "min",
+        1e-4,
+        1e5,
+        "cutting time since the edge was fresh, all at this speed, feed and depth",
+        True,
+    ),
+    "wear": Column(
+        "mm", 1e-4, 5, "flank wear of the edge since it was fresh; 0: a fresh edge", True
+    ),
     "thrust_force": Column("N", 1e-3, 1e6, "thrust force: the resultant of feed and back force"),
     "power": Column("kW", 1e-4, 1e4, "spindle power"),
-    "main_force": Column("N", 1e-3, 1e6, "main cutting force Fc (ISO 3002), which gives the power if no column does"),
-    "feed_force": Column("N", 1e-3, 1e6, "feed force Ff (ISO 3002), which with the back force gives the thrust force"),
-    "back_force": Column("N", 1e-3, 1e6, "back force Fp (ISO 3002), also called passive or radial force"),
+    "main_force": Column(
+        "N", 1e-3, 1e6, "main cutting force Fc (ISO 3002), which gives the power if no column does"
+    ),
+    "feed_force": Column(
+        "N", 1e-3, 1e6, "feed force Ff (ISO 3002), which with the back force gives the thrust force"
+    ),
+    "back_force": Column(
+        "N", 1e-3, 1e6, "back force Fp (ISO 3002), also called passive or radial force"
+    ),
     "hardness": Column("-", 0.1, 10, "hardness of the bar over nominal hardness: 1 is nominal"),
 }
 """Columns of numbers of a sheet of cuts; a row with an empty cell in the column ``EDGE`` has an edge of its own."""
 
 UNITS = {
-    "speed": {"m/min": 1.0, "m/s": 60.0, "ft/min": 0.3048, "sfm": 0.3048, "sfpm": 0.3048, "fpm": 0.3048},
+    "speed": {
+        "m/min": 1.0,
+        "m/s": 60.0,
+        "ft/min": 0.3048,
+        "sfm": 0.3048,
+        "sfpm": 0.3048,
+        "fpm": 0.3048,
+    },
     "length": (LENGTH := {"mm": 1.0, "um": 0.001, "in": 25.4, "inch": 25.4}),
-    "feed": {"mm/rev": 1.0, "mm/r": 1.0, "mm/u": 1.0, "mm/umdr": 1.0, "um/rev": 0.001, "in/rev": 25.4, "ipr": 25.4} | LENGTH,
+    "feed": {
+        "mm/rev": 1.0,
+        "mm/r": 1.0,
+        "mm/u": 1.0,
+        "mm/umdr": 1.0,
+        "um/rev": 0.001,
+        "in/rev": 25.4,
+        "ipr": 25.4,
+    }
+    | LENGTH,
     "time": {"min": 1.0, "s": 1 / 60, "sec": 1 / 60, "sek": 1 / 60, "ms": 1 / 60e3, "h": 60.0},
     "force": {"n": 1.0, "kn": 1000.0, "dan": 10.0, "lbf": 4.4482216},
     "power": {"kw": 1.0, "w": 0.001, "hp": 0.745700, "ps": 0.735499},
@@ -46,24 +76,87 @@ TEMPERATURES = ("\N{DEGREE SIGN}c", "c", "k", "degc", "deg c", "\N{DEGREE SIGN}f
 """Units of temperatures, in small letters: no column holds any."""
 """Units of each dimension, in small letters, and their sizes; a feed in mm is one per revolution (DIN 6580)."""
 
-SPOKEN = ("cutting_speed", "feed", "power")  # columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"
+SPOKEN = (
+    "cutting_speed",
+    "feed",
+    "power",
+)  # columns that a header may name by a unit alone, as in "SFM", "IPR" and "HP"
 
 NAMES = {
     "cutting_speed": ("cutting speed", "vc", "v c", "surface speed", "schnittgeschwindigkeit"),
-    "feed": ("feed", "f", "fn", "f n", "feed per revolution", "feed per rev", "feed rate", "vorschub", "vorschub pro umdrehung"),
-    "depth_of_cut": ("depth of cut", "ap", "a p", "doc", "depth", "cutting depth", "schnitttiefe", "zustellung"),
-    "time": ("time", "t", "tc", "cutting time", "machining time", "contact time", "zeit", "schnittzeit", "eingriffszeit"),
+    "feed": (
+        "feed",
+        "f",
+        "fn",
+        "f n",
+        "feed per revolution",
+        "feed per rev",
+        "feed rate",
+        "vorschub",
+        "vorschub pro umdrehung",
+    ),
+    "depth_of_cut": (
+        "depth of cut",
+        "ap",
+        "a p",
+        "doc",
+        "depth",
+        "cutting depth",
+        "schnitttiefe",
+        "zustellung",
+    ),
+    "time": (
+        "time",
+        "t",
+        "tc",
+        "cutting time",
+        "machining time",
+        "contact time",
+        "zeit",
+        "schnittzeit",
+        "eingriffszeit",
+    ),
     "wear": (
-        *("wear", "vb", "v b", "vbb", "vb b", "vbmax", "vb max", "flank wear", "flank wear vb", "tool wear"),
+        *(
+            "wear",
+            "vb",
+            "v b",
+            "vbb",
+            "vb b",
+            "vbmax",
+            "vb max",
+            "flank wear",
+            "flank wear vb",
+            "tool wear",
+        ),
         *("verschleiss", "freiflaechenverschleiss", "verschleissmarkenbreite"),
     ),
     "thrust_force": ("thrust force", "resultant of feed and back force"),
     "main_force": ("main force", "fc", "f c", "cutting force", "schnittkraft", "hauptschnittkraft"),
     "feed_force": ("feed force", "ff", "f f", "vorschubkraft"),
     "back_force": ("back force", "fp", "f p", "passive force", "radial force", "passivkraft"),
-    "power": ("power", "p", "pc", "cutting power", "spindle power", "leistung", "schnittleistung", "spindelleistung"),
+    "power": (
+        "power",
+        "p",
+        "pc",
+        "cutting power",
+        "spindle power",
+        "leistung",
+        "schnittleistung",
+        "spindelleistung",
+    ),
     "hardness": ("hardness", "relative hardness", "haerte", "relative haerte"),
-    EDGE: ("edge", "cutting edge", "insert", "tool", "schneide", "wendeplatte", "platte", "werkzeug", "wkz"),
+    EDGE: (
+        "edge",
+        "cutting edge",
+        "insert",
+        "tool",
+        "schneide",
+        "wendeplatte",
+        "platte",
+        "werkzeug",
+        "wkz",
+    ),
 }
 """Headers of each column without units and in small letters, "_" and "." as spaces, umlauts as two letters."""
 
@@ -73,18 +166,26 @@ BY_UNIT: dict[str, dict[str, str | None]] = {
     "p": {"force": "back_force"},
 }
 """Columns of symbols that are another quantity in a unit of another dimension; None: one that is not read."""
-BY_SIZE = {"F": ("feed", "a force"), "P": ("power", "the passive (back) force"), "T": ("time", "a temperature")}
+BY_SIZE = {
+    "F": ("feed", "a force"),
+    "P": ("power", "the passive (back) force"),
+    "T": ("time", "a temperature"),
+}
 """Symbols that, without a unit, mean a column or something else."""
 SIZES = {"feed": 10.0, "power": 30.0, "time": 100.0}
 """Largest numbers that such a symbol may hold to be the column: forces are larger in N, and temperatures in any unit."""
-_AXES = re.compile(r"f ?([xyztra]|[123]|ax|rad|tan)", re.IGNORECASE)  # forces along axes of a dynamometer, or of a drawing
+_AXES = re.compile(
+    r"f ?([xyztra]|[123]|ax|rad|tan)", re.IGNORECASE
+)  # forces along axes of a dynamometer, or of a drawing
 
 _COLUMN = {name: column for column, names in NAMES.items() for name in names}
 _BRACKETS = re.compile(r"(.*?)\s*[\[({<]\s*([^\[({<]*?)\s*[\])}>]\s*", re.DOTALL)
 _NUMBERED = re.compile(r" ?(#|id|no|nr|number|nummer)$")  # end of an edge's header
 _GAP = re.compile(r"[\s_,/]+(?:in\s+)?")
 _MICRO = str.maketrans("µμ·*", "uu  ")
-_LETTERS = dict(zip(map(ord, "äöüßµμ·_."), ("ae", "oe", "ue", "ss", "u", "u", " ", " ", " "), strict=True))
+_LETTERS = dict(
+    zip(map(ord, "äöüßµμ·_."), ("ae", "oe", "ue", "ss", "u", "u", " ", " ", " "), strict=True)
+)
 
 
 class Heading(NamedTuple):
@@ -93,7 +194,9 @@ class Heading(NamedTuple):
     text: str  # header as written
     column: str | None  # of a sheet of cuts; None if it is not understood
     factor: float = 1.0  # size of the sheet's unit in the column's
-    unlike: str = ""  # what else the header may mean, as it states no unit; its numbers tell, see ``SIZES``
+    unlike: str = (
+        ""  # what else the header may mean, as it states no unit; its numbers tell, see ``SIZES``
+    )
     is_force: bool = False  # whether it is a force that cannot be told from the header
 
     def describe(self) -> str:
@@ -120,7 +223,12 @@ def read_heading(text: str, told: str | None = None) -> Heading:
         column = told
         unit = unit or _unit_after_gap(text, told)
     elif column is None:
-        return Heading(text, None, is_force=bool(_AXES.fullmatch(_plain(name))) and (not unit or _unit(unit) in UNITS["force"]))
+        return Heading(
+            text,
+            None,
+            is_force=bool(_AXES.fullmatch(_plain(name)))
+            and (not unit or _unit(unit) in UNITS["force"]),
+        )
     if column == EDGE or _column(unit) == column:  # as in "Vorschub (f)"
         return Heading(text, column)
     if not unit:
@@ -131,11 +239,16 @@ def read_heading(text: str, told: str | None = None) -> Heading:
         return Heading(text, column, sizes[_unit(unit)] / sizes[_unit(own)])
     for dimension, other in BY_UNIT.get(name, {}).items() if told is None else ():
         if size := UNITS[dimension].get(_unit(unit)):
-            return Heading(text, other, size / UNITS[dimension][_unit(COLUMNS[other].unit)] if other else 1.0)
+            return Heading(
+                text, other, size / UNITS[dimension][_unit(COLUMNS[other].unit)] if other else 1.0
+            )
     if column == "time" and told is None and _unit(unit) in TEMPERATURES:
         return Heading(text, None)
     others = " or ".join(name for name, each in COLUMNS.items() if _unit(unit) in _sizes(each.unit))
-    allowed = f"allowed are {', '.join(sizes)}, or no unit, which means {own}" + f"; is it {others}?" * bool(others)
+    allowed = (
+        f"allowed are {', '.join(sizes)}, or no unit, which means {own}"
+        + f"; is it {others}?" * bool(others)
+    )
     raise WorkshopError(f"column {text!r}: {column} in {unit!r} is not understood: {allowed}")
 
 
@@ -150,7 +263,10 @@ def _split(text: str) -> tuple[str | None, str, str]:
             if likely and likely != EDGE and _is_unit_of(text[: gap.start()], likely, rest):
                 return likely, text[: gap.start()], rest
     if column is None and not bracketed and _unit(text) not in LENGTH:
-        column, unit = next((each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)), None), text
+        column, unit = (
+            next((each for each in SPOKEN if _unit(text) in _sizes(COLUMNS[each].unit)), None),
+            text,
+        )
         return (column, text, unit) if column else (None, text, "")
     return column, name, unit
 
@@ -196,8 +312,14 @@ def _plain(name: str) -> str:
 
 def _column(name: str) -> str | None:
     plain = _plain(name)
-    twice = {_COLUMN.get(part.strip(" ,:=()[]")) for part in plain.rpartition(" ")[::2]}  # as in "Vorschub f" and "feed, f"
-    return EDGE if _COLUMN.get(_NUMBERED.sub("", plain)) == EDGE else _COLUMN.get(plain, twice.pop() if len(twice) == 1 else None)
+    twice = {
+        _COLUMN.get(part.strip(" ,:=()[]")) for part in plain.rpartition(" ")[::2]
+    }  # as in "Vorschub f" and "feed, f"
+    return (
+        EDGE
+        if _COLUMN.get(_NUMBERED.sub("", plain)) == EDGE
+        else _COLUMN.get(plain, twice.pop() if len(twice) == 1 else None)
+    )
 
 
 def _unit(text: str) -> str:

@@ -20,14 +20,38 @@ from numpy.typing import NDArray
 
 from turning_env.extras import missing
 from turning_shop import WorkshopError, regular_file
-from turning_shop.headers import COLUMNS, EDGE, NAMES, SIZES, Column, Heading, is_header, is_unit, read_heading
+from turning_shop.headers import (
+    COLUMNS,
+    EDGE,
+    NAMES,
+    SIZES,
+    Column,
+    Heading,
+    is_header,
+    is_unit,
+    read_heading,
+)
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
-MAX_BYTES = 50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
+MAX_BYTES = (
+    50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
+)
 MAX_ROWS, MAX_CELLS, MAX_TAGS = 100_000, 200, 3_000_000
 """Largest number of rows of a sheet, of cells of a row, and of XML tags of a workbook, of which a cell has four."""
 MAX_ABOVE = 20  # number of rows among which the header is looked for
-STATISTICS = {"mean", "average", "avg", "mittel", "mittelwert", "durchschnitt", "ø", "sum", "summe", "total", "median"}
+STATISTICS = {
+    "mean",
+    "average",
+    "avg",
+    "mittel",
+    "mittelwert",
+    "durchschnitt",
+    "ø",
+    "sum",
+    "summe",
+    "total",
+    "median",
+}
 STATISTICS |= {"std", "sd", "stdev", "std dev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
 NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.", "na", "nan", "#n/a", "#nv")
@@ -48,11 +72,15 @@ class Measurements:
     columns: dict[str, NDArray[np.float64]]  # in the units of ``COLUMNS``; NaN for an empty cell
     lines: NDArray[np.int64]  # of the file, counted from 1
     ignored: tuple[str, ...] = ()  # unknown columns
-    edges: NDArray[np.int64] | None = None  # number of each row's edge; None if the file has no column ``EDGE``
+    edges: NDArray[np.int64] | None = (
+        None  # number of each row's edge; None if the file has no column ``EDGE``
+    )
     readings: tuple[str, ...] = ()  # how each column of the file was read
 
 
-def read_measurements(path: str | os.PathLike[str], told: Mapping[str, str] = MappingProxyType({})) -> Measurements:
+def read_measurements(
+    path: str | os.PathLike[str], told: Mapping[str, str] = MappingProxyType({})
+) -> Measurements:
     """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
 
     Headers are names or symbols in English or German, with units or without (``headers.py``). ``told`` are headers by the
@@ -92,7 +120,11 @@ def _decoded(data: bytes) -> str:
 def _rows(text: str, separator: str) -> Iterator[Row]:
     # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    return ((reader.line_num, cells[:MAX_CELLS]) for cells in reader if any(cell.strip() for cell in cells))
+    return (
+        (reader.line_num, cells[:MAX_CELLS])
+        for cells in reader
+        if any(cell.strip() for cell in cells)
+    )
 
 
 def _rows_of_workbook(data: bytes) -> Iterator[Row]:
@@ -100,18 +132,29 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
     try:
         openpyxl = importlib.import_module("openpyxl")
     except ModuleNotFoundError as error:
-        raise WorkshopError(f"an XLSX sheet cannot be read, as {missing(error)}; or save it as CSV") from None
+        raise WorkshopError(
+            f"an XLSX sheet cannot be read, as {missing(error)}; or save it as CSV"
+        ) from None
     try:
         parts = zipfile.ZipFile(io.BytesIO(data))
         unpacked = sum(part.file_size for part in parts.infolist())
-        if unpacked > MAX_BYTES or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS:
-            raise ValueError(f"at most {MAX_BYTES // 10**6} MB and {MAX_TAGS // 10**6} million tags are read: save it as CSV")
-        sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[0]
+        if (
+            unpacked > MAX_BYTES
+            or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS
+        ):
+            raise ValueError(
+                f"at most {MAX_BYTES // 10**6} MB and {MAX_TAGS // 10**6} million tags are read: save it as CSV"
+            )
+        sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[
+            0
+        ]
         rows = sheet.iter_rows(max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True)
         table = [["" if cell is None else str(cell) for cell in row] for row in rows]
     except Exception as error:  # openpyxl lets through whatever zipfile, its parser of XML and its own checks raise
         raise WorkshopError(f"this is no workbook in XLSX: {error}") from error
-    width = max((index + 1 for row in table for index, cell in enumerate(row) if cell.strip()), default=0)
+    width = max(
+        (index + 1 for row in table for index, cell in enumerate(row) if cell.strip()), default=0
+    )
     filled = ((line, (cells + [""] * width)[:width]) for line, cells in enumerate(table, 1))
     return (row for row in filled if any(cell.strip() for cell in row[1]))
 
@@ -129,12 +172,16 @@ def _understood(cells: Sequence[str]) -> int:
 
 def _most_understood(rows: Iterator[Row]) -> int:
     try:
-        return max((_understood(cells) for _, cells in itertools.islice(rows, MAX_ABOVE)), default=0)
+        return max(
+            (_understood(cells) for _, cells in itertools.islice(rows, MAX_ABOVE)), default=0
+        )
     except csv.Error:
         return 0
 
 
-def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mapping[str, str]) -> Measurements:
+def _parse(
+    rows: Iterator[Row], source: str, may_have_commas: bool, told: Mapping[str, str]
+) -> Measurements:
     found = list(itertools.islice(rows, MAX_ROWS + 2))
     if len(found) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
@@ -142,10 +189,19 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mappin
     start = max(range(len(above)), key=lambda index: _understood(above[index][1]), default=0)
     header, notes = found[start][1] if found else [], []
     if start:
-        notes.append(f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}")
-    table = [(line, row[: len(header)] if not any(row[len(header) :]) else row) for line, row in found[start + 1 :]]
+        notes.append(
+            f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}"
+        )
+    table = [
+        (line, row[: len(header)] if not any(row[len(header) :]) else row)
+        for line, row in found[start + 1 :]
+    ]
     below = table[0][1] if table else []
-    if len(below) == len(header) and not any(map(_is_number, below)) and sum(map(is_unit, below)) >= 2:
+    if (
+        len(below) == len(header)
+        and not any(map(_is_number, below))
+        and sum(map(is_unit, below)) >= 2
+    ):
         notes.append(f"units in line {table.pop(0)[0]}")
         below = [cell.strip(" []()") for cell in below]
         header = [
@@ -154,13 +210,25 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mappin
         ]
     headings = _read_header(header, source, told, table)
     if summed := [line for line, row in table if _sums_up(row)]:
-        notes.append(f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}")
+        notes.append(
+            f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}"
+        )
         table = [each for each in table if each[0] not in summed]
     width = len(headings)
     complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == width]
-    complaints = [f"line {line} has {len(row)} cells, but the header has {width}" for line, row in table if len(row) != width]
-    known = [(at, each, each.column, COLUMNS[each.column]) for at, each in enumerate(headings) if each.column in COLUMNS]
-    commas = may_have_commas and any(_DECIMAL_COMMA.fullmatch(row[index]) for _, row in complete for index, *_ in known)
+    complaints = [
+        f"line {line} has {len(row)} cells, but the header has {width}"
+        for line, row in table
+        if len(row) != width
+    ]
+    known = [
+        (at, each, each.column, COLUMNS[each.column])
+        for at, each in enumerate(headings)
+        if each.column in COLUMNS
+    ]
+    commas = may_have_commas and any(
+        _DECIMAL_COMMA.fullmatch(row[index]) for _, row in complete for index, *_ in known
+    )
     values = {name: np.empty(len(complete)) for _, _, name, _ in known}
     for number, (line, row) in enumerate(complete):
         for index, heading, name, column in known:
@@ -170,8 +238,12 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mappin
                 complaints.append(f"line {line}, column {heading.text}: {error}")
     if complaints:
         more = len(complaints) - MAX_COMPLAINTS
-        shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (f"; and {more} more like these" if more > 0 else "")
-        shown += "; a header may state another unit, as in 'wear [um]'" * ("is outside the allowed" in shown)
+        shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (
+            f"; and {more} more like these" if more > 0 else ""
+        )
+        shown += "; a header may state another unit, as in 'wear [um]'" * (
+            "is outside the allowed" in shown
+        )
         crowded = not may_have_commas and any(len(row) > width for _, row in table)
         shown += "; are decimals written with commas? Then separate cells by semicolons" * crowded
         raise WorkshopError(f"{source}: {shown}")
@@ -184,14 +256,20 @@ def _parse(rows: Iterator[Row], source: str, may_have_commas: bool, told: Mappin
         values,
         np.array([line for line, _ in complete]),
         tuple(heading.text for heading in headings if heading.column is None and heading.text),
-        None if edge is None else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[1],
+        None
+        if edge is None
+        else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[
+            1
+        ],
         (*(heading.describe() for heading in headings if heading.text), *notes),
     )
 
 
 def _sums_up(row: Sequence[str]) -> bool:
     """Return whether a row sums up others, or holds no number at all."""
-    return any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row) or not any(map(_is_number, row))
+    return any(
+        cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row
+    ) or not any(map(_is_number, row))
 
 
 def _is_number(cell: str) -> bool:
@@ -212,7 +290,9 @@ def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:
         yield "power [kW] as main_force times cutting_speed"
 
 
-def _read_header(header: list[str], source: str, told: Mapping[str, str], table: Sequence[Row]) -> list[Heading]:
+def _read_header(
+    header: list[str], source: str, told: Mapping[str, str], table: Sequence[Row]
+) -> list[Heading]:
     """Return how each column is read; raise an error if one is missing, occurs twice or cannot be told from another."""
     if not header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
@@ -221,8 +301,12 @@ def _read_header(header: list[str], source: str, told: Mapping[str, str], table:
         headings = [read_heading(cell, said.get(index)) for index, cell in enumerate(header)]
         for index, heading in enumerate(headings):
             if heading.unlike:
-                others = {each.column for each in headings if each is not heading and not each.unlike}
-                headings[index] = _by_size(heading, others, [row[index] for _, row in table if len(row) > index])
+                others = {
+                    each.column for each in headings if each is not heading and not each.unlike
+                }
+                headings[index] = _by_size(
+                    heading, others, [row[index] for _, row in table if len(row) > index]
+                )
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
     for index, heading in enumerate(headings):
@@ -230,8 +314,13 @@ def _read_header(header: list[str], source: str, told: Mapping[str, str], table:
             headings[index] = Heading(heading.text, None)
     names = [heading.column for heading in headings]
     if missing := [name for name in REQUIRED if name not in names]:
-        present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (", ..." if len(names) > 20 else "")
-        understood = [" or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]" for name, column in COLUMNS.items()] + [EDGE]
+        present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (
+            ", ..." if len(names) > 20 else ""
+        )
+        understood = [
+            " or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]"
+            for name, column in COLUMNS.items()
+        ] + [EDGE]
         raise WorkshopError(
             f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {', '.join(understood)}"
         )
@@ -240,7 +329,9 @@ def _read_header(header: list[str], source: str, told: Mapping[str, str], table:
             twice = [heading.text for heading in headings if heading.column == name]
             listed = " and ".join(map(repr, twice))
             example = f"say which, as --columns {name}={twice[0]}"
-            raise WorkshopError(f"{source}: there is more than one column {name}: {listed}; {example}")
+            raise WorkshopError(
+                f"{source}: there is more than one column {name}: {listed}; {example}"
+            )
     _ask_for_axes(headings, source, told, table)
     return headings
 
@@ -254,9 +345,13 @@ def _told_columns(header: list[str], told: Mapping[str, str], source: str) -> di
         if len(places) != 1:
             present = ", ".join(repr(text.strip()[:40]) for text in header[:20])
             count = "no column" if not places else "more than one column"
-            raise WorkshopError(f"{source}: --columns {column}={name}: {count} is headed {name!r}; there are {present}")
+            raise WorkshopError(
+                f"{source}: --columns {column}={name}: {count} is headed {name!r}; there are {present}"
+            )
         if places[0] in said:
-            raise WorkshopError(f"{source}: --columns: {name!r} cannot be both {said[places[0]]} and {column}")
+            raise WorkshopError(
+                f"{source}: --columns: {name!r} cannot be both {said[places[0]]} and {column}"
+            )
         said[places[0]] = column
     return said
 
@@ -289,13 +384,19 @@ def _sizes_of(cells: Sequence[str]) -> list[float]:
     return [abs(float(cell.strip().replace(",", "."))) for cell in cells if _is_number(cell)]
 
 
-def _ask_for_axes(headings: Sequence[Heading], source: str, told: Mapping[str, str], table: Sequence[Row]) -> None:
+def _ask_for_axes(
+    headings: Sequence[Heading], source: str, told: Mapping[str, str], table: Sequence[Row]
+) -> None:
     """Raise an error if forces are missing that columns along unknown axes may hold, and the user has not told any."""
     axes = [(index, heading.text) for index, heading in enumerate(headings) if heading.is_force]
     present = {heading.column for heading in headings}
     has_thrust = "thrust_force" in present or {"feed_force", "back_force"} <= present
     has_power = bool({"power", "main_force"} & present)
-    if not axes or (has_thrust and has_power) or set(told) & {"main_force", "feed_force", "back_force", "thrust_force"}:
+    if (
+        not axes
+        or (has_thrust and has_power)
+        or set(told) & {"main_force", "feed_force", "back_force", "thrust_force"}
+    ):
         return
     sizes = {}
     for index, text in axes:
@@ -303,8 +404,13 @@ def _ask_for_axes(headings: Sequence[Heading], source: str, told: Mapping[str, s
         sizes[text] = float(np.median(numbers)) if numbers else 0.0
     largest = max(sizes, key=lambda text: sizes[text])
     names = ", ".join(repr(text) for _, text in axes)
-    symbols = dict(zip(sorted(sizes, key=lambda text: -sizes[text]), ("Fc", "Ff", "Fp"), strict=False))
-    example = " ".join(f"{symbol}={text!r}" if " " in text else f"{symbol}={text}" for text, symbol in symbols.items())
+    symbols = dict(
+        zip(sorted(sizes, key=lambda text: -sizes[text]), ("Fc", "Ff", "Fp"), strict=False)
+    )
+    example = " ".join(
+        f"{symbol}={text!r}" if " " in text else f"{symbol}={text}"
+        for text, symbol in symbols.items()
+    )
     raise WorkshopError(
         f"{source}: {names}: which is the main (cutting) force Fc, the feed force Ff and the back force Fp depends on how the "
         f"dynamometer was mounted: say it, for example --columns {example}; the largest here, {largest!r}, usually is Fc"
@@ -320,11 +426,15 @@ def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
         return float("nan")
     shown = repr(cell[:40])
     if commas and "." in cell:
-        raise ValueError(f"{shown} has a point, but other cells have decimal commas: write decimals in one way, and no thousands")
+        raise ValueError(
+            f"{shown} has a point, but other cells have decimal commas: write decimals in one way, and no thousands"
+        )
     if commas and _DECIMAL_COMMA.fullmatch(cell):
         cell = cell.replace(",", ".")
     if _WITH_COMMA.fullmatch(cell):
-        raise ValueError(f"{shown} has a comma: write decimals with a point, and thousands without a separator")
+        raise ValueError(
+            f"{shown} has a comma: write decimals with a point, and thousands without a separator"
+        )
     allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
     if not _NUMBER.fullmatch(cell):
         raise ValueError(f"{shown} is not a number; allowed is {allowed}, or nothing")

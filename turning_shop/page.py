@@ -23,7 +23,9 @@ from turning_shop.whatif import NO_LIMIT
 _HERE = Path(__file__).parent
 
 
-def render(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()) -> str:
+def render(
+    scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()
+) -> str:
     """Return the page as HTML, which needs no other file and no network; it begins with the first advice.
 
     ``simulated`` are sentences on what the simulation said of the advice.
@@ -36,7 +38,10 @@ def render(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulat
         work=html.escape(f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long"),
         criterion=f"{scenario.tool.wear_criterion:g}",
         warnings="".join(f"<li>{html.escape(warning)}</li>" for warning in evidence.warnings),
-        headline="".join(f"<p>{html.escape(line)}</p>" for line in (*headline(scenario, evidence, advice), *simulated)),
+        headline="".join(
+            f"<p>{html.escape(line)}</p>"
+            for line in (*headline(scenario, evidence, advice), *simulated)
+        ),
         data=data.replace("<", "\\u003c"),
         script=script,
         # No script but this one runs, whatever a scenario is called.
@@ -46,29 +51,53 @@ def render(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulat
 
 def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> dict[str, Any]:
     """Return the data of ``page.js`` as JSON values."""
-    material, machine, work, economics = scenario.material, scenario.machine, scenario.workpiece, scenario.economics
+    material, machine, work, economics = (
+        scenario.material,
+        scenario.machine,
+        scenario.workpiece,
+        scenario.economics,
+    )
     laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
     speeds, feeds, _ = settings(scenario)
     shown = ("cutting_speed", "feed", "wear")
     chosen: list[dict[str, Any]] = [
-        {"aim": aim} | {name: float(getattr(plan.cuts, name)) for name in shown} for aim, plan, _ in advice
+        {"aim": aim} | {name: float(getattr(plan.cuts, name)) for name in shown}
+        for aim, plan, _ in advice
     ]
     best = chosen[0]
     limits = {name: getattr(scenario.limits, name) for name in NO_LIMIT}
     allowed = allowed_loads(scenario)
     loads = {"thrust_force": allowed.thrust_force, "power": allowed.power}
     lowest_feed, highest_feed = feed_range(scenario)
-    criterion, depth, edges = scenario.tool.wear_criterion, work.depth_of_cut, economics.edges_per_insert
+    criterion, depth, edges = (
+        scenario.tool.wear_criterion,
+        work.depth_of_cut,
+        economics.edges_per_insert,
+    )
 
     def priced(name: str, label: str, unit: str, least: float) -> tuple[Any, ...]:
         value = getattr(economics, name)
         return name, label, unit, 0.0, max(least, 3.0 * value), value
 
     sliders = (
-        ("cutting_speed", "cutting speed", "m/min", machine.cutting_speed_min, scenario.cutting_speed_max, best["cutting_speed"]),
+        (
+            "cutting_speed",
+            "cutting speed",
+            "m/min",
+            machine.cutting_speed_min,
+            scenario.cutting_speed_max,
+            best["cutting_speed"],
+        ),
         ("feed", "feed", "mm/rev", lowest_feed, highest_feed, best["feed"]),
         ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
-        ("wear", "flank wear when the edge is changed", "mm", 0.05 * criterion, criterion, best["wear"]),
+        (
+            "wear",
+            "flank wear when the edge is changed",
+            "mm",
+            0.05 * criterion,
+            criterion,
+            best["wear"],
+        ),
         ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
         priced("machine_rate", "machine", "money/h", 120.0),
         priced("operator_rate", "operator", "money/h", 120.0),
@@ -77,17 +106,27 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         priced("edge_change_time", "change of edge", "min", 10.0),
     )
     return {
-        "laws": {name: {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()} for name, law in laws.items()},
+        "laws": {
+            name: {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()}
+            for name, law in laws.items()
+        },
         "known": {
-            name: known.model_dump(mode="json", include={"terms", "covariance", "scatter", "measured"})
-            | {"quantile": known.quantile, "reference_depth_of_cut": laws[name].reference_depth_of_cut}
+            name: known.model_dump(
+                mode="json", include={"terms", "covariance", "scatter", "measured"}
+            )
+            | {
+                "quantile": known.quantile,
+                "reference_depth_of_cut": laws[name].reference_depth_of_cut,
+            }
             for name, known in evidence.laws.items()
         },
         "beyond": BEYOND,
         "life_spread": life_spread(scenario),
         "criterion": criterion,
         "allowed": {name: None if math.isinf(load) else load for name, load in loads.items()},
-        "limits": {name: None if limit == NO_LIMIT[name] else limit for name, limit in limits.items()},
+        "limits": {
+            name: None if limit == NO_LIMIT[name] else limit for name, limit in limits.items()
+        },
         "speeds": speeds.ravel().tolist(),
         "feeds": feeds.ravel().tolist(),
         "base_cutting_speed": scenario.base_cutting_speed or None,
@@ -98,7 +137,12 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "return_time": machine.return_time,
         "edge_cost": economics.edge_cost,
         "currency": economics.currency,
-        "set_speed": scenario.control.initial_cutting_speed if scenario.control.action == "override" else None,
+        "set_speed": scenario.control.initial_cutting_speed
+        if scenario.control.action == "override"
+        else None,
         "advice": chosen,
-        "sliders": [dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True)) for each in sliders],
+        "sliders": [
+            dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True))
+            for each in sliders
+        ],
     }

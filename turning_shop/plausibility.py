@@ -81,12 +81,22 @@ def _over(columns: Columns, above: str, *below: str) -> Values:
 
 
 ENERGY = Derived(
-    *("energy", "specific cutting energy P/(V f d)", "GPa", 0.3, 12.0),  # aluminium to hardened steel and superalloys
-    lambda columns: 60.0 * _over(columns, "power", "cutting_speed", "feed", "depth_of_cut"),  # kW over cm3/min is 60 GPa
+    *(
+        "energy",
+        "specific cutting energy P/(V f d)",
+        "GPa",
+        0.3,
+        12.0,
+    ),  # aluminium to hardened steel and superalloys
+    lambda columns: (
+        60.0 * _over(columns, "power", "cutting_speed", "feed", "depth_of_cut")
+    ),  # kW over cm3/min is 60 GPa
 )
 THRUST = Derived(
     *("thrust", "thrust force over f d", "GPa", 0.03, 20.0),
-    lambda columns: 1e-3 * _over(columns, "thrust_force", "feed", "depth_of_cut"),  # N/mm2 is 0.001 GPa
+    lambda columns: (
+        1e-3 * _over(columns, "thrust_force", "feed", "depth_of_cut")
+    ),  # N/mm2 is 0.001 GPa
 )
 
 
@@ -99,7 +109,9 @@ def row_problems(measurements: Measurements) -> Iterator[str]:
 def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str]:
     """Yield messages on implausible fitted laws, at a wear criterion [mm]."""
     for response, fitted in fits.items():
-        known = fitted.edges is not None or not rows_correlate(fitted)  # otherwise intervals are too narrow
+        known = fitted.edges is not None or not rows_correlate(
+            fitted
+        )  # otherwise intervals are too narrow
         for name in POSITIVE[response] if known else ():
             if (estimate := fitted.estimates.get(name)) and estimate.high < 0:
                 yield f"{response}: falls with {name}: exponent {estimate.value:.3g}, {estimate.low:.3g} to {estimate.high:.3g}"
@@ -112,16 +124,27 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
         if wear.law.time <= 0:
             yield f"wear: does not grow with time: exponent {wear.law.time:.3g}"
             return
-        misfit = wear.predicted / wear.measured  # in another unit of wear, the fitted law changes with it
+        misfit = (
+            wear.predicted / wear.measured
+        )  # in another unit of wear, the fitted law changes with it
 
         def life(columns: Columns) -> Values:
             with np.errstate(over="ignore", under="ignore"):
                 share = wear_criterion / (columns["wear"] * columns["misfit"])
                 return np.asarray(columns["time"] * share ** (1.0 / wear.law.time))
 
-        quantity = Derived("life", f"tool life to {wear_criterion:g} mm at measured settings", "min", 0.5, 600.0, life)
+        quantity = Derived(
+            "life",
+            f"tool life to {wear_criterion:g} mm at measured settings",
+            "min",
+            0.5,
+            600.0,
+            life,
+        )
         doubt = f", or the assumed exponent of time, {wear.law.time:.3g}, is wrong: read the wear of an edge at several times"
-        for problem in _problem(quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit}):
+        for problem in _problem(
+            quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit}
+        ):
             yield problem + doubt * ("time" not in wear.estimates)
 
 
@@ -134,7 +157,11 @@ def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> I
     least, most = f"{found.min():.3g}", f"{found.max():.3g}"
     shown = least if least == most else f"{least} to {most}"
     few = quantity.name != "life" and wrong.mean() < FEW
-    cause = "typing errors?" if few else _likely_unit(quantity, {name: column[wrong] for name, column in columns.items()})
+    cause = (
+        "typing errors?"
+        if few
+        else _likely_unit(quantity, {name: column[wrong] for name, column in columns.items()})
+    )
     yield (
         f"{quantity.meaning} is {shown} {quantity.unit} in {name_lines(lines[wrong])}, "
         f"where {quantity.low:g} to {quantity.high:g} is plausible: {cause}"
@@ -170,7 +197,9 @@ def name_lines(lines: Iterable[int]) -> str:
     numbers = np.unique(np.fromiter(lines, int))
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     ranges = [f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
-    return f"line{'s' * (len(numbers) > 1)} {', '.join(ranges[:MAX_NAMED])}" + (", ..." if len(ranges) > MAX_NAMED else "")
+    return f"line{'s' * (len(numbers) > 1)} {', '.join(ranges[:MAX_NAMED])}" + (
+        ", ..." if len(ranges) > MAX_NAMED else ""
+    )
 
 
 class RobustFit(NamedTuple):
@@ -194,8 +223,14 @@ def robust_fit(fitted: Fit) -> RobustFit:
     if rows >= count + SPARE_ROWS:
         rng, quantile = np.random.default_rng(0), (rows + count + 1) // 2
         picks = [rng.choice(rows, count + 1, replace=False) for _ in range(SUBSETS)]
-        starts = [change, *(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0] for pick in picks)]
-        medians = [np.partition(np.abs(residual - design @ start), quantile - 1)[quantile - 1] for start in starts]
+        starts = [
+            change,
+            *(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0] for pick in picks),
+        ]
+        medians = [
+            np.partition(np.abs(residual - design @ start), quantile - 1)[quantile - 1]
+            for start in starts
+        ]
         start, scale = starts[int(np.argmin(medians))], max(1.4826 * float(min(medians)), 1e-9)
 
         def misfit(change: Values) -> Values:
@@ -204,7 +239,9 @@ def robust_fit(fitted: Fit) -> RobustFit:
         change = optimize.least_squares(misfit, start, loss="cauchy", f_scale=scale).x
     distance = np.asarray(residual - design @ change)
     scale = 1.4826 * float(np.median(np.abs(distance))) * (1.0 + 5.0 / max(rows - count, 1))
-    outlying = _outlying(residual, design, np.abs(distance) > SUSPECT * scale) & (np.abs(distance) > MIN_FAR)
+    outlying = _outlying(residual, design, np.abs(distance) > SUSPECT * scale) & (
+        np.abs(distance) > MIN_FAR
+    )
     return RobustFit(distance, np.asarray(outlying))
 
 
@@ -218,15 +255,23 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
     distance = residual - design @ (inverse @ residual[kept])
     variance = float(distance[kept] @ distance[kept]) / degrees
     leverage = ((design @ inverse) ** 2).sum(axis=1)
-    limit = stats.t.isf(0.5 * OUTLIER_SIGNIFICANCE / len(residual), degrees) * np.sqrt(variance * (1.0 + leverage))
+    limit = stats.t.isf(0.5 * OUTLIER_SIGNIFICANCE / len(residual), degrees) * np.sqrt(
+        variance * (1.0 + leverage)
+    )
     return np.asarray(suspect & (np.abs(distance) > limit))
 
 
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
     """Yield a message for each row that lies far from a law, which is probably wrong."""
-    wrong = {name: robust[name].outlying & ~_of_unusual_edge(fits[name], robust[name]) for name in fits}
+    wrong = {
+        name: robust[name].outlying & ~_of_unusual_edge(fits[name], robust[name]) for name in fits
+    }
     for line in sorted({int(line) for name in fits for line in fits[name].lines[wrong[name]]}):
-        rows = {name: int(np.flatnonzero(fitted.lines == line)[0]) for name, fitted in fits.items() if line in fitted.lines}
+        rows = {
+            name: int(np.flatnonzero(fitted.lines == line)[0])
+            for name, fitted in fits.items()
+            if line in fitted.lines
+        }
         shown = " and ".join(
             f"{name} is {_times(np.exp(robust[name].distance[row]))} the law of the other rows"
             for name, row in rows.items()
@@ -241,7 +286,9 @@ def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
     Without names of edges, rows at the same settings count as readings of one.
     """
     settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
-    group = fitted.edges.group if fitted.edges else np.unique(settings, axis=0, return_inverse=True)[1]
+    group = (
+        fitted.edges.group if fitted.edges else np.unique(settings, axis=0, return_inverse=True)[1]
+    )
     found, members = np.bincount(group, robust.outlying), np.bincount(group)
     return np.asarray(((found >= 2) & (found > 0.5 * members))[group])
 

@@ -35,7 +35,11 @@ _ALLOWED, _DOTS = "#DCEFE6", "#999999"
 
 
 def draw_map(
-    scenario: Scenario, evidence: Evidence, wear: float, depth_of_cut: float | None = None, hardness: float = 1.0
+    scenario: Scenario,
+    evidence: Evidence,
+    wear: float,
+    depth_of_cut: float | None = None,
+    hardness: float = 1.0,
 ) -> Figure:
     """Draw limits, removal rate and tool life over the machine's whole range of cutting speed and feed.
 
@@ -44,7 +48,13 @@ def draw_map(
     figure = Figure(figsize=(8.6, 6.4), layout="constrained")
     handles = draw_map_on(figure.subplots(), scenario, evidence, wear, depth_of_cut, hardness)
     if evidence.warnings:
-        figure.suptitle("\n".join(_wrapped(evidence, 130)), fontsize="x-small", color=VERMILLION, ha="left", x=0.02)
+        figure.suptitle(
+            "\n".join(_wrapped(evidence, 130)),
+            fontsize="x-small",
+            color=VERMILLION,
+            ha="left",
+            x=0.02,
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return _plain(figure)
 
@@ -65,9 +75,14 @@ def draw_map_on(
     cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
     kept = _kept(scenario, cuts)
     _fill_allowed(axes, cuts, kept)
-    unmeasured = sum(law.extrapolates({name: getattr(cuts, name) for name in SETTINGS}) for law in evidence.laws.values())
+    unmeasured = sum(
+        law.extrapolates({name: getattr(cuts, name) for name in SETTINGS})
+        for law in evidence.laws.values()
+    )
     if np.any(unmeasured):
-        dots = axes.contourf(speeds, feeds, unmeasured, levels=(0.5, 9.5), colors="none", hatches=["."])
+        dots = axes.contourf(
+            speeds, feeds, unmeasured, levels=(0.5, 9.5), colors="none", hatches=["."]
+        )
         dots.set_edgecolor(_DOTS)
         dots.set_linewidth(0.0)
     _draw_removal_rate(axes, cuts)
@@ -76,22 +91,46 @@ def draw_map_on(
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
     ]
-    of_limits: tuple[tuple[str, str, str, Any], ...] = (("thrust_force", "N", ORANGE, "-"), ("power", "kW", BLUE, (0, (6, 1.5))))
+    of_limits: tuple[tuple[str, str, str, Any], ...] = (
+        ("thrust_force", "N", ORANGE, "-"),
+        ("power", "kW", BLUE, (0, (6, 1.5))),
+    )
     for name, unit, colour, dashes in of_limits:
         share, value = getattr(cuts, f"{name}_share"), getattr(limits, name)
         if value == NO_LIMIT[name]:
             continue
-        limit = f"{name.replace('_', ' ')} at its limit, {value:g} {unit}" + " (law not measured)" * (name not in evidence.laws)
+        limit = (
+            f"{name.replace('_', ' ')} at its limit, {value:g} {unit}"
+            + " (law not measured)" * (name not in evidence.laws)
+        )
         if share.min() < 1.0 < share.max():
-            axes.contour(speeds, feeds, share, levels=(1.0,), colors=colour, linewidths=2.2, linestyles=[dashes])
+            axes.contour(
+                speeds,
+                feeds,
+                share,
+                levels=(1.0,),
+                colors=colour,
+                linewidths=2.2,
+                linestyles=[dashes],
+            )
         handles.append(Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=limit))
     allowed = allowed_loads(scenario)
     if allowed.by_strength:
         share = cuts.thrust_force / allowed.thrust_force
         if share.min() < 1.0 < share.max():
-            axes.contour(speeds, feeds, share, levels=(1.0,), colors=VERMILLION, linewidths=2.2, linestyles="-.")
+            axes.contour(
+                speeds,
+                feeds,
+                share,
+                levels=(1.0,),
+                colors=VERMILLION,
+                linewidths=2.2,
+                linestyles="-.",
+            )
         broken = f"edges may break above {allowed.thrust_force:.0f} N"
-        handles.append(Line2D([], [], color=VERMILLION, linewidth=2.2, linestyle="-.", label=broken))
+        handles.append(
+            Line2D([], [], color=VERMILLION, linewidth=2.2, linestyle="-.", label=broken)
+        )
     extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
     _mark(axes, cuts, kept, extrapolated, advised)
     axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
@@ -100,15 +139,33 @@ def draw_map_on(
     axes.set_title(title, loc="left", fontsize="medium")
     handles += [
         Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, see right axis"),
-        Line2D([], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"),
-        Line2D([], [], color="black", marker="o", linestyle="none", label="advised" if advised else "highest removal rate"),
+        Line2D(
+            [], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"
+        ),
+        Line2D(
+            [],
+            [],
+            color="black",
+            marker="o",
+            linestyle="none",
+            label="advised" if advised else "highest removal rate",
+        ),
     ]
     if extrapolated.any():
-        handles.append(Patch(facecolor="white", edgecolor=_DOTS, hatch="..", label="* extrapolated: not measured there"))
+        handles.append(
+            Patch(
+                facecolor="white",
+                edgecolor=_DOTS,
+                hatch="..",
+                label="* extrapolated: not measured there",
+            )
+        )
     return handles
 
 
-def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()) -> Figure:
+def draw_sheet(
+    scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()
+) -> Figure:
     """Draw the page, A4 across, with maps, advice, what the simulation said of it, and warnings."""
     at_change = float(advice[0].plan.cuts.wear)
     fresh = min(FRESH * scenario.tool.wear_criterion, at_change)
@@ -119,7 +176,9 @@ def draw_sheet(scenario: Scenario, evidence: Evidence, advice: list[Advice], sim
         handles = draw_map_on(axes, scenario, evidence, wear, advised=advice[0].plan)
         when = ", at the change" * (wear == at_change)
         axes.set_title(_worn(evidence, wear) + when, loc="left", fontsize="medium")
-    maps.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+    maps.legend(
+        handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small"
+    )
     maps.suptitle(f"{scenario.name}: {scenario.workpiece.depth_of_cut:g} mm deep", fontsize="large")
     first, *others = headline(scenario, evidence, advice)
     lines = list(summary(scenario, evidence, advice))
@@ -154,8 +213,15 @@ def _write(page: Any, blocks: list[Block]) -> None:
     for block in blocks:
         if not block.lines:
             continue
-        look = {"fontsize": scale * block.size, "fontweight": block.weight, "family": block.family, "color": block.color}
-        page.text(0.02, top, "\n".join(block.lines), verticalalignment="top", linespacing=LEADING, **look)
+        look = {
+            "fontsize": scale * block.size,
+            "fontweight": block.weight,
+            "family": block.family,
+            "color": block.color,
+        }
+        page.text(
+            0.02, top, "\n".join(block.lines), verticalalignment="top", linespacing=LEADING, **look
+        )
         top -= scale * LEADING * block.size * (len(block.lines) + 0.6) / height
 
 
@@ -186,17 +252,29 @@ def _kept(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
 def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
     axes.set_facecolor(LIGHT)
     if kept.any():
-        axes.contourf(cuts.cutting_speed, cuts.feed, kept.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED])
+        axes.contourf(
+            cuts.cutting_speed, cuts.feed, kept.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED]
+        )
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
     """Draw lines of round removal rates that end at the right axis, which labels them."""
     low, high = (float(rate) for rate in cuts.removal_rate[[0, -1], -1])
-    levels = [level for level in MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low, high) if low < level < high]
-    axes.contour(cuts.cutting_speed, cuts.feed, cuts.removal_rate, levels=levels, colors=GREY, linewidths=0.8)
+    levels = [
+        level
+        for level in MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low, high)
+        if low < level < high
+    ]
+    axes.contour(
+        cuts.cutting_speed, cuts.feed, cuts.removal_rate, levels=levels, colors=GREY, linewidths=0.8
+    )
     right = axes.twinx()
     right.set_ylim(cuts.feed.min(), cuts.feed.max())
-    right.set_yticks([cuts.feed.max() * level / high for level in levels], [f"{level:g}" for level in levels], color=GREY)
+    right.set_yticks(
+        [cuts.feed.max() * level / high for level in levels],
+        [f"{level:g}" for level in levels],
+        color=GREY,
+    )
     right.set_ylabel("removal rate [cm³/min] of the line that ends here", color=GREY)
 
 
@@ -204,16 +282,28 @@ def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
     """Draw lines of round tool lives with labels."""
     low, high = float(cuts.tool_life.min()), min(float(cuts.tool_life.max()), 1e300)
     digits = (1.0, 2.0, 5.0) if high < 1e4 * low else (1.0,)
-    levels = [level for level in LogLocator(subs=digits, numticks=1000).tick_values(low, high) if low < level < high]
+    levels = [
+        level
+        for level in LogLocator(subs=digits, numticks=1000).tick_values(low, high)
+        if low < level < high
+    ]
     if levels:
         lines = axes.contour(
-            cuts.cutting_speed, cuts.feed, cuts.tool_life, levels=levels, colors=GREEN, linewidths=1.4, linestyles=":"
+            cuts.cutting_speed,
+            cuts.feed,
+            cuts.tool_life,
+            levels=levels,
+            colors=GREEN,
+            linewidths=1.4,
+            linestyles=":",
         )
         for text in axes.clabel(lines, fmt="%g min", fontsize=9):
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
 
 
-def _mark(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_], extrapolated: Any, advised: Plan | None) -> None:
+def _mark(
+    axes: Axes, cuts: Cuts, kept: NDArray[np.bool_], extrapolated: Any, advised: Plan | None
+) -> None:
     """Mark the advised cut, or the highest removal rate within limits, if there is any, with a star if it extrapolates."""
     if not kept.any():
         axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)

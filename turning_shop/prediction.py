@@ -18,7 +18,9 @@ from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
 
-BEYOND = 0.01  # relative distance beyond the measured range above which a law counts as extrapolated [-]
+BEYOND = (
+    0.01  # relative distance beyond the measured range above which a law counts as extrapolated [-]
+)
 PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 """Fields of ``Cuts`` that have intervals."""
 
@@ -28,7 +30,9 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     coefficient: float  # by which the law is recognised
     terms: tuple[str, ...]  # fitted exponents
-    covariance: tuple[tuple[float, ...], ...]  # of the coefficient's logarithm and the fitted exponents
+    covariance: tuple[
+        tuple[float, ...], ...
+    ]  # of the coefficient's logarithm and the fitted exponents
     degrees: int  # of freedom
     scatter: float  # standard deviation of the logarithm of one reading, of an edge that was not measured [-]
     measured: dict[str, tuple[float, float]]  # lowest and highest value of each factor
@@ -38,18 +42,24 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
         """Half the width of an interval over the standard deviation [-]."""
         return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.degrees))
 
-    def log_deviation(self, law: PowerLaw, factors: Mapping[str, Values], scatter: float | None = None) -> Values:
+    def log_deviation(
+        self, law: PowerLaw, factors: Mapping[str, Values], scatter: float | None = None
+    ) -> Values:
         """Return the standard deviation of the logarithm of one reading at values of the law's factors [-]; 0: of the law."""
         references = {"depth_of_cut": law.reference_depth_of_cut}
         logs = [np.log(factors[name] / references.get(name, 1.0)) for name in self.terms]
         at = np.stack(np.broadcast_arrays(np.ones_like(factors["feed"]), *logs), axis=-1)
         variance = np.einsum("...i,ij,...j", at, np.array(self.covariance), at)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + (self.scatter if scatter is None else scatter) ** 2))
+        return np.asarray(
+            np.sqrt(np.maximum(variance, 0.0) + (self.scatter if scatter is None else scatter) ** 2)
+        )
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""
         ranges = {name: ends for name, ends in self.measured.items() if name in factors}
-        return np.asarray(np.logical_or.reduce([_beyond(factors[name], *ends) for name, ends in ranges.items()]))
+        return np.asarray(
+            np.logical_or.reduce([_beyond(factors[name], *ends) for name, ends in ranges.items()])
+        )
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
@@ -60,7 +70,9 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 
 
-def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+def outside(
+    evidence: Evidence, values: Mapping[str, Values]
+) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
     """Yield each factor of the laws, the range in which all of them were measured, and whether its values lie outside."""
     for name in COLUMNS:
         if ranges := [law.measured[name] for law in evidence.laws.values() if name in law.measured]:
@@ -83,7 +95,9 @@ class Prediction(NamedTuple):
 
 def evidence_of(fitted: Fit) -> LawEvidence:
     """Return a fit's evidence for its law."""
-    measured = {name: (float(values.min()), float(values.max())) for name, values in fitted.factors.items()}
+    measured = {
+        name: (float(values.min()), float(values.max())) for name, values in fitted.factors.items()
+    }
     if fitted.fresh.all():
         measured["wear"] = (0.0, 0.0)
     return LawEvidence(
@@ -107,13 +121,17 @@ def read_evidence(scenario: Scenario) -> Evidence:
     try:
         evidence = Evidence.model_validate(scenario.calibration)
     except ValueError as error:
-        raise WorkshopError(f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it") from error
+        raise WorkshopError(
+            f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it"
+        ) from error
     laws, warnings = {}, list(evidence.warnings)
     for name, law in evidence.laws.items():
         if name in FACTORS and getattr(scenario.material, name).coefficient == law.coefficient:
             laws[name] = law
         else:
-            warnings.append(f"{name}: the law was changed since it was fitted, so no interval is known")
+            warnings.append(
+                f"{name}: the law was changed since it was fitted, so no interval is known"
+            )
     return Evidence(source=evidence.source, warnings=tuple(warnings), laws=laws)
 
 
@@ -126,9 +144,14 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
     half = dict.fromkeys(PREDICTED, np.full(cuts.wear.shape, np.nan))
     extrapolated, through_wear = np.zeros(cuts.wear.shape, bool), np.zeros(cuts.wear.shape)
     if wear := evidence.laws.get("wear"):
-        now, at_the_end = (settings | {"time": np.clip(time, 1e-300, 1e300)} for time in (cuts.time, cuts.tool_life))
+        now, at_the_end = (
+            settings | {"time": np.clip(time, 1e-300, 1e300)}
+            for time in (cuts.time, cuts.tool_life)
+        )
         deviation = wear.log_deviation(material.wear, now)
-        half["tool_life"] = wear.quantile * wear.log_deviation(material.wear, at_the_end) / material.wear.time
+        half["tool_life"] = (
+            wear.quantile * wear.log_deviation(material.wear, at_the_end) / material.wear.time
+        )
         if of_wear:
             half["time"] = wear.quantile * deviation / material.wear.time
         else:
@@ -137,8 +160,13 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
     for name in ("thrust_force", "power"):
         if known := evidence.laws.get(name):
             law, at = getattr(material, name), settings | {"wear": cuts.wear}
-            half[name] = known.quantile * np.hypot(known.log_deviation(law, at), law.wear * through_wear)
+            half[name] = known.quantile * np.hypot(
+                known.log_deviation(law, at), law.wear * through_wear
+            )
             extrapolated |= known.extrapolates(at)
     with np.errstate(over="ignore"):
-        low, high = ({name: getattr(cuts, name) * np.exp(sign * half[name]) for name in PREDICTED} for sign in (-1.0, 1.0))
+        low, high = (
+            {name: getattr(cuts, name) * np.exp(sign * half[name]) for name in PREDICTED}
+            for sign in (-1.0, 1.0)
+        )
     return Prediction(low, high, extrapolated)

@@ -55,7 +55,12 @@ _OFF |= dict.fromkeys(BARS_VARY, 0.0)
 BEYOND_ADVICE = (
     *("edge_failure.", "swarf.", "mismatch.", "nominal_model."),
     *("machine.chatter", "machine.chip_lag", "machine.command_delay"),
-    *("workpiece.depth_profile", "workpiece.section_", "workpiece.depth_ripple", "workpiece.support"),
+    *(
+        "workpiece.depth_profile",
+        "workpiece.section_",
+        "workpiece.depth_ripple",
+        "workpiece.support",
+    ),
     *("limits.radial_force.", "limits.torque.", "limits.roughness."),
 )
 """Beginnings of names of values that the simulation plays and advice does not know. Their defaults are neutral."""
@@ -74,7 +79,10 @@ NEEDED_BY = {
     ),
     "edge_failure.collapse_temperature": ("edge_failure.temperature.coefficient",),
     "edge_failure.tertiary_rate": ("edge_failure.tertiary_wear",),
-    "edge_failure.chipping_rate": ("edge_failure.chipping_load_exponent", "edge_failure.chipping_wear_exponent"),
+    "edge_failure.chipping_rate": (
+        "edge_failure.chipping_load_exponent",
+        "edge_failure.chipping_wear_exponent",
+    ),
     "edge_failure.running_in": ("edge_failure.running_in_wear",),
     "edge_failure.built_up_edge": ("edge_failure.built_up_speed", "edge_failure.built_up_width"),
     "economics.machine_rate": ("economics.currency",),
@@ -98,7 +106,10 @@ CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogu
 
 
 def load(
-    source: Source, asked: Mapping[str, str] = ASKED, nose_radius: float | None = None, is_simulated: bool = True
+    source: Source,
+    asked: Mapping[str, str] = ASKED,
+    nose_radius: float | None = None,
+    is_simulated: bool = True,
 ) -> tuple[Scenario, Evidence]:
     """Return a scenario and the evidence for its laws, with warnings on every number that no file states and no cut measured.
 
@@ -109,31 +120,47 @@ def load(
     """
     scenario = Scenario.load(source)
     if nose_radius is not None:
-        scenario = scenario.model_copy(update={"tool": scenario.tool.model_copy(update={"nose_radius": nose_radius})})
+        scenario = scenario.model_copy(
+            update={"tool": scenario.tool.model_copy(update={"nose_radius": nose_radius})}
+        )
     evidence = read_evidence(scenario)
     if scenario.file is None:
-        warnings = [f"laws and limits are those of the preset {scenario.name}, not measured on your machine"]
+        warnings = [
+            f"laws and limits are those of the preset {scenario.name}, not measured on your machine"
+        ]
         warnings += _left_to_simulation(scenario) if is_simulated else ()
-        return scenario, evidence.model_copy(update={"warnings": tuple(warnings) * isinstance(source, str)})
+        return scenario, evidence.model_copy(
+            update={"warnings": tuple(warnings) * isinstance(source, str)}
+        )
     stated, preset = stated_by(scenario.file)
     own = set(flat(stated))
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
     scenario, effects = _without_unstated(scenario, own)
     if assumed := _assumed(scenario, own, asked):
-        warnings.append(f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}")
+        warnings.append(
+            f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}"
+        )
     warnings += _law_warnings(scenario, evidence, own, preset)
     warnings += _off_limits(scenario)
     if is_simulated:
         warnings += _even(scenario, own)
-        warnings += [f"off, though the preset has them, as your files do not state them: {', '.join(effects)}"] * bool(effects)
+        warnings += [
+            f"off, though the preset has them, as your files do not state them: {', '.join(effects)}"
+        ] * bool(effects)
         warnings += _left_to_simulation(scenario)
-    warnings += ["limits.power is 1000 kW or more: is it in W?"] * (1000 <= scenario.limits.power < NO_LIMIT["power"])
+    warnings += ["limits.power is 1000 kW or more: is it in W?"] * (
+        1000 <= scenario.limits.power < NO_LIMIT["power"]
+    )
     wear = scenario.material.wear
     if "wear" not in evidence.laws and is_papers(wear):
         speed, exponent = Scenario.load(preset).control.initial_cutting_speed, wear.time / TAYLOR
-        coefficient = wear.coefficient * speed ** (wear.cutting_speed - exponent)  # of the same life at this speed
+        coefficient = wear.coefficient * speed ** (
+            wear.cutting_speed - exponent
+        )  # of the same life at this speed
         law = wear.model_copy(update={"cutting_speed": exponent, "coefficient": coefficient})
-        scenario = scenario.model_copy(update={"material": scenario.material.model_copy(update={"wear": law})})
+        scenario = scenario.model_copy(
+            update={"material": scenario.material.model_copy(update={"wear": law})}
+        )
         warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {speed:g} m/min")
     return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
 
@@ -164,7 +191,9 @@ def _without_unstated(scenario: Scenario, own: set[str]) -> tuple[Scenario, list
     switched = [name for name in values if name in _OFF or name.startswith(_OFF_BY_DEFAULT)]
     unstated = [name for name in switched if name not in own]
     update = nested((name, neutral[name]) for name in unstated if name in neutral)
-    nominal = nested((name.partition(".")[2], values[name]) for name in own if name.startswith("nominal_model."))
+    nominal = nested(
+        (name.partition(".")[2], values[name]) for name in own if name.startswith("nominal_model.")
+    )
     made = _changed(scenario, update)
     made = made.model_copy(update={"nominal_model": tuple(sorted(flat(nominal).items()))})
     return made, _effects(values, unstated)
@@ -198,7 +227,10 @@ def _assumed(scenario: Scenario, own: set[str], asked: Mapping[str, str]) -> lis
     """Return names and values that advice needs and no file states, for people."""
     needed: dict[str, str | None] = dict(asked)
     for switch, names in NEEDED_BY.items():
-        if switch in own and attrgetter(switch)(scenario) not in (0.0, NO_LIMIT.get(switch.removeprefix("limits."))):
+        if switch in own and attrgetter(switch)(scenario) not in (
+            0.0,
+            NO_LIMIT.get(switch.removeprefix("limits.")),
+        ):
             needed |= dict.fromkeys(names)
     if asked is ASKED and not scenario.economics.insert_price:
         needed["economics.edge_cost"] = None
@@ -207,7 +239,9 @@ def _assumed(scenario: Scenario, own: set[str], asked: Mapping[str, str]) -> lis
     return [shown(scenario, name, unit) for name, unit in needed.items() if name not in own]
 
 
-def _law_warnings(scenario: Scenario, evidence: Evidence, own: set[str], preset: str) -> Iterator[str]:
+def _law_warnings(
+    scenario: Scenario, evidence: Evidence, own: set[str], preset: str
+) -> Iterator[str]:
     """Yield warnings on laws that were not measured."""
     for name in FACTORS:
         if name not in evidence.laws:

@@ -55,7 +55,9 @@ class Cuts(NamedTuple):
     @property
     def within_limits(self) -> NDArray[np.bool_]:
         """Whether wear, force and power are within their limits."""
-        return np.asarray((self.wear_share <= 1) & (self.thrust_force_share <= 1) & (self.power_share <= 1))
+        return np.asarray(
+            (self.wear_share <= 1) & (self.thrust_force_share <= 1) & (self.power_share <= 1)
+        )
 
 
 def what_if(
@@ -80,7 +82,10 @@ def what_if(
         raise TypeError("either time or wear must be given, and not both")
     material, limits, criterion = scenario.material, scenario.limits, scenario.tool.wear_criterion
     depth_of_cut = scenario.workpiece.depth_of_cut if depth_of_cut is None else depth_of_cut
-    given = [np.asarray(x, np.float64) for x in (cutting_speed, feed, depth_of_cut, hardness, wear if time is None else time)]
+    given = [
+        np.asarray(x, np.float64)
+        for x in (cutting_speed, feed, depth_of_cut, hardness, wear if time is None else time)
+    ]
     speed, feeds, depth, hard, age = np.broadcast_arrays(*given)
     with np.errstate(over="ignore"):
         after_a_minute = material.wear(speed, feeds, depth, time=1.0, hardness=hard)
@@ -90,7 +95,9 @@ def what_if(
             worn = material.wear(speed, feeds, depth, time=age, hardness=hard)
         life = (criterion / after_a_minute) ** (1.0 / material.wear.time)
         force = material.thrust_force(speed, feeds, depth, wear=worn, hardness=hard)
-        power = material.power(speed, feeds, depth, wear=worn, hardness=hard) + idle_power_at(scenario, speed)
+        power = material.power(speed, feeds, depth, wear=worn, hardness=hard) + idle_power_at(
+            scenario, speed
+        )
     return Cuts(
         cutting_speed=speed,
         feed=feeds,
@@ -104,8 +111,12 @@ def what_if(
         removal_rate=speed * feeds * depth,  # m/min mm mm is cm3/min
         spindle_speed=1000.0 * speed / (np.pi * scenario.workpiece.diameter),
         wear_share=worn / criterion,
-        thrust_force_share=force / limits.thrust_force * (limits.thrust_force < NO_LIMIT["thrust_force"]),
-        power_share=power / (limits.power * capacity_at(scenario, speed)) * (limits.power < NO_LIMIT["power"]),
+        thrust_force_share=force
+        / limits.thrust_force
+        * (limits.thrust_force < NO_LIMIT["thrust_force"]),
+        power_share=power
+        / (limits.power * capacity_at(scenario, speed))
+        * (limits.power < NO_LIMIT["power"]),
     )
 
 
@@ -116,7 +127,10 @@ def records(cuts: Cuts, prediction: "Prediction | None" = None) -> list[dict[str
         for name in prediction.low:
             columns |= {f"{name}_low": prediction.low[name], f"{name}_high": prediction.high[name]}
         columns["extrapolated"] = prediction.extrapolated
-    rows = [[value if np.isfinite(value) else None for value in values.ravel().tolist()] for values in columns.values()]
+    rows = [
+        [value if np.isfinite(value) else None for value in values.ravel().tolist()]
+        for values in columns.values()
+    ]
     return [dict(zip(columns, row, strict=True)) for row in zip(*rows, strict=True)]
 
 
@@ -147,7 +161,13 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     columns = []
     for name, (heading, unit, shape, factor) in _TABLE.items():
         values = getattr(cuts, name).ravel()  # 0 are shares of limits that are off
-        columns.append([heading, unit, *(format(factor * value, shape) if value else "off" for value in values)])
+        columns.append(
+            [
+                heading,
+                unit,
+                *(format(factor * value, shape) if value else "off" for value in values),
+            ]
+        )
         if prediction and np.isfinite(prediction.low.get(name, np.nan)).any():
             ends = zip(prediction.low[name].ravel(), prediction.high[name].ravel(), strict=True)
             columns.append(["95 %", unit, *(f"{low:{shape}}-{high:{shape}}" for low, high in ends)])

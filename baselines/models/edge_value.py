@@ -41,7 +41,12 @@ MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
 
 def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
     """Return what ``feed_search.py`` and this file must know of a scenario; ``severity``: factor on the price of overload [-]."""
-    material, limits, tool, economics = scenario.material, scenario.limits, scenario.tool, scenario.economics
+    material, limits, tool, economics = (
+        scenario.material,
+        scenario.limits,
+        scenario.tool,
+        scenario.economics,
+    )
     work, changes = scenario.workpiece, scenario.control.edge_changes
     depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
     hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
@@ -53,11 +58,18 @@ def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
     wear, loads = material.wear, (material.thrust_force, material.power)
     life = at_one(wear, tool.wear_criterion) / wear.time - log(60.0)
     return {
-        "life": (life, wear.cutting_speed / wear.time, wear.feed / wear.time),  # of the log used life [1/s]
+        "life": (
+            life,
+            wear.cutting_speed / wear.time,
+            wear.feed / wear.time,
+        ),  # of the log used life [1/s]
         "force": at_one(material.thrust_force, limits.thrust_force),
         "power": at_one(material.power, limits.power),
         # Standard deviations over bars of log force and log power:
-        "spreads": [hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread) for law in loads],
+        "spreads": [
+            hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
+            for law in loads
+        ],
         "wear_time": wear.time,
         "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
         "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
@@ -92,14 +104,23 @@ def price_life(parameters, laws, used_lives, found):
         for k in range(SPEEDS):
             speed = p.slowest + (p.fastest - p.slowest) * k / (SPEEDS - 1.0)
             capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle * exp(speed)
-            of_force, of_power = force + force_speed * speed, power + power_speed * speed - log(max(capacity, MIN_CAPACITY))
+            of_force, of_power = (
+                force + force_speed * speed,
+                power + power_speed * speed - log(max(capacity, MIN_CAPACITY)),
+            )
             for j in range(LIVES + 1):
-                log_used = log(min(max(used_lives[i], MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES)
+                log_used = log(
+                    min(max(used_lives[i], MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES
+                )
                 by_force = -(of_force + force_life * log_used) / max(force_feed, MIN_EXPONENT)
-                highest = min(by_force, -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT))
+                highest = min(
+                    by_force, -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT)
+                )
                 feed = min(max(highest, p.lowest), p.highest)
                 lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
-                gained[j, k] = (p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)) * lasts[j, k]
+                gained[j, k] = (
+                    p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)
+                ) * lasts[j, k]
         time = 1.0
         for _ in range(NEWTON_STEPS if p.limits_time > 0.0 else 0):
             earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
@@ -111,7 +132,10 @@ def price_life(parameters, laws, used_lives, found):
                     slope += lasts[j, best] / LIVES
             time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
         best = best_of(gained[LIVES], lasts[LIVES], time)
-        found[i, 0], found[i, 1] = time, max(gained[LIVES, best] - time * lasts[LIVES, best], p.least_price)
+        found[i, 0], found[i, 1] = (
+            time,
+            max(gained[LIVES, best] - time * lasts[LIVES, best], p.least_price),
+        )
 
 
 @compiled_separately

@@ -7,7 +7,9 @@ import numpy as np
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
 
-DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, WEAR_FEED, LAWS = range(10)
+DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, WEAR_FEED, LAWS = (
+    range(10)
+)
 """States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm]; log wear factors [-] of the
 insert, of the depth and hardness that its edge has cut, and of the lot; errors of the exponents of speed and feed in the law of
 wear [-]; from ``LAWS`` on those of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
@@ -16,7 +18,9 @@ STATES = LAWS + 2 * ERRORS
 MIN_DEPTH = 0.05  # least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0
 MAX_SPREAD = 1.0  # upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it
 MIN_READING = 0.01  # share of the expected reading below which a reading is ignored [-]: the tool does not cut
-INSPECTION_DEVIATION = 0.05  # log standard deviation of a removed edge's wear by its unknown cuts [-] (assumption)
+INSPECTION_DEVIATION = (
+    0.05  # log standard deviation of a removed edge's wear by its unknown cuts [-] (assumption)
+)
 
 _FIELDS = [
     ("path", np.float64),  # travelled distance in air and metal [mm]
@@ -25,8 +29,15 @@ _FIELDS = [
     ("cutting_time", np.float64),  # likewise [min]
     ("nominal_wear", np.float64),  # likewise [mm]
     ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
-    ("idle", np.float64),  # power of the idling spindle over that of the cut in the nominal model [-]
-    ("pace", np.float64, 2),  # mean log speed and log feed of the edge over the references, by the life that it used
+    (
+        "idle",
+        np.float64,
+    ),  # power of the idling spindle over that of the cut in the nominal model [-]
+    (
+        "pace",
+        np.float64,
+        2,
+    ),  # mean log speed and log feed of the edge over the references, by the life that it used
     ("slack", np.float64),  # how much farther the tool may be [mm]
     ("measured", np.int64),
 ]
@@ -38,17 +49,43 @@ def follow(parameters, memory, means, covariances, readings, chosen):
     """Predict up to readings and correct the estimates by them in chosen environments, see ``LoadFilter.observe``."""
     work = np.empty((6, STATES))
     for i in chosen:
-        p, m, mean, covariance, reading = parameters[i % len(parameters)], memory[i], means[i], covariances[i], readings[i]
-        commanded_speed, commanded_feed, speed, feed, cutting_time, nominal_wear, removed_wear, force, power, in_metal = reading
+        p, m, mean, covariance, reading = (
+            parameters[i % len(parameters)],
+            memory[i],
+            means[i],
+            covariances[i],
+            readings[i],
+        )
+        (
+            commanded_speed,
+            commanded_feed,
+            speed,
+            feed,
+            cutting_time,
+            nominal_wear,
+            removed_wear,
+            force,
+            power,
+            in_metal,
+        ) = reading
         first = m.speed == 0.0
         fresh_edge = cutting_time < m.cutting_time
         if fresh_edge:
             if removed_wear > 0.0 and m.nominal_wear > 0.0:
-                learn_wear(m, mean, covariance, log(removed_wear / m.nominal_wear), INSPECTION_DEVIATION**2, work)
+                learn_wear(
+                    m,
+                    mean,
+                    covariance,
+                    log(removed_wear / m.nominal_wear),
+                    INSPECTION_DEVIATION**2,
+                    work,
+                )
             forget(mean, covariance, INSERT, HISTORY + 1, p)
             m.expected[:] = 0.0
         moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
-        if fresh_edge and cutting_time == 0.0:  # an edge that is found worn or broken ends the step early, somewhere
+        if (
+            fresh_edge and cutting_time == 0.0
+        ):  # an edge that is found worn or broken ends the step early, somewhere
             moved *= 0.5
             m.slack = max(m.slack, moved)
         if in_metal == 0.0:
@@ -58,22 +95,40 @@ def follow(parameters, memory, means, covariances, readings, chosen):
         if math.floor(m.path / p.pitch) > bar:
             forget(mean, covariance, DEPTH, INSERT, p)
             m.measured = 0
-        metal = max(m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0)  # of this bar, behind the tool [mm]
+        metal = max(
+            m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0
+        )  # of this bar, behind the tool [mm]
         cut = min(moved, metal)
         move_on(p, mean, covariance, cut)
         covariance[INSERT, INSERT] += p.history * cut / p.bar_length
         if nominal_wear > 0.0:
-            wear_edge(p, m, mean, covariance, log(speed), log(feed), 0.0 if fresh_edge else m.nominal_wear / nominal_wear)
+            wear_edge(
+                p,
+                m,
+                mean,
+                covariance,
+                log(speed),
+                log(feed),
+                0.0 if fresh_edge else m.nominal_wear / nominal_wear,
+            )
         time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
         wear_in_metal = nominal_wear if in_metal > 0.0 else 0.0
-        learn(p, m, mean, covariance, speed, feed, wear_in_metal, (force, power), time_in_metal, work)
+        learn(
+            p, m, mean, covariance, speed, feed, wear_in_metal, (force, power), time_in_metal, work
+        )
         m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
 
 
 @compiled
 def wear_factor(m, mean):
     """Return the expected log ratio of the edge's wear to the nominal model."""
-    return mean[INSERT] + mean[HISTORY] + mean[LOT] + mean[WEAR_SPEED] * m.pace[0] + mean[WEAR_FEED] * m.pace[1]
+    return (
+        mean[INSERT]
+        + mean[HISTORY]
+        + mean[LOT]
+        + mean[WEAR_SPEED] * m.pace[0]
+        + mean[WEAR_FEED] * m.pace[1]
+    )
 
 
 @compiled
@@ -99,8 +154,14 @@ def wear_edge(p, m, mean, covariance, log_speed, log_feed, old_wear):
     of_depth, of_hardness = fresh * p.history_exponents[0], fresh * p.history_exponents[1]
     mean[HISTORY] += of_depth * mean[DEPTH] + of_hardness * mean[HARDNESS] - fresh * mean[HISTORY]
     columns = covariance.T
-    covariance[HISTORY] += of_depth * covariance[DEPTH] + of_hardness * covariance[HARDNESS] - fresh * covariance[HISTORY]
-    columns[HISTORY] += of_depth * columns[DEPTH] + of_hardness * columns[HARDNESS] - fresh * columns[HISTORY]
+    covariance[HISTORY] += (
+        of_depth * covariance[DEPTH]
+        + of_hardness * covariance[HARDNESS]
+        - fresh * covariance[HISTORY]
+    )
+    columns[HISTORY] += (
+        of_depth * columns[DEPTH] + of_hardness * columns[HARDNESS] - fresh * columns[HISTORY]
+    )
 
 
 @compiled
@@ -118,7 +179,11 @@ def distance_moved(p, m, speed, feed):
     """Return the distance since the last reading [mm], from the drives' response to their commands."""
     over_speed, over_feed = m.speed - speed, m.feed - feed
     moved = p.sub_steps * (speed * feed) + over_speed * feed * p.spindle_left
-    return p.sub_step * p.velocity * (moved + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
+    return (
+        p.sub_step
+        * p.velocity
+        * (moved + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
+    )
 
 
 @compiled
@@ -205,7 +270,11 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
     place = log_speed - p.references[0], log_feed - p.references[1], log_wear - p.references[2]
     for law in range(2):
         own, lag = p.log_laws[law], p.lags[law]
-        nominal = exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear) if cutting else 0.0
+        nominal = (
+            exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear)
+            if cutting
+            else 0.0
+        )
         load = loads[law]
         if law == 1 and cutting:
             m.idle = p.idle_power * speed / nominal
@@ -213,19 +282,25 @@ def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_meta
                 load -= p.idle_power * speed
             else:
                 nominal += p.idle_power * speed
-        expected = m.expected[law] * decay(p.interval, lag) + nominal * (1.0 - decay(time_in_metal, lag))
+        expected = m.expected[law] * decay(p.interval, lag) + nominal * (
+            1.0 - decay(time_in_metal, lag)
+        )
         m.expected[law] = expected
         variance[law] = 0.0
         if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
             # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
             timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
             variance[law] = p.noise[law] + timing * timing
-            surprise[law] = log(load / expected) - log_load(p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law])
+            surprise[law] = log(load / expected) - log_load(
+                p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law]
+            )
             m.measured = 1
     before[:] = mean
     for law in range(2):
         if variance[law] > 0.0:
-            for k in range(STATES):  # the second measurement meets an estimate that the first has moved
+            for k in range(
+                STATES
+            ):  # the second measurement meets an estimate that the first has moved
                 surprise[law] -= derivatives[law, k] * (mean[k] - before[k])
             correct(mean, covariance, derivatives[law], surprise[law], variance[law], gain)
 
@@ -265,16 +340,33 @@ def learn_states(memory, mean, covariance, chosen, states, variance):
         for field in range(2):
             work[0] = 0.0
             work[0, 2 * field] = 1.0
-            correct(mean[i], covariance[i], work[0], states[i, field] - mean[i, 2 * field], variance, work[1])
+            correct(
+                mean[i],
+                covariance[i],
+                work[0],
+                states[i, field] - mean[i, 2 * field],
+                variance,
+                work[1],
+            )
         learn_wear(memory[i], mean[i], covariance[i], states[i, 2], variance, work)
 
 
 @compiled_entry
 def look_ahead(parameters, memory, means, covariances, distances, enterings, found):
     """Fill in ``Outlook``, shape (fields, num_envs, points), see ``LoadFilter.outlook``."""
-    derivatives, variances, loads, products = np.empty(STATES), np.empty(2), np.empty(2), np.empty((2, STATES))
+    derivatives, variances, loads, products = (
+        np.empty(STATES),
+        np.empty(2),
+        np.empty(2),
+        np.empty((2, STATES)),
+    )
     for env in range(len(memory)):
-        p, m, mean, covariance = parameters[env % len(parameters)], memory[env], means[env], covariances[env]
+        p, m, mean, covariance = (
+            parameters[env % len(parameters)],
+            memory[env],
+            means[env],
+            covariances[env],
+        )
         log_wear = log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
         place = log(m.speed) - p.references[0], log(m.feed) - p.references[1], log_wear
         origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
@@ -305,11 +397,17 @@ def look_ahead(parameters, memory, means, covariances, distances, enterings, fou
             for law in range(2):
                 by_depth, by_hardness = p.bar_exponents[law, 0] / share, p.bar_exponents[law, 1]
                 derivatives[:INSERT] = by_depth * a, by_depth * b, by_hardness * e, by_hardness * f
-                variance = variances[law] + by_depth * by_depth * free_depth + by_hardness * by_hardness * free_hardness
+                variance = (
+                    variances[law]
+                    + by_depth * by_depth * free_depth
+                    + by_hardness * by_hardness * free_hardness
+                )
                 for i in range(INSERT):
                     total = 2.0 * products[law, i]
                     for j in range(INSERT):
                         total += covariance[i, j] * derivatives[j]
                     variance += derivatives[i] * total
-                found[2 + law, env, k] = loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
+                found[2 + law, env, k] = (
+                    loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
+                )
                 found[4 + law, env, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))

@@ -31,7 +31,9 @@ from turning_env.physics.spindle import idle_power_at
 
 SLOPE = 1.603  # root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for nodes of fields
 READING_DEVIATION = 1e-3  # log standard deviation of readings beside noise [-] (assumption): steps are not resolved exactly
-MISFIT = 0.02  # log standard deviation of loads about the corrected laws [-] (found on training jobs)
+MISFIT = (
+    0.02  # log standard deviation of loads about the corrected laws [-] (found on training jobs)
+)
 
 
 class LawErrors(NamedTuple):
@@ -62,30 +64,45 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
     return np.array([tuple(row.values()) for row in rows], np.dtype((np.record, fields)))
 
 
-def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> tuple[Any, Array, Array]:
+def model_of(
+    scenarios: Sequence[Scenario], errors: LawErrors | None = None
+) -> tuple[Any, Array, Array]:
     """Return what a filter knows of nominal models, with ``errors`` or right: records, expected states and their covariance."""
     parameters = records([_numbers(scenario, errors is not None) for scenario in scenarios])
-    mean, covariance = np.zeros((len(scenarios), STATES)), parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
+    mean, covariance = (
+        np.zeros((len(scenarios), STATES)),
+        parameters["prior"][:, :, np.newaxis] * np.eye(STATES),
+    )
     if errors is not None:
         wear = (scenario.material.wear for scenario in scenarios)
-        scales = np.array([[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear])
+        scales = np.array(
+            [[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear]
+        )
         mean[:, LOT:] = scales * errors.mean
-        covariance[:, LOT:, LOT:] = scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
+        covariance[:, LOT:, LOT:] = (
+            scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
+        )
     return parameters, mean, covariance
 
 
 class LoadFilter:
     """A filter that estimates the states of many environments from readings, with one nominal model or one for each."""
 
-    def __init__(self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None) -> None:
+    def __init__(
+        self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None
+    ) -> None:
         self.parameters, self._mean, self._covariance = model_of(scenarios, errors)
         self.mean = np.zeros((num_envs, STATES))  # expected states
         self.covariance = np.zeros((num_envs, STATES, STATES))  # their covariance
-        self.memory = np.zeros(num_envs, MEMORY)  # records of what the filter keeps beside the states
+        self.memory = np.zeros(
+            num_envs, MEMORY
+        )  # records of what the filter keeps beside the states
 
     def assign(self, env_index: int, model: tuple[Any, Array, Array]) -> None:
         """Give an environment, of as many as there are models, another nominal model, and reset it."""
-        for known, other in zip((self.parameters, self._mean, self._covariance), model, strict=True):
+        for known, other in zip(
+            (self.parameters, self._mean, self._covariance), model, strict=True
+        ):
             known[env_index] = other[0]
         self.reset(np.arange(len(self._mean)) == env_index)
 
@@ -138,7 +155,10 @@ class LoadFilter:
         bias, *exponents = self.mean[:, LAWS:].reshape(-1, 2, ERRORS).T
         log_speed, log_feed, log_wear = self.parameters["references"].T
         deviations = -log_speed, -log_feed, log(self.parameters["wear_criterion"]) - log_wear
-        return np.asarray(bias + sum(error * deviation for error, deviation in zip(exponents, deviations, strict=True)))
+        return np.asarray(
+            bias
+            + sum(error * deviation for error, deviation in zip(exponents, deviations, strict=True))
+        )
 
     @property
     def exponents(self) -> Array:
@@ -149,58 +169,108 @@ class LoadFilter:
     def observe(self, reading: Reading, mask: Mask | None = None) -> None:
         """Predict up to a reading and correct the estimate by it, in the environments of a mask or in all."""
         columns = (
-            *(reading.commanded_cutting_speed, reading.commanded_feed, reading.cutting_speed, reading.feed),
-            *(reading.cutting_time, reading.nominal_wear, reading.removed_wear, reading.thrust_force, reading.power),
+            *(
+                reading.commanded_cutting_speed,
+                reading.commanded_feed,
+                reading.cutting_speed,
+                reading.feed,
+            ),
+            *(
+                reading.cutting_time,
+                reading.nominal_wear,
+                reading.removed_wear,
+                reading.thrust_force,
+                reading.power,
+            ),
             reading.cutting,
         )
         readings = np.stack(columns, axis=1).astype(np.float64)
         chosen = np.arange(len(readings)) if mask is None else np.flatnonzero(mask)
-        kalman_steps.follow(self.parameters, self.memory, self.mean, self.covariance, readings, chosen)
+        kalman_steps.follow(
+            self.parameters, self.memory, self.mean, self.covariance, readings, chosen
+        )
 
     def tell(self, mask: Mask, states: Array, deviation: float) -> None:
         """Correct the estimates of a mask by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
-        kalman_steps.learn_states(self.memory, self.mean, self.covariance, np.flatnonzero(mask), states, deviation * deviation)
+        kalman_steps.learn_states(
+            self.memory,
+            self.mean,
+            self.covariance,
+            np.flatnonzero(mask),
+            states,
+            deviation * deviation,
+        )
 
     def outlook(self, distance: Array, entering: Mask) -> Outlook:
         """Return the outlook at distances ahead [mm], shape (num_envs, points); if ``entering``, on an unmeasured bar."""
         found = np.empty((len(Outlook._fields), *distance.shape))
-        kalman_steps.look_ahead(self.parameters, self.memory, self.mean, self.covariance, distance, entering, found)
+        kalman_steps.look_ahead(
+            self.parameters, self.memory, self.mean, self.covariance, distance, entering, found
+        )
         return Outlook(*found)
 
 
 def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
     """Return the numbers of a nominal model, which may have ``errors``, for ``kalman_steps.py``."""
-    control, machine, sensors, work = scenario.control, scenario.machine, scenario.sensors, scenario.workpiece
+    control, machine, sensors, work = (
+        scenario.control,
+        scenario.machine,
+        scenario.sensors,
+        scenario.workpiece,
+    )
     wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
     along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
     bar = np.array([work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread])
     spread = hypotenuse(along, bar)
-    slope = SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
+    slope = (
+        SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
+    )
     # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
     by_bars = wear.depth_of_cut, wear.hardness
-    history = 0.0 if errors else np.square(by_bars[0] * spread[0]) + np.square(by_bars[1] * spread[1])
+    history = (
+        0.0 if errors else np.square(by_bars[0] * spread[0]) + np.square(by_bars[1] * spread[1])
+    )
     insert = np.sqrt(np.square(scenario.tool.wear_factor_spread) + history)
-    prior = np.square([spread[0], slope[0], spread[1], slope[1], insert] + [0.0] * (STATES - HISTORY))
+    prior = np.square(
+        [spread[0], slope[0], spread[1], slope[1], insert] + [0.0] * (STATES - HISTORY)
+    )
     noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
     sub_step = control.interval / control.sub_steps
     times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
-    spindle, feed = (np.vectorize(decay)(times, lag) for lag in (machine.spindle_time_constant, machine.feed_time_constant))
+    spindle, feed = (
+        np.vectorize(decay)(times, lag)
+        for lag in (machine.spindle_time_constant, machine.feed_time_constant)
+    )
     return {
         "depth_of_cut": work.depth_of_cut,
         "approach": work.approach,
         "bar_length": work.bar_length,
         "pitch": work.bar_length + work.approach,
-        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),  # feed velocity [mm/s] per cutting speed and feed
-        "rates": np.divide(slope, spread, out=np.zeros(2), where=spread > 0),  # of depth and hardness [1/mm]
+        "velocity": 1000.0
+        / (60.0 * math.pi * work.diameter),  # feed velocity [mm/s] per cutting speed and feed
+        "rates": np.divide(
+            slope, spread, out=np.zeros(2), where=spread > 0
+        ),  # of depth and hardness [1/mm]
         "prior": prior,  # variances
         "history": history,  # variance of an edge's log wear from the bars that it has cut, if they are not followed
         "history_exponents": by_bars if errors else (0.0, 0.0),  # of depth and hardness in wear
         "wear_time": wear.time,
-        "separates_idle": float(errors),  # whether the idling spindle's power is told from that of the cut
+        "separates_idle": float(
+            errors
+        ),  # whether the idling spindle's power is told from that of the cut
         # Log force [N] and power [kW] at 1 m/min, 1 mm/rev and 1 mm of wear; exponents.
-        "log_laws": [(log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear) for law in laws],
+        "log_laws": [
+            (log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear)
+            for law in laws
+        ],
         "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
-        "references": log([control.initial_cutting_speed, control.initial_feed, 0.5 * scenario.tool.wear_criterion]),
+        "references": log(
+            [
+                control.initial_cutting_speed,
+                control.initial_feed,
+                0.5 * scenario.tool.wear_criterion,
+            ]
+        ),
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
         "noise": noise + np.square(MISFIT) if errors else noise,  # variances
         "interval": control.interval,

@@ -15,7 +15,14 @@ def tail(z):
     The probability's error is below 1e-7 (Abramowitz and Stegun 1964, 26.2.17).
     """
     t = 1.0 / (1.0 + 0.2316419 * z)
-    return _DENSITY * t * (0.31938153 + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429))))
+    return (
+        _DENSITY
+        * t
+        * (
+            0.31938153
+            + t * (-0.356563782 + t * (1.781477937 + t * (-1.821255978 + t * 1.330274429)))
+        )
+    )
 
 
 @compiled

@@ -37,7 +37,9 @@ class PartProgram:
         """
         feed = np.clip(override, 0.0, self.override_max) * self.feed
         feed = np.clip(feed, self.scenario.machine.feed_min, self.scenario.machine.feed_max)
-        return towards(reading, self.scenario, np.full(len(feed), self.cutting_speed), feed, change_edge)
+        return towards(
+            reading, self.scenario, np.full(len(feed), self.cutting_speed), feed, change_edge
+        )
 
 
 class OverrideLaw(Policy):

@@ -50,7 +50,9 @@ class Line:
         """Return log cutting speed [m/min] and log feed [mm/rev] at which this and another, not parallel, limit are reached."""
         determinant = self.cutting_speed * other.feed - self.feed * other.cutting_speed
         log_speed = (self.room * other.feed - self.feed * other.room) / determinant
-        return log_speed, (self.cutting_speed * other.room - self.room * other.cutting_speed) / determinant
+        return log_speed, (
+            self.cutting_speed * other.room - self.room * other.cutting_speed
+        ) / determinant
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,9 @@ class Limit:
 
     def parallel(self, other: "Limit") -> bool:
         """Return whether two limits fix no point: their exponents are proportional, or all 0 in one of them."""
-        determinant = self.law.cutting_speed * other.law.feed - self.law.feed * other.law.cutting_speed
+        determinant = (
+            self.law.cutting_speed * other.law.feed - self.law.feed * other.law.cutting_speed
+        )
         return abs(determinant) <= ALIKE
 
     def line(self, depth_of_cut: ArrayLike, hardness: ArrayLike, wear: ArrayLike) -> Line:
@@ -94,19 +98,39 @@ class Process:
         The scenario's limit of torque holds. Without one it follows from full spindle power at the base speed, and without that
         at the geometric middle of the range of cutting speeds (assumption). The idle torque is unknown.
         """
-        material, machine, limits, economics = scenario.material, scenario.machine, scenario.limits, scenario.economics
-        torque_over_power = 30.0 * scenario.workpiece.diameter  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
-        coefficient, exponent = material.power.coefficient * torque_over_power, material.power.cutting_speed - 1.0
-        torque = material.power.model_copy(update={"coefficient": coefficient, "cutting_speed": exponent})
-        full_power_from = scenario.base_cutting_speed or math.sqrt(machine.cutting_speed_min * machine.cutting_speed_max)
-        laws = {"radial_force": limits.radial_force, "torque": limits.torque, "roughness": limits.roughness}
+        material, machine, limits, economics = (
+            scenario.material,
+            scenario.machine,
+            scenario.limits,
+            scenario.economics,
+        )
+        torque_over_power = (
+            30.0 * scenario.workpiece.diameter
+        )  # times V: 30000 / (pi n) with n = 1000 V / (pi D)
+        coefficient, exponent = (
+            material.power.coefficient * torque_over_power,
+            material.power.cutting_speed - 1.0,
+        )
+        torque = material.power.model_copy(
+            update={"coefficient": coefficient, "cutting_speed": exponent}
+        )
+        full_power_from = scenario.base_cutting_speed or math.sqrt(
+            machine.cutting_speed_min * machine.cutting_speed_max
+        )
+        laws = {
+            "radial_force": limits.radial_force,
+            "torque": limits.torque,
+            "roughness": limits.roughness,
+        }
         further = {name: Limit(law, law.most) for name, law in laws.items() if law.bounds}
         return cls(
             wear=material.wear,
             wear_criterion=scenario.tool.wear_criterion,
             thrust_force=Limit(material.thrust_force, limits.thrust_force),
             power=Limit(material.power, limits.power),
-            torque=further.get("torque", Limit(torque, limits.power * torque_over_power / full_power_from)),
+            torque=further.get(
+                "torque", Limit(torque, limits.power * torque_over_power / full_power_from)
+            ),
             cutting_speed_range=(machine.cutting_speed_min, scenario.cutting_speed_max),
             feed_range=scenario.feed_range,
             edge_price=economics.edge_cost + economics.edge_change_time,
@@ -115,10 +139,15 @@ class Process:
 
     def rescaled(self, force_scale: ArrayLike, power_scale: ArrayLike) -> Self:
         """Return the process with the forces, and power and torque, scaled by factors [-] above 0."""
-        scales = dict.fromkeys(("thrust_force", "radial_force"), force_scale) | dict.fromkeys(("power", "torque"), power_scale)
+        scales = dict.fromkeys(("thrust_force", "radial_force"), force_scale) | dict.fromkeys(
+            ("power", "torque"), power_scale
+        )
 
         def rescaled(limits: Mapping[str, Limit]) -> Any:
-            return {key: replace(limit, most=np.divide(limit.most, scales.get(key, 1.0))) for key, limit in limits.items()}
+            return {
+                key: replace(limit, most=np.divide(limit.most, scales.get(key, 1.0)))
+                for key, limit in limits.items()
+            }
 
         own = rescaled({name: getattr(self, name) for name in ("thrust_force", "power", "torque")})
         return replace(self, **own, further=rescaled(self.further))
@@ -134,12 +163,26 @@ class Process:
         wear = self.wear
         return wear.cutting_speed / wear.time, wear.feed / wear.time, wear.depth_of_cut / wear.time
 
-    def log_life(self, log_cutting_speed: Array, log_feed: Array, depth_of_cut: ArrayLike, hardness: ArrayLike) -> Array:
+    def log_life(
+        self,
+        log_cutting_speed: Array,
+        log_feed: Array,
+        depth_of_cut: ArrayLike,
+        hardness: ArrayLike,
+    ) -> Array:
         """Return the log life [min]; arrays broadcast."""
         line = Limit(self.wear, self.wear_criterion).line(depth_of_cut, hardness, 1.0)
-        return (line.room - line.cutting_speed * log_cutting_speed - line.feed * log_feed) / self.wear.time
+        return (
+            line.room - line.cutting_speed * log_cutting_speed - line.feed * log_feed
+        ) / self.wear.time
 
-    def log_cost(self, log_cutting_speed: Array, log_feed: Array, depth_of_cut: ArrayLike, hardness: ArrayLike) -> Array:
+    def log_cost(
+        self,
+        log_cutting_speed: Array,
+        log_feed: Array,
+        depth_of_cut: ArrayLike,
+        hardness: ArrayLike,
+    ) -> Array:
         """Return the log cost of metal [min/cm3]; arrays broadcast."""
         log_price = log(self.edge_price) if self.edge_price > 0 else -math.inf
         edges = log_price - self.log_life(log_cutting_speed, log_feed, depth_of_cut, hardness)
@@ -155,12 +198,18 @@ class Process:
         mu, nu, _ = self.life_exponents
         if abs(alpha - beta) <= ALIKE:
             return math.inf  # the removal rate is the same all along
-        growth = (alpha * nu - beta * mu) / (alpha - beta)  # relative, of wear over that of the removal rate
+        growth = (alpha * nu - beta * mu) / (
+            alpha - beta
+        )  # relative, of wear over that of the removal rate
         return math.inf if growth < 0 else self.edge_price * max(growth - 1.0, 0.0)
 
     def life_limit(self, limit: Limit) -> Limit:
         """Return the limit of wear for the economic life along a limit."""
-        return Limit(self.wear, self.wear_criterion, min(max(self.economic_life(limit), _LIVES[0]), _LIVES[1]))
+        return Limit(
+            self.wear,
+            self.wear_criterion,
+            min(max(self.economic_life(limit), _LIVES[0]), _LIVES[1]),
+        )
 
 
 class Scales:
@@ -175,5 +224,7 @@ class Scales:
 
     def follow(self, mask: Mask, force_ratio: Array, power_ratio: Array) -> Array:
         """Move the scales of the masked environments towards new ratios; return those of force and power, shape (2, num_envs)."""
-        self._scales += np.where(mask, self._smoothing, 0.0) * (np.stack([force_ratio, power_ratio]) - self._scales)
+        self._scales += np.where(mask, self._smoothing, 0.0) * (
+            np.stack([force_ratio, power_ratio]) - self._scales
+        )
         return np.maximum(self._scales, MIN_SCALE)

@@ -29,8 +29,12 @@ LIVES = 40
 _SPEEDS, _FEEDS, _BISECTIONS, _MAX_TIME_PRICE = 24, 14, 24, 5.0
 _SLOWEST = 1.5  # lowest speed over the machine's [-]: below, an edge earns nothing for long (found on training jobs)
 _SEVERITY = 1.2  # factor on the price of overload [-], that of ``self_tuning``
-_HOT_SPOTS = 3.0  # independent places of a bar per minute, each of which can be too hot [1/min] (assumption)
-_HEAT_MARGIN = 2.0  # factor on the standard deviation of the log temperature [-] (found on training jobs)
+_HOT_SPOTS = (
+    3.0  # independent places of a bar per minute, each of which can be too hot [1/min] (assumption)
+)
+_HEAT_MARGIN = (
+    2.0  # factor on the standard deviation of the log temperature [-] (found on training jobs)
+)
 _LEAST = 1e-9
 
 
@@ -55,7 +59,9 @@ def schedule(scenario: Scenario) -> Schedule:
     slowest, (least, most) = _SLOWEST * scenario.machine.cutting_speed_min, scenario.feed_range
     speed = exp(np.linspace(log(slowest), log(scenario.cutting_speed_max), _SPEEDS))[:, np.newaxis]
     feed = exp(np.linspace(log(least), log(most), _FEEDS))
-    gain, time, survival = (np.broadcast_to(each, (LIVES, _SPEEDS, _FEEDS)) for each in _steps(scenario, speed, feed))
+    gain, time, survival = (
+        np.broadcast_to(each, (LIVES, _SPEEDS, _FEEDS)) for each in _steps(scenario, speed, feed)
+    )
     low, high = 0.0, _MAX_TIME_PRICE
     for _ in range(_BISECTIONS):
         price = 0.5 * (low + high)
@@ -65,16 +71,29 @@ def schedule(scenario: Scenario) -> Schedule:
     return Schedule(speed[fast, 0], feed[wide], change / LIVES, price)
 
 
-def _backward(scenario: Scenario, gain: Array, survival: Array, price: float) -> tuple[float, Any, int]:
+def _backward(
+    scenario: Scenario, gain: Array, survival: Array, price: float
+) -> tuple[float, Any, int]:
     """Return a fresh edge's worth [s], the best set point in each step of life, and the step in which to change the edge."""
     economics = scenario.economics
-    edge, change, downtime = 60.0 * economics.edge_cost, economics.edge_change_time, economics.breakage_downtime
-    worth, best, last = -60.0 * price * (change + economics.unplanned_stop), np.zeros(LIVES, np.int64), LIVES
+    edge, change, downtime = (
+        60.0 * economics.edge_cost,
+        economics.edge_change_time,
+        economics.breakage_downtime,
+    )
+    worth, best, last = (
+        -60.0 * price * (change + economics.unplanned_stop),
+        np.zeros(LIVES, np.int64),
+        LIVES,
+    )
     for step in range(LIVES - 1, -1, -1):
         broken = -edge * (1.0 - (step + 1.0) / LIVES) - 60.0 * price * (change + downtime)
         worths = (gain[step] - edge / LIVES + survival[step] * (worth - broken) + broken).ravel()
         best[step] = worths.argmax()
-        worth, changed = float(worths[best[step]]), -edge * (1.0 - step / LIVES) - 60.0 * price * change
+        worth, changed = (
+            float(worths[best[step]]),
+            -edge * (1.0 - step / LIVES) - 60.0 * price * change,
+        )
         if step > 0 and changed > worth:
             worth, last = changed, step
     return worth, best, last
@@ -82,7 +101,12 @@ def _backward(scenario: Scenario, gain: Array, survival: Array, price: float) ->
 
 def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any]:
     """Return value of metal less overload [s], duration [s] and chance to survive of each step of life at each set point."""
-    machine, tool, work, failure = scenario.machine, scenario.tool, scenario.workpiece, scenario.edge_failure
+    machine, tool, work, failure = (
+        scenario.machine,
+        scenario.tool,
+        scenario.workpiece,
+        scenario.edge_failure,
+    )
     material, limits, economics = scenario.material, scenario.limits, scenario.economics
     depth, exponent = work.depth_of_cut, material.wear.time
     life = np.arange(LIVES + 1.0)[:, np.newaxis, np.newaxis] / LIVES
@@ -102,17 +126,26 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any
         return material.thrust_force(speed, feed, depth, wear=wear(used)) * dynamic
 
     worn = wear(middle)
-    rate = real_power(material.wear(speed, feed, depth) / tool.wear_criterion, 1.0 / exponent)  # [1/min]
-    rate = rate * (1.0 + _bump(speed, failure.built_up_edge, failure.built_up_speed, failure.built_up_width))
+    rate = real_power(
+        material.wear(speed, feed, depth) / tool.wear_criterion, 1.0 / exponent
+    )  # [1/min]
+    rate = rate * (
+        1.0 + _bump(speed, failure.built_up_edge, failure.built_up_speed, failure.built_up_width)
+    )
     rate = rate * exp(failure.tertiary_rate * np.maximum(worn - failure.tertiary_wear, 0.0))
     rate = rate * (1.0 + failure.running_in * exp(-worn / failure.running_in_wear))
     minutes = 1.0 / (LIVES * rate)
 
     worst_force = force(middle) * exp(0.5 * spread(material.thrust_force))
-    power = (material.power(speed, feed, depth, wear=worn) + idle_power_at(scenario, speed)) / capacity_at(scenario, speed)
+    power = (
+        material.power(speed, feed, depth, wear=worn) + idle_power_at(scenario, speed)
+    ) / capacity_at(scenario, speed)
     over = np.maximum(worst_force / limits.thrust_force - 1.0, 0.0)
     over = over + np.maximum(power * exp(0.5 * spread(material.power)) / limits.power - 1.0, 0.0)
-    value = speed * feed * depth / economics.reference_removal_rate - _SEVERITY * economics.overload_price * over
+    value = (
+        speed * feed * depth / economics.reference_removal_rate
+        - _SEVERITY * economics.overload_price * over
+    )
 
     load = log(force(middle) / tool.edge_strength) + 0.5 * spread(material.thrust_force) ** 2
     hazard = failure.chipping_rate * exp(failure.chipping_load_exponent * load)
@@ -125,8 +158,12 @@ def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any
 
     def strong(used: Array) -> Any:
         """Return the chance that an edge is stronger than force and notch."""
-        by_force = log(tool.edge_strength / force(used)) / hypotenuse(spread(material.thrust_force), tool.edge_strength_spread)
-        by_notch = -log(np.maximum(failure.notch_growth * used, _LEAST)) / max(tool.edge_strength_spread, _LEAST)
+        by_force = log(tool.edge_strength / force(used)) / hypotenuse(
+            spread(material.thrust_force), tool.edge_strength_spread
+        )
+        by_notch = -log(np.maximum(failure.notch_growth * used, _LEAST)) / max(
+            tool.edge_strength_spread, _LEAST
+        )
         return _below(by_force) * _below(by_notch) + _LEAST
 
     survival = exp(-hazard * minutes) * np.minimum(strong(end) / strong(start), 1.0)

@@ -30,7 +30,9 @@ class PerfectState(Predictive):
 
     def _observe(self, reading: Reading) -> None:
         super()._observe(reading)
-        cutting, depth, wear, hardness = (self._truth[name] for name in ("cutting", "depth_of_cut", "wear", "hardness"))
+        cutting, depth, wear, hardness = (
+            self._truth[name] for name in ("cutting", "depth_of_cut", "wear", "hardness")
+        )
         known = cutting & (depth > 0.0) & (wear > 0.0) & (reading.nominal_wear > 0.0)
         wear_factor = np.where(known, wear, 1.0) / np.where(known, reading.nominal_wear, 1.0)
         deviation = depth / self._filter.parameters["depth_of_cut"] - 1.0

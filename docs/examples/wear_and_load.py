@@ -142,7 +142,9 @@ def compare_forms(readings: Readings, name: str) -> str:
     power = 100.0 * np.median(power_errors)
     line = f"{readings.title}, {name} force: affine law better on {better} of {len(affine_errors)} edges"
     line += f", median error {affine:.1f} against {power:.1f} %"
-    return line + f", b {min(slopes):.1f} to {max(slopes):.1f} per mm on the {len(slopes)} seen fresh"
+    return (
+        line + f", b {min(slopes):.1f} to {max(slopes):.1f} per mm on the {len(slopes)} seen fresh"
+    )
 
 
 def fresh_share(readings: Readings, force: Any) -> float:
@@ -161,7 +163,9 @@ def main(vicomtech_path: str, h13_path: str) -> None:
     first = vicomtech(Path(vicomtech_path))
     second = h13(Path(h13_path))
     for readings in (first, second):
-        print(f"{readings.title}: {len(readings.wear)} readings, {len(readings.groups)} edges or settings")
+        print(
+            f"{readings.title}: {len(readings.wear)} readings, {len(readings.groups)} edges or settings"
+        )
         for name, force in readings.forces.items():
             ratios = growth(readings, force)
             line = f"  {name} force: exponent {exponent(readings, force):.2f}"
@@ -170,7 +174,9 @@ def main(vicomtech_path: str, h13_path: str) -> None:
         print(compare_forms(first, name))
     for name, force in second.forces.items():
         share = 100.0 * fresh_share(second, force)
-        print(f"{second.title}, {name} force: a fresh edge has {share:.0f} % of the force at 0.1 mm")
+        print(
+            f"{second.title}, {name} force: a fresh edge has {share:.0f} % of the force at 0.1 mm"
+        )
 
 
 if __name__ == "__main__":

@@ -27,11 +27,17 @@ EDGE = "organization", "nose_radius_mm", "cutting_speed_m_min", "feed_mm_rev", "
 def misfit(edges: Any, exponent: float, factor: Any) -> float:
     """Return the mean squared deviation of log wear of edges, arrays of log time and log wear, each with its best scale."""
     life, deviations = WEAR ** (1.0 / exponent), []
-    time = np.log(life[0] + np.concatenate([[0.0], np.cumsum(2.0 * np.diff(life) / (factor[1:] + factor[:-1]))]))
+    time = np.log(
+        life[0]
+        + np.concatenate([[0.0], np.cumsum(2.0 * np.diff(life) / (factor[1:] + factor[:-1]))])
+    )
     for log_time, log_wear in edges:
         scale = np.mean(np.interp(log_wear, np.log(WEAR), time) - log_time)
         for _ in range(8):  # Gauss-Newton
-            low, at, high = (np.interp(log_time + scale + step, time, np.log(WEAR)) for step in (-1e-3, 0.0, 1e-3))
+            low, at, high = (
+                np.interp(log_time + scale + step, time, np.log(WEAR))
+                for step in (-1e-3, 0.0, 1e-3)
+            )
             slope = (high - low) / 2e-3
             scale += slope @ (log_wear - at) / max(slope @ slope, 1e-9)
         deviations.append(log_wear - np.interp(log_time + scale, time, np.log(WEAR)))
@@ -40,7 +46,11 @@ def misfit(edges: Any, exponent: float, factor: Any) -> float:
 
 def least(edges: Any, factor: Any) -> float:
     """Return the misfit with the best exponent of time."""
-    return float(minimize_scalar(lambda exponent: misfit(edges, exponent, factor), bounds=(0.1, 1.5), method="bounded").fun)
+    return float(
+        minimize_scalar(
+            lambda exponent: misfit(edges, exponent, factor), bounds=(0.1, 1.5), method="bounded"
+        ).fun
+    )
 
 
 def main(path: str) -> None:
@@ -48,21 +58,34 @@ def main(path: str) -> None:
     pairs: Any = defaultdict(lambda: defaultdict(list))
     with open(path, encoding="utf-8-sig", newline="") as file:
         for row in csv.DictReader(file):
-            edge = pairs[row["work_material"], row["tool_material"]][tuple(row[name] for name in EDGE)]
+            edge = pairs[row["work_material"], row["tool_material"]][
+                tuple(row[name] for name in EDGE)
+            ]
             edge.append(np.log([float(row["time_min"]), float(row["flank_wear_mm"])]))
-    curves = [[np.array(edge).T for edge in edges.values() if len(edge) > 1] for edges in pairs.values()]
+    curves = [
+        [np.array(edge).T for edge in edges.values() if len(edge) > 1] for edges in pairs.values()
+    ]
     curves = [edges for edges in curves if sum(edge.shape[1] - 1 for edge in edges) > 4]
-    count, free = np.array([(sum(edge.shape[1] for edge in edges), len(edges) + 2) for edges in curves]).T
+    count, free = np.array(
+        [(sum(edge.shape[1] for edge in edges), len(edges) + 2) for edges in curves]
+    ).T
     plain, more = (2.0 * k * count / (count - k - 1.0) for k in (free, free + 1))
     print(f"{len(pairs)} pairs, {len(curves)} of them with readings enough")
     for name, phase in PHASES.items():
-        deviance = count * np.log([[max(least(edges, phase(size)), 1e-9) for edges in curves] for size in SIZES])
+        deviance = count * np.log(
+            [[max(least(edges, phase(size)), 1e-9) for edges in curves] for size in SIZES]
+        )
         common, better = deviance.sum(axis=1), deviance.min(axis=0) + more < deviance[0] + plain
         own = [SIZES[k] for k in deviance.argmin(axis=0)[better]]
-        print(f"{name}: better for {better.sum()} pairs, of sizes {own}; common size {SIZES[common.argmin()]}")
+        print(
+            f"{name}: better for {better.sum()} pairs, of sizes {own}; common size {SIZES[common.argmin()]}"
+        )
         print(
             "  deviance by size:",
-            ", ".join(f"{size}: {value:.1f}" for size, value in zip(SIZES, common - common[0], strict=True)),
+            ", ".join(
+                f"{size}: {value:.1f}"
+                for size, value in zip(SIZES, common - common[0], strict=True)
+            ),
         )
 
 

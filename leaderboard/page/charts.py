@@ -38,7 +38,11 @@ def subjects(scenario: Scenario) -> list[Subject]:
         Subject("power", "power", "kW", scenario.limits.power),
     ]
     if scenario.control.aim == "roughness":
-        found.append(Subject("roughness", "roughness Ra", "\N{MICRO SIGN}m", None, False, "roughness_reference"))
+        found.append(
+            Subject(
+                "roughness", "roughness Ra", "\N{MICRO SIGN}m", None, False, "roughness_reference"
+            )
+        )
     return [*found, Subject("wear", "flank wear", "mm", scenario.tool.wear_criterion)]
 
 
@@ -50,10 +54,22 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
     """
     if leaderboard.trajectories is None:
         return None
-    scenario, recorded, standing_of = leaderboard.task.scenario, leaderboard.trajectories.episodes, leaderboard.names
+    scenario, recorded, standing_of = (
+        leaderboard.task.scenario,
+        leaderboard.trajectories.episodes,
+        leaderboard.names,
+    )
     panels = subjects(scenario)
-    names = [*AXES, *(name for panel in panels for name in (panel.series, panel.reference) if name is not None)]
-    ends = {name: [value for each in recorded for value in (min(each.series[name]), max(each.series[name]))] for name in names}
+    names = [
+        *AXES,
+        *(name for panel in panels for name in (panel.series, panel.reference) if name is not None),
+    ]
+    ends = {
+        name: [
+            value for each in recorded for value in (min(each.series[name]), max(each.series[name]))
+        ]
+        for name in names
+    }
     ranges = {name: (min(values), max(values)) for name, values in ends.items()}
     # The tool's load and surface are nothing in air. After a whole part it may be in air, but force and power are the part's.
     gaps = () if scenario.control.action == "part" else ("thrust_force", "power", "roughness")
@@ -65,10 +81,16 @@ def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
         new = {"label": label, "colour": policy_look(name)[0], "trajectories": [None] * len(seeds)}
         policy = by_policy.setdefault(name, new)
         kept = len(each.series["path"])
-        policy["trajectories"][seeds.index(each.seed)] = {"steps": each.steps, "kept": kept, "start": sum(map(len, levels))}
+        policy["trajectories"][seeds.index(each.seed)] = {
+            "steps": each.steps,
+            "kept": kept,
+            "start": sum(map(len, levels)),
+        }
         air = np.array(each.series["depth_of_cut"]) == 0.0
         for series, (low, high) in ranges.items():
-            levels.append(quantise(np.where(air & (series in gaps), math.nan, each.series[series]), low, high))
+            levels.append(
+                quantise(np.where(air & (series in gaps), math.nan, each.series[series]), low, high)
+            )
     standings = [standing.name for standing in leaderboard.standings]
     published = comparators(scenario).published
     return {
@@ -91,4 +113,6 @@ def quantise(values: ArrayLike, low: float, high: float) -> NDArray[np.int64]:
 def pack(levels: NDArray[np.int64]) -> str:
     """Return the differences of neighbours as base64 of compressed bytes: first the lower byte of each, then the upper."""
     differences = np.diff(levels, prepend=0).astype("<u2")
-    return b64encode(zlib.compress(differences.view(np.uint8).reshape(-1, 2).T.tobytes(), 9)).decode()
+    return b64encode(
+        zlib.compress(differences.view(np.uint8).reshape(-1, 2).T.tobytes(), 9)
+    ).decode()

@@ -12,7 +12,9 @@ with needed():
     from matplotlib.patches import Patch
 
 
-def lettered(size: tuple[float, float], rows: int, columns: int, **options: Any) -> tuple[Figure, list[Axes]]:
+def lettered(
+    size: tuple[float, float], rows: int, columns: int, **options: Any
+) -> tuple[Figure, list[Axes]]:
     """Return a figure of a size [inch] with panels a, b, ..., row by row; for options see ``Figure.subplots``."""
     figure = Figure(figsize=size, layout="constrained")
     panels = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
@@ -21,7 +23,9 @@ def lettered(size: tuple[float, float], rows: int, columns: int, **options: Any)
     return figure, panels
 
 
-def legend(figure: Figure, looks: Mapping[str, dict[str, Any]], columns: int, **options: Any) -> None:
+def legend(
+    figure: Figure, looks: Mapping[str, dict[str, Any]], columns: int, **options: Any
+) -> None:
     """Explain looks by their labels below a figure: areas by their face colour, lines and markers otherwise."""
     handles = [
         Patch(**look, label=label) if "facecolor" in look else Line2D([], [], **look, label=label)

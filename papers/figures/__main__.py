@@ -65,10 +65,25 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.figures", **described(__doc__))
     parser.add_argument(
-        "--out", type=Path, default=Path("docs/figures"), metavar="FOLDER", help="folder to write to (default: %(default)s)"
+        "--out",
+        type=Path,
+        default=Path("docs/figures"),
+        metavar="FOLDER",
+        help="folder to write to (default: %(default)s)",
     )
-    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"figures to draw, from {', '.join(FIGURES)} (default: all)")
-    parser.add_argument("--format", nargs="+", choices=style.FORMATS, default=["png"], help="file formats (default: png)")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        metavar="NAME",
+        help=f"figures to draw, from {', '.join(FIGURES)} (default: all)",
+    )
+    parser.add_argument(
+        "--format",
+        nargs="+",
+        choices=style.FORMATS,
+        default=["png"],
+        help="file formats (default: png)",
+    )
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.only or () if name not in FIGURES]:
         raise ValueError(f"there is no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")
@@ -82,7 +97,9 @@ def main(arguments: list[str] | None = None) -> int:
     descriptions = {name: description(name) for name in chosen}
     if options.only is None:
         text = index(descriptions, options.format)
-        replace_file(options.out / INDEX, lambda partial: partial.write_text(text, encoding="utf-8"))
+        replace_file(
+            options.out / INDEX, lambda partial: partial.write_text(text, encoding="utf-8")
+        )
         print(options.out / INDEX)
     else:
         for name, lines in descriptions.items():
@@ -92,7 +109,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def description(name: str) -> list[str]:
     """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
-    paper, item = next((paper, item) for paper in PAPERS for item in paper.items if item.figure == name)
+    paper, item = next(
+        (paper, item) for paper in PAPERS for item in paper.items if item.figure == name
+    )
     return item.description(all_checks(paper) if item.pattern else [])
 
 

@@ -16,7 +16,10 @@ from turning_render import plot_style as style
 def draw_gains() -> Figure:
     """Draw psi in a table whose cells are darker where more is gained."""
     unsaid = tuple(rule for rule in TWO_LIMITS if rule not in (*IMPROVED, *NOT_NECESSARY))
-    kinds, groups = blanks(), {"improved, says the paper": IMPROVED, "not necessary": NOT_NECESSARY, "not said": unsaid}
+    kinds, groups = (
+        blanks(),
+        {"improved, says the paper": IMPROVED, "not necessary": NOT_NECESSARY, "not said": unsaid},
+    )
     rules = [rule for group in groups.values() for rule in group]
     gains = np.array([[gain(rule, blank)[1] for rule in rules] for blank in kinds])
     figure = Figure(figsize=(style.DOUBLE, 3.2), layout="constrained")
@@ -33,13 +36,17 @@ def draw_gains() -> Figure:
             axes.axvline(end, color=style.BLACK, linewidth=1.0)
     axes.set_xticks(range(len(rules)), [f"[{rule}]" for rule in rules])
     axes.set_yticks(
-        range(len(kinds)), [f"{blank.name}, {blank.source}: {blank.least:.1f}-{blank.largest:.1f}" for blank in kinds]
+        range(len(kinds)),
+        [f"{blank.name}, {blank.source}: {blank.least:.1f}-{blank.largest:.1f}" for blank in kinds],
     )
     axes.tick_params(length=0.0)
     axes.set_xlabel("the two limits along which speed and feed are set")
     axes.set_ylabel("kind of blank, source: allowance [mm]")
     bar = figure.colorbar(
-        picture, ax=axes, boundaries=np.linspace(0.0, gains.max(), 100), ticks=range(0, int(gains.max()) + 1, 5)
+        picture,
+        ax=axes,
+        boundaries=np.linspace(0.0, gains.max(), 100),
+        ticks=range(0, int(gains.max()) + 1, 5),
     )
     bar.set_label("gain psi [%]")
     return figure
@@ -66,12 +73,22 @@ def draw_pairs() -> Figure:
     for axes, name in zip(panels, CASES, strict=False):
         pairs = binding(Process.of(Scenario.load(name)), depths, hardness)
         picture = np.vectorize(numbers.__getitem__)(pairs)
-        axes.pcolormesh(depths, hardness, picture, cmap=ListedColormap(list(PAIRS.values())), vmin=-0.5, vmax=len(PAIRS) - 0.5)
+        axes.pcolormesh(
+            depths,
+            hardness,
+            picture,
+            cmap=ListedColormap(list(PAIRS.values())),
+            vmin=-0.5,
+            vmax=len(PAIRS) - 0.5,
+        )
         axes.set_title(name)
         axes.tick_params(labelbottom=True)
     panels[-1].axis("off")
     figure.supxlabel("depth of cut t [mm]")
     figure.supylabel("hardness over nominal [-]")
-    looks = {f"[{pair}]" if pair else "none keeps all limits": {"facecolor": colour} for pair, colour in PAIRS.items()}
+    looks = {
+        f"[{pair}]" if pair else "none keeps all limits": {"facecolor": colour}
+        for pair, colour in PAIRS.items()
+    }
     legend(figure, looks, 1, loc="lower right", bbox_to_anchor=(0.97, 0.12))
     return figure

@@ -44,7 +44,9 @@ def draw_correction() -> Figure:
         (ABOVE, falling_correction(ABOVE, TARGET, FIRST_FORM["p"])),
     ):
         correction_axes.plot(100.0 * load, correction, color=style.BLUE)
-        derivative_axes.plot(100.0 * load, np.gradient(correction, 100.0 * load), color=style.VERMILLION)
+        derivative_axes.plot(
+            100.0 * load, np.gradient(correction, 100.0 * load), color=style.VERMILLION
+        )
     correction_axes.set_ylabel("correction $W_k$")
     derivative_axes.set_ylabel("derivative of $W_k$ [1/%]")
     _jump(correction_axes)

@@ -37,7 +37,9 @@ def draw_responses() -> Figure:
 def draw_pairs() -> Figure:
     """Draw the chosen cutting speed and feed over the minutes, with the values that the text states."""
     figure, panels = lettered((style.SINGLE, 3.6), 2, 1, sharex=True)
-    for place, (axes, name, unit) in enumerate(zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)):
+    for place, (axes, name, unit) in enumerate(
+        zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)
+    ):
         _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_life()])
         axes.plot(list(STATED), [stated[place] for stated in STATED.values()], **style.PRINTED)
         axes.margins(y=0.15)
@@ -70,10 +72,23 @@ def _draw_wear(axes: Axes) -> None:
     for place, rival in enumerate(sorted(rivals(), key=lambda rival: rival.nominal.life)):
         test, (colour, dashes) = rival.test, _SPEEDS[rival.test.cutting_speed]
         minutes = np.geomspace(1.0, rival.nominal.life, 50)
-        label = None if test.cutting_speed in labelled else f"tests at {test.cutting_speed:.0f} m/min, models"
+        label = (
+            None
+            if test.cutting_speed in labelled
+            else f"tests at {test.cutting_speed:.0f} m/min, models"
+        )
         labelled.add(test.cutting_speed)
-        axes.plot(minutes, [wear(test, minute) for minute in minutes], color=colour, linestyle=dashes, label=label)
-        offset: dict[str, Any] = {"xytext": (0, 4 + 10 * (place % 2)), "textcoords": "offset points"}
+        axes.plot(
+            minutes,
+            [wear(test, minute) for minute in minutes],
+            color=colour,
+            linestyle=dashes,
+            label=label,
+        )
+        offset: dict[str, Any] = {
+            "xytext": (0, 4 + 10 * (place % 2)),
+            "textcoords": "offset points",
+        }
         axes.annotate(test.name, (minutes[-1], criterion), **offset, ha="center", color=colour)
     lives = {rival.test.name: rival.test.life for rival in rivals() if rival.test.life is not None}
     label = f"lives in the paper: {', '.join(sorted(lives, key=lambda name: lives[name]))}"
@@ -91,7 +106,12 @@ def _draw_wear(axes: Axes) -> None:
 def _draw_ratios(axes: Axes) -> None:
     rate, names = adaptive_control().rate, [rival.test.name for rival in rivals()]
     places = np.arange(len(names))
-    axes.plot(places, [rate / rival.nominal.rate for rival in rivals()], **style.OURS | {"linestyle": "none"}, label="project")
+    axes.plot(
+        places,
+        [rate / rival.nominal.rate for rival in rivals()],
+        **style.OURS | {"linestyle": "none"},
+        label="project",
+    )
     axes.plot(places, [rival.test.rate_ratio for rival in rivals()], **style.PRINTED, label="paper")
     axes.axhline(1.0, color=style.GREY, linewidth=0.6)
     axes.set_yscale("log")

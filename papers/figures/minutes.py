@@ -14,7 +14,10 @@ from turning_render import plot_style as style
 
 Look = dict[str, Any]
 
-TABLES = {1: ("table1.csv", "wear_mm"), 2: ("table2.csv", "total_wear_mm")}  # printed tables and their columns of wear, by minute
+TABLES = {
+    1: ("table1.csv", "wear_mm"),
+    2: ("table2.csv", "total_wear_mm"),
+}  # printed tables and their columns of wear, by minute
 RATES = (50, 100, 150, 200, 250)  # contours of removal rate [cm3/min]
 _MARKED: Look = style.OURS | {"markersize": 3.4}
 _OPEN: Look = _MARKED | {"markerfacecolor": "white"}
@@ -30,7 +33,12 @@ def printed(minute: int) -> dict[str, list[float]]:
     if minute not in TABLES:
         return {}
     file, wear = TABLES[minute]
-    columns = {"thrust_force": "thrust_force_n", "power": "power_kw", "wear": wear, "removal_rate": "mrr_mm3_min"}
+    columns = {
+        "thrust_force": "thrust_force_n",
+        "power": "power_kw",
+        "wear": wear,
+        "removal_rate": "mrr_mm3_min",
+    }
     values = {name: [float(row[column]) for row in rows(file)] for name, column in columns.items()}
     return values | {"removal_rate": [rate / 1000.0 for rate in values["removal_rate"]]}
 
@@ -45,11 +53,17 @@ def draw_best(minute: int) -> Figure:
         ("removal_rate", "removal rate [cm³/min]", None),
     )
     figure, panels = lettered((style.DOUBLE, 4.3), 2, 2, sharex=True)
-    best = int(np.argmax(np.where(found.within, found.removal_rate, -1.0))) if found.within.any() else None
+    best = (
+        int(np.argmax(np.where(found.within, found.removal_rate, -1.0)))
+        if found.within.any()
+        else None
+    )
     for axes, (name, label, limit) in zip(panels, subjects, strict=True):
         values = getattr(found, name)
         axes.plot(found.speed, values, **_OPEN)
-        axes.plot(found.speed[found.within], values[found.within], **_MARKED | {"linestyle": "none"})
+        axes.plot(
+            found.speed[found.within], values[found.within], **_MARKED | {"linestyle": "none"}
+        )
         if name in points:
             axes.plot(found.speed, points[name], **style.PRINTED)
         if limit is not None:
@@ -73,8 +87,14 @@ def draw_best(minute: int) -> Figure:
 def limits(minute: int) -> list[tuple[Look, NDArray[np.float64]]]:
     """Return the lines of the limits of force and power: looks, and points (cutting speed, feed), shape (points, 2)."""
     found, lines = plane(*before(minute)), []
-    for values, limit, look in ((found.thrust_force, LIMITS[0], _FORCE), (found.power, LIMITS[1], _POWER)):
-        lines += [(look, np.asarray(path)) for path in contour_generator(found.speed, found.feed, values).lines(limit)]
+    for values, limit, look in (
+        (found.thrust_force, LIMITS[0], _FORCE),
+        (found.power, LIMITS[1], _POWER),
+    ):
+        lines += [
+            (look, np.asarray(path))
+            for path in contour_generator(found.speed, found.feed, values).lines(limit)
+        ]
     return lines
 
 
@@ -87,14 +107,19 @@ def draw_plane(minute: int) -> Figure:
     axes.contourf(found.speed, found.feed, found.within, levels=(0.5, 1.5), colors=_REGION)
     # Contours of wear at three to six round numbers.
     wear = found.wear[-1]
-    step = next(step for step in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05) if np.ptp(wear) / step < 6.0)
+    step = next(
+        step for step in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05) if np.ptp(wear) / step < 6.0
+    )
     wears = np.round(np.arange(np.ceil(wear[0] / step) * step, wear[-1], step), 4).tolist()
     for values, levels, look in ((found.removal_rate, RATES, _RATE), (found.wear, wears, _WEAR)):
         contours = {f"{key}s": value for key, value in look.items()}
         axes.contour(found.speed, found.feed, values, levels=levels, **contours)
     # Lines are named where they leave the plane: at its highest cutting speed, and at its highest feed.
     right, top = axes.secondary_yaxis("right"), axes.secondary_xaxis("top")
-    right.set_yticks(np.interp(RATES, found.removal_rate[:, -1], found.feed[:, -1]), [f"{rate:g}" for rate in RATES])
+    right.set_yticks(
+        np.interp(RATES, found.removal_rate[:, -1], found.feed[:, -1]),
+        [f"{rate:g}" for rate in RATES],
+    )
     right.set_ylabel("removal rate [cm³/min]")
     top.set_xticks(np.interp(wears, wear, found.speed[-1]), [f"{each:g}" for each in wears])
     top.set_xlabel("wear [mm]")

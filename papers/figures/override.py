@@ -17,7 +17,13 @@ from papers.stepped_bar import Trajectory, play_bar, stepped_bar
 from turning_env import Scenario
 from turning_render import plot_style as style
 
-DEPTHS = (1.0, 2.0, 3.0, 1.0, 3.0)  # depths of cut [mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2
+DEPTHS = (
+    1.0,
+    2.0,
+    3.0,
+    1.0,
+    3.0,
+)  # depths of cut [mm], those of the preset `override`: steps up by 1 and by 2 mm, and down by 2
 
 SHOWN: dict[str, tuple[str, Parameters]] = {
     "programmed_feed": ("programmed feed", {}),
@@ -47,7 +53,9 @@ def draw(scenario: Scenario | None = None) -> Figure:
     figure = Figure(figsize=(style.DOUBLE, 6.0), layout="constrained")
     panels = figure.subplots(4, 4, sharex=True, sharey="row", height_ratios=(1, 3, 1, 3))
     panels[0, 0].set_xlim(0.0, max(run.time[-1] for run in runs.values()))
-    pairs = [(panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)]
+    pairs = [
+        (panels[row, column], panels[row + 1, column]) for row in (0, 2) for column in range(4)
+    ]
     for (above, below), (title, run) in zip(pairs, runs.items(), strict=False):
         above.fill_between(run.time, run.depth, color=style.LIGHT, step="pre")
         above.plot(run.time, run.depth, color=style.GREY, linewidth=0.9, drawstyle="steps-pre")
@@ -62,9 +70,15 @@ def draw(scenario: Scenario | None = None) -> Figure:
         below.set_ylabel("override, load [%]")
     for axes in pairs[-1]:
         axes.set_axis_off()
-    looks = {"feed override, commanded": _OVERRIDE, "share of torque; highest value": _LOAD, "target load": _TARGET}
+    looks = {
+        "feed override, commanded": _OVERRIDE,
+        "share of torque; highest value": _LOAD,
+        "target load": _TARGET,
+    }
     handles = [Line2D([], [], label=label, **look) for label, look in looks.items()]
-    pairs[-1][1].legend(handles=handles, loc="upper right", frameon=False).set_in_layout(False)  # else its column would be wider
+    pairs[-1][1].legend(handles=handles, loc="upper right", frameon=False).set_in_layout(
+        False
+    )  # else its column would be wider
     figure.align_ylabels()
     return style.readable(figure)
 

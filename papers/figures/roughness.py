@@ -25,7 +25,9 @@ def draw_control() -> Figure:
     control = scenario.control
     programmed = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed)
     constant_force = ConstantForce(PartProgram(scenario, {}), 1)
-    free, held = (record(policy, scenario, tuning_seeds(1)) for policy in (programmed, constant_force))
+    free, held = (
+        record(policy, scenario, tuning_seeds(1)) for policy in (programmed, constant_force)
+    )
     time = control.interval * np.arange(1, len(free["feed"]) + 1)
     subjects = (("roughness", "Ra [µm]"), ("thrust_force", "force [N]"), ("feed", "feed [mm/rev]"))
     figure, panels = lettered((style.DOUBLE, 4.8), 3, 1, sharex=True)
@@ -34,11 +36,17 @@ def draw_control() -> Figure:
         axes.plot(time, held[name], **_HELD)
         if name == "roughness":
             # A step's report tells the reference for the next step.
-            axes.plot(time[:-1], held["roughness_reference"][:-1], drawstyle="steps-post", **_REFERENCE)
+            axes.plot(
+                time[:-1], held["roughness_reference"][:-1], drawstyle="steps-post", **_REFERENCE
+            )
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0.0)
         axes.set_xlim(0.0, time[-1])
     axes.set_xlabel("time [s]")
     figure.align_ylabels()
-    legend(figure, {"feed as programmed": _FREE, "constant force": _HELD, "reference of Ra": _REFERENCE}, 3)
+    legend(
+        figure,
+        {"feed as programmed": _FREE, "constant force": _HELD, "reference of Ra": _REFERENCE},
+        3,
+    )
     return figure

@@ -6,7 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from papers.figures import legend, lettered
-from papers.reproduce.servo_current import FEED_VELOCITIES, SETTINGS, currents_of_depths, no_load_currents, stepped
+from papers.reproduce.servo_current import (
+    FEED_VELOCITIES,
+    SETTINGS,
+    currents_of_depths,
+    no_load_currents,
+    stepped,
+)
 from turning_env import Scenario
 from turning_render import plot_style as style
 
@@ -19,10 +25,23 @@ def draw_current() -> Figure:
     """Draw current over force, and idle current over feed velocity."""
     forces, currents = currents_of_depths()
     figure, (left, right) = lettered((style.DOUBLE, 2.5), 1, 2)
-    left.plot(forces, currents, **style.OURS | {"linestyle": "none", "markersize": 4.0}, label="mean measured current")
+    left.plot(
+        forces,
+        currents,
+        **style.OURS | {"linestyle": "none", "markersize": 4.0},
+        label="mean measured current",
+    )
     ends = np.array([0.0, forces[-1]])
     fitted = np.polyval(np.polyfit(forces, currents, 1), ends)
-    left.plot(ends, fitted, color=style.GREY, linewidth=0.9, linestyle="--", zorder=0, label="straight line")
+    left.plot(
+        ends,
+        fitted,
+        color=style.GREY,
+        linewidth=0.9,
+        linestyle="--",
+        zorder=0,
+        label="straight line",
+    )
     left.set_xlabel("thrust force [N]")
     left.set_ylabel("current [A]")
     left.legend(loc="upper left")
@@ -40,7 +59,9 @@ def draw_estimate() -> Figure:
     kept, interval = stepped(), Scenario.load("override_current").control.interval
     time = interval * np.arange(1, len(kept.force) + 1)
     cutoff, window = SETTINGS[0]
-    figure, (upper, lower) = lettered((style.DOUBLE, 4.0), 2, 1, sharex=True, height_ratios=(1.0, 1.5))
+    figure, (upper, lower) = lettered(
+        (style.DOUBLE, 4.0), 2, 1, sharex=True, height_ratios=(1.0, 1.5)
+    )
     upper.plot(time, kept.current[:, 0], **_PLAIN)
     upper.set_ylabel("current [A]")
     upper.set_ylim(bottom=0.0)

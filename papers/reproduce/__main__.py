@@ -20,7 +20,9 @@ from turning_env.console import DONE, FAILED, described, exits
 Results = Sequence[tuple[Paper, Sequence[Check]]]
 
 
-@exits(interrupted="interrupted: nothing is kept, and the same command checks all again", checks=True)
+@exits(
+    interrupted="interrupted: nothing is kept, and the same command checks all again", checks=True
+)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m papers.reproduce", **described(__doc__))
@@ -31,7 +33,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def reproduce(papers: Sequence[Paper], form: Callable[["Results"], Iterator[str]]) -> int:
     """Print the results of all papers in a form, ``text`` or ``markdown``; return the exit status."""
-    results = [(paper, paper.checks()) for paper in tqdm(papers, unit="paper", disable=None, leave=False)]
+    results = [
+        (paper, paper.checks()) for paper in tqdm(papers, unit="paper", disable=None, leave=False)
+    ]
     print(*form(results), sep="\n")
     return DONE if all(check.passed for _, checks in results for check in checks) else FAILED
 
@@ -42,7 +46,13 @@ def text(results: Results) -> Iterator[str]:
         if lines := list(paper.tables()):
             yield from ("", paper.title, "", *lines)
     for paper, checks in results:
-        yield from ("", paper.title, "", f"{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}", *map(str, checks))
+        yield from (
+            "",
+            paper.title,
+            "",
+            f"{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}",
+            *map(str, checks),
+        )
     yield ""
     yield from (f"{paper.title}: {counted(checks)}" for paper, checks in results)
     yield f"All papers: {counted(check for _, checks in results for check in checks)}"

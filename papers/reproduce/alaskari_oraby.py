@@ -16,9 +16,27 @@ import numpy as np
 from baselines.fixed import FixedParameters
 from baselines.grid_search import GridSearch
 from papers import rows, verification
-from papers.grid_search import FEEDS, LIMITS, SCENARIO, SPEEDS, before, best_at_each_speed, plane, sides, whole_life
+from papers.grid_search import (
+    FEEDS,
+    LIMITS,
+    SCENARIO,
+    SPEEDS,
+    before,
+    best_at_each_speed,
+    plane,
+    sides,
+    whole_life,
+)
 from papers.reproduce.checks import Check, at_least, at_most, claim, table
-from papers.verification import COLLAPSE_FORCE, COLLAPSE_TIME, MEASURED, STATED_LIFE, TESTS, Outcome, VerificationTest
+from papers.verification import (
+    COLLAPSE_FORCE,
+    COLLAPSE_TIME,
+    MEASURED,
+    STATED_LIFE,
+    TESTS,
+    Outcome,
+    VerificationTest,
+)
 from turning_env import Scenario
 from turning_env.scoring.play import play
 from turning_env.scoring.policy import PolicyFactory
@@ -61,18 +79,31 @@ def table_checks(minute: int) -> Iterator[Check]:
         }
     for number, row in enumerate(rows(f"table{minute}.csv")):
         for name, values in columns.items():
-            printed, ours = MISPRINTS.get((row["speed_m_min"], name), row[name]), float(values[number])
+            printed, ours = (
+                MISPRINTS.get((row["speed_m_min"], name), row[name]),
+                float(values[number]),
+            )
             tolerance = EXACT.get(name, 1e-5 * ours if minute == 1 else last_digit(printed))
-            yield Check(f"Table {minute}, {row['speed_m_min']} m/min, {name}", float(printed), ours, tolerance)
+            yield Check(
+                f"Table {minute}, {row['speed_m_min']} m/min, {name}",
+                float(printed),
+                ours,
+                tolerance,
+            )
 
 
 def life_checks() -> Iterator[Check]:
     """Yield the checks of the edge's life."""
     minutes = whole_life()
     yield Check("minutes until no pair is feasible", 14, len(minutes))
-    yield claim("minutes until no pair is feasible: none wears the edge out", not any(minute.finished for minute in minutes))
+    yield claim(
+        "minutes until no pair is feasible: none wears the edge out",
+        not any(minute.finished for minute in minutes),
+    )
     for number, (speed, feed, _) in STATED.items():
-        yield Check(f"minute {number}: cutting speed [m/min]", speed, minutes[number - 1].pair[0], 1e-4)
+        yield Check(
+            f"minute {number}: cutting speed [m/min]", speed, minutes[number - 1].pair[0], 1e-4
+        )
         yield Check(f"minute {number}: feed [mm/rev]", feed, minutes[number - 1].pair[1], 1e-6)
     yield Check("wear after minute 14 [mm], just under 0.3", 0.2975, minutes[-1].wear, 0.0025)
     yield Check("mean removal rate [cm3/min], 158 to 159", 158.5, adaptive_control().rate, 1.5)
@@ -100,7 +131,14 @@ def rivals() -> tuple[Rival, ...]:
     found = []
     for test, nominal in zip(TESTS, verification.played(TESTS), strict=True):
         factor = np.nan if test.life is None else verification.implied_wear_factor(test, test.life)
-        found.append(Rival(test, nominal, factor, None if test.life is None else verification.played([test], factor)[0]))
+        found.append(
+            Rival(
+                test,
+                nominal,
+                factor,
+                None if test.life is None else verification.played([test], factor)[0],
+            )
+        )
     return tuple(found)
 
 
@@ -113,11 +151,18 @@ def rival_checks() -> Iterator[Check]:
         yield Check(f"{what} minute", ratio, control.rate / nominal.rate, ROUNDED * ratio)
         if measured is not None and test.total_ratio is not None:
             per_edge = stated.total / measured.total
-            yield Check(f"{what} edge, its life 15 min", test.total_ratio, per_edge, ROUNDED * test.total_ratio)
+            yield Check(
+                f"{what} edge, its life 15 min",
+                test.total_ratio,
+                per_edge,
+                ROUNDED * test.total_ratio,
+            )
     measured_wear = Scenario.load("measured_wear")
     spread = EDGES_WITHIN * measured_wear.tool.wear_factor_spread
     factors = measured_wear.mismatch.wear_factor * np.exp((spread, -spread))
-    lives = [[outcome.life for outcome in verification.played(MEASURED, factor)] for factor in factors]
+    lives = [
+        [outcome.life for outcome in verification.played(MEASURED, factor)] for factor in factors
+    ]
     for test, shortest, longest in zip(MEASURED, *lives, strict=True):
         what = f"{test.name}: life [min]; of 95 % of the edges of measured_wear the"
         yield Check(f"{what} shortest", test.life or 0.0, shortest, relation="<=")
@@ -129,12 +174,21 @@ def rival_checks() -> Iterator[Check]:
     last = by_name["T9"]
     for test in TESTS:
         minutes, collapsed = verification.until_failure(test)
-        yield Check(f"{test.name}: edge collapses, preset practitioner", test.name == "T9", collapsed)
+        yield Check(
+            f"{test.name}: edge collapses, preset practitioner", test.name == "T9", collapsed
+        )
         if collapsed:
-            yield Check(f"{test.name}: collapse after [min], preset practitioner", COLLAPSE_TIME, minutes, 0.1)
+            yield Check(
+                f"{test.name}: collapse after [min], preset practitioner",
+                COLLAPSE_TIME,
+                minutes,
+                0.1,
+            )
     flank_wear = last.wear_factor * verification.wear(last.test, COLLAPSE_TIME)
     force, _ = verification.force_and_power(last.test, flank_wear)
-    reason = f"at {flank_wear:.2f} mm of wear the force law gives less: it knows no plastic deformation"
+    reason = (
+        f"at {flank_wear:.2f} mm of wear the force law gives less: it knows no plastic deformation"
+    )
     what = "T9: thrust force when its edge collapsed [N]"
     yield Check(what, COLLAPSE_FORCE, force, ROUNDED * COLLAPSE_FORCE, not_reproduced=reason)
 
@@ -150,11 +204,17 @@ class EqualWear(NamedTuple):
 @cache
 def equal_wear() -> dict[str, EqualWear]:
     """Return the grid searches, planning with nominal wear, and the tests with a known life, on the same edges."""
-    by_minute, by_tenth = verification.with_measured_wear(60.0), verification.with_measured_wear(6.0)
+    by_minute, by_tenth = (
+        verification.with_measured_wear(60.0),
+        verification.with_measured_wear(6.0),
+    )
     nominal = by_minute.nominal()
     players: dict[str, tuple[Scenario, PolicyFactory]] = {
         "grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs)),
-        "rescaled grid search": (by_minute, lambda num_envs: GridSearch(nominal, num_envs, 1.0, 1.0)),
+        "rescaled grid search": (
+            by_minute,
+            lambda num_envs: GridSearch(nominal, num_envs, 1.0, 1.0),
+        ),
     }
     for test in MEASURED:
         fixed = FixedParameters(by_tenth, test.cutting_speed, test.feed)
@@ -163,8 +223,12 @@ def equal_wear() -> dict[str, EqualWear]:
     for name, (scenario, make) in players.items():
         episodes = play(make, scenario, tuning_seeds(NUM_EDGES))
         seconds = episodes["engaged_time"].sum()
-        outcome = Outcome(60.0 * float(episodes["removed"].sum() / seconds), float(seconds) / 60.0 / NUM_EDGES)
-        severe, excess = (float(episodes[key].sum() / seconds) for key in ("severe_overload_time", "excess"))
+        outcome = Outcome(
+            60.0 * float(episodes["removed"].sum() / seconds), float(seconds) / 60.0 / NUM_EDGES
+        )
+        severe, excess = (
+            float(episodes[key].sum() / seconds) for key in ("severe_overload_time", "excess")
+        )
         results[name] = EqualWear(outcome, severe, excess)
     return results
 
@@ -179,29 +243,62 @@ def equal_wear_checks() -> Iterator[Check]:
         yield at_least(f"{what} minute", test.rate_ratio, control.rate / rival.rate)
         ratio = control.total / rival.total
         reason = f"its edge lasts {control.life:.1f} min, that of the test {rival.life:.1f} min"
-        yield at_least(f"{what} edge", 1.0, ratio, not_reproduced=reason if test.name == "T4" else "")
-    reason = "it plans with nominal wear, so the worn edge needs more force and power than it expects"
-    yield at_most("equal wear, grid search: share of time over a limit by > 5 %", 0.0, severe, not_reproduced=reason)
-    yield at_most("equal wear, grid search rescaled by measured force and power: the same share", 0.1, rescaled.severe)
+        yield at_least(
+            f"{what} edge", 1.0, ratio, not_reproduced=reason if test.name == "T4" else ""
+        )
+    reason = (
+        "it plans with nominal wear, so the worn edge needs more force and power than it expects"
+    )
+    yield at_most(
+        "equal wear, grid search: share of time over a limit by > 5 %",
+        0.0,
+        severe,
+        not_reproduced=reason,
+    )
+    yield at_most(
+        "equal wear, grid search rescaled by measured force and power: the same share",
+        0.1,
+        rescaled.severe,
+    )
 
 
 def tables() -> Iterator[str]:
     """Yield the tables of the comparisons with the tests."""
     control = adaptive_control()
     yield "Fixed speed and feed: life, and metal per edge of the grid search (AC) over theirs, with nominal and measured wear."
-    heads: tuple[str, ...] = ("", "m/min", "mm/rev", "nominal min", "AC/test", "measured min", "AC/test", "wear over nominal")
+    heads: tuple[str, ...] = (
+        "",
+        "m/min",
+        "mm/rev",
+        "nominal min",
+        "AC/test",
+        "measured min",
+        "AC/test",
+        "wear over nominal",
+    )
     lines = []
     for test, nominal, factor, measured in rivals():
         row = [test.name, f"{test.cutting_speed:.0f}", f"{test.feed:.3f}"]
         row += [f"{nominal.life:.1f}", f"{control.total / nominal.total:.2f}"]
-        row += [f"{measured.life:.1f}", f"{control.total / measured.total:.2f}", f"{factor:.2f}"] if measured else ["-"] * 3
+        row += (
+            [f"{measured.life:.1f}", f"{control.total / measured.total:.2f}", f"{factor:.2f}"]
+            if measured
+            else ["-"] * 3
+        )
         lines.append(row)
     yield from table(heads, lines)
     yield ""
     yield f"The same with equal wear for all (preset measured_wear), means over {NUM_EDGES} edges."
     heads = ("", "cm3/min", "min", "cm3", "over a limit by > 5 %", "mean excess")
     lines = [
-        [name, f"{edge.rate:.1f}", f"{edge.life:.1f}", f"{edge.total:.0f}", f"{severe:.0%}", f"{excess:.1%}"]
+        [
+            name,
+            f"{edge.rate:.1f}",
+            f"{edge.life:.1f}",
+            f"{edge.total:.0f}",
+            f"{severe:.0%}",
+            f"{excess:.1%}",
+        ]
         for name, (edge, severe, excess) in equal_wear().items()
     ]
     yield from table(heads, lines)
@@ -214,29 +311,56 @@ def figure_checks() -> Iterator[Check]:
         reason = "the force of a new edge lies below its limit everywhere: ranges and power alone bound the region"
         letters = STATED[minute][2]
         what = f"Figure {figure}, minute {minute}: corners of the feasible region, {letters}"
-        yield Check(what, len(letters) - 1.0, float(sides(minute)), not_reproduced=reason if minute == 1 else "")
+        yield Check(
+            what,
+            len(letters) - 1.0,
+            float(sides(minute)),
+            not_reproduced=reason if minute == 1 else "",
+        )
     found = best_at_each_speed(*before(14))
     slow = found.speed <= 100.0
-    yield claim("Figure 8, minute 14: force above its limit up to 100 m/min", found.thrust_force[slow] > force)
-    yield claim("Figure 8, minute 14: force within its limit above 100 m/min", found.thrust_force[~slow] <= force)
-    yield claim("Figure 8, minute 14: power rises with cutting speed", np.diff(found.power[~slow]) > 0.0)
+    yield claim(
+        "Figure 8, minute 14: force above its limit up to 100 m/min",
+        found.thrust_force[slow] > force,
+    )
+    yield claim(
+        "Figure 8, minute 14: force within its limit above 100 m/min",
+        found.thrust_force[~slow] <= force,
+    )
+    yield claim(
+        "Figure 8, minute 14: power rises with cutting speed", np.diff(found.power[~slow]) > 0.0
+    )
     found = best_at_each_speed(*before(15))
-    yield claim("Figure 9, minute 15: wear above 0.3 mm at all cutting speeds", found.wear > criterion)
+    yield claim(
+        "Figure 9, minute 15: wear above 0.3 mm at all cutting speeds", found.wear > criterion
+    )
     yield claim("Figure 9, minute 15: power below its limit", found.power < power)
     reason = "the paper does not say at what feeds; here they are the highest that keep force and power, where any do"
     well_below = found.thrust_force < 0.95 * force
-    yield claim("Figure 9, minute 15: force well below its limit", well_below, not_reproduced=reason)
+    yield claim(
+        "Figure 9, minute 15: force well below its limit", well_below, not_reproduced=reason
+    )
     found = plane(*before(15))
     yield claim("Figure 10, minute 15: the feasible region has vanished", not found.within.any())
-    yield claim("Figure 10, minute 15: wear above its criterion on the whole plane", found.wear > criterion)
+    yield claim(
+        "Figure 10, minute 15: wear above its criterion on the whole plane", found.wear > criterion
+    )
     rates = [minute.removed for minute in run]
-    yield claim("Figure 11: the removal rate falls from minute to minute, or stays", np.diff(rates) < 1e-9)
+    yield claim(
+        "Figure 11: the removal rate falls from minute to minute, or stays", np.diff(rates) < 1e-9
+    )
     kept = all(minute.thrust_force <= force and minute.power <= power for minute in run)
     yield claim("Figure 11: force and power are within their limits in every minute", kept)
     used = min(minute.power for minute in run[:10]) / power > 0.985
-    yield claim("Figure 11: the power available is used (99 %) except in late stages, minutes 11 to 14", used)
+    yield claim(
+        "Figure 11: the power available is used (99 %) except in late stages, minutes 11 to 14",
+        used,
+    )
     speeds, feeds = np.array([minute.pair for minute in run]).T
-    for what, values, low, high in (("cutting speed [m/min]", speeds, 140.0, 200.0), ("feed [mm/rev]", feeds, 0.205, 0.58)):
+    for what, values, low, high in (
+        ("cutting speed [m/min]", speeds, 140.0, 200.0),
+        ("feed [mm/rev]", feeds, 0.205, 0.58),
+    ):
         yield Check(f"Figure 12: lowest {what}", low, float(values.min()), 1e-4)
         yield Check(f"Figure 12: highest {what}", high, float(values.max()), 1e-4)
     yield claim("Figure 12: feed falls from minute to minute, or stays", np.diff(feeds) < 1e-6)
@@ -248,4 +372,11 @@ def figure_checks() -> Iterator[Check]:
 def checks() -> Iterator[Check]:
     """Yield all checks of the paper."""
     yield Check("pairs of the grid", 1744, len(SPEEDS) * len(FEEDS))
-    yield from chain(table_checks(1), table_checks(2), life_checks(), figure_checks(), rival_checks(), equal_wear_checks())
+    yield from chain(
+        table_checks(1),
+        table_checks(2),
+        life_checks(),
+        figure_checks(),
+        rival_checks(),
+        equal_wear_checks(),
+    )

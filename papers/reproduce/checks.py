@@ -8,8 +8,16 @@ from typing import Any, Literal
 import numpy as np
 
 WIDTH = 72  # columns of a check's description
-PASSED = AGREES, CONSTRUCTED, NOT_REPRODUCED = "agrees", "consistent by construction", "not reproduced"
-VERDICTS = (*PASSED, "MISMATCH", "REASON OUT OF DATE")  # verdicts in words; the last two mean that something no longer holds
+PASSED = AGREES, CONSTRUCTED, NOT_REPRODUCED = (
+    "agrees",
+    "consistent by construction",
+    "not reproduced",
+)
+VERDICTS = (
+    *PASSED,
+    "MISMATCH",
+    "REASON OUT OF DATE",
+)  # verdicts in words; the last two mean that something no longer holds
 
 
 @dataclass(frozen=True)
@@ -26,8 +34,12 @@ class Check:
     tolerance: float = 0.0  # absolute tolerance of the relation
     relation: Literal["=", ">=", "<=", "true"] = "="
     """The project's number equals, is at least or is at most the paper's; or a claim is true (1) or not (0)."""
-    not_reproduced: str = ""  # reason why the project cannot reproduce this, in one line; empty where it must
-    constructed: str = ""  # the reason that it holds by construction, in one line; empty if it could disagree
+    not_reproduced: str = (
+        ""  # reason why the project cannot reproduce this, in one line; empty where it must
+    )
+    constructed: str = (
+        ""  # the reason that it holds by construction, in one line; empty if it could disagree
+    )
 
     @property
     def holds(self) -> bool:
@@ -69,7 +81,9 @@ class Check:
 def counted(checks: Iterable[Check]) -> str:
     """Return the number of checks by verdict, as text; those that no longer hold only if there are any."""
     found = Counter(check.verdict for check in checks)
-    return ", ".join(f"{verdict} {found[verdict]}" for verdict in VERDICTS if found[verdict] or verdict in PASSED)
+    return ", ".join(
+        f"{verdict} {found[verdict]}" for verdict in VERDICTS if found[verdict] or verdict in PASSED
+    )
 
 
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
@@ -92,5 +106,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
     cells = [heads, *rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     for first, *others in cells:
-        line = [first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]
+        line = [
+            first.ljust(widths[0]),
+            *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)),
+        ]
         yield "  ".join(line).rstrip()

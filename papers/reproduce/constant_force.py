@@ -18,7 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.constant_force import ConstantForce, ConstantForceNetwork, force_of_roughness, recommended_feed
+from baselines.constant_force import (
+    ConstantForce,
+    ConstantForceNetwork,
+    force_of_roughness,
+    recommended_feed,
+)
 from baselines.fixed import FixedParameters
 from baselines.models.part_program import PartProgram
 from baselines.models.process import Process
@@ -50,7 +55,10 @@ class Simulation(NamedTuple):
     roughness: float  # ra reached under control [um]
 
 
-SIMULATIONS = [Simulation(int(number), *map(float, values)) for number, *values in map(dict.values, rows("surface_table1.csv"))]
+SIMULATIONS = [
+    Simulation(int(number), *map(float, values))
+    for number, *values in map(dict.values, rows("surface_table1.csv"))
+]
 """Table 1 as printed."""
 
 
@@ -68,7 +76,9 @@ class Outcome(NamedTuple):
 
 def held_at(reference: float, **sections: dict[str, Any]) -> Scenario:
     """Return the preset `surface` with one reference of Ra [um], and other values replaced."""
-    return changed("surface", surface={"reference_min": reference, "reference_max": reference}, **sections)
+    return changed(
+        "surface", surface={"reference_min": reference, "reference_max": reference}, **sections
+    )
 
 
 def play(policy: Policy, scenario: Scenario) -> Outcome:
@@ -96,10 +106,23 @@ def outcomes() -> tuple[tuple[Simulation, Outcome, Outcome, Outcome | None], ...
     results = []
     for row in SIMULATIONS:
         scenario = held_at(row.reference)
-        uncontrolled = FixedParameters(scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed)
+        uncontrolled = FixedParameters(
+            scenario, scenario.control.initial_cutting_speed, row.uncontrolled_feed
+        )
         program = PartProgram(scenario, {})
-        on_command = play(ConstantForce(program, NUM_SEEDS, on_command=True), scenario) if row.number in SHOWN else None
-        results.append((row, play(uncontrolled, scenario), play(ConstantForce(program, NUM_SEEDS), scenario), on_command))
+        on_command = (
+            play(ConstantForce(program, NUM_SEEDS, on_command=True), scenario)
+            if row.number in SHOWN
+            else None
+        )
+        results.append(
+            (
+                row,
+                play(uncontrolled, scenario),
+                play(ConstantForce(program, NUM_SEEDS), scenario),
+                on_command,
+            )
+        )
     return tuple(results)
 
 
@@ -108,13 +131,25 @@ def simulation_checks() -> Iterator[Check]:
     for row, uncontrolled, controlled, on_command in outcomes():
         name, reference = f"simulation {row.number}, Ra {row.reference} um: ", row.reference
         worst = np.abs(controlled.roughness[controlled.saturated < 0.05] / reference - 1.0).max()
-        yield Check(f"{name}Ra reached [um]", reference, float(controlled.roughness.mean()), 0.05 * reference)
+        yield Check(
+            f"{name}Ra reached [um]",
+            reference,
+            float(controlled.roughness.mean()),
+            0.05 * reference,
+        )
         yield at_most(f"{name}deviation of mean Ra, worst unsaturated seed", 0.05, float(worst))
         yield Check(f"{name}force [N]", row.force, controlled.force, FORCE_TOLERANCE * row.force)
         yield Check(f"{name}feed [mm/rev]", row.feed, controlled.feed, FEED_TOLERANCE)
-        yield claim(f"{name}control brings Ra nearer the reference", controlled.deviation < 0.5 * uncontrolled.deviation)
+        yield claim(
+            f"{name}control brings Ra nearer the reference",
+            controlled.deviation < 0.5 * uncontrolled.deviation,
+        )
         if on_command is not None:
-            yield at_least(f"{name}on the command before, Ra swings: times as far", 3.0, on_command.spread / controlled.spread)
+            yield at_least(
+                f"{name}on the command before, Ra swings: times as far",
+                3.0,
+                on_command.spread / controlled.spread,
+            )
         by_equation = 0.2401 * float(np.exp(0.0034 * row.force))
         reason = "the printed Ra of simulations 1 to 3 lie 14, 10 and 8.5 % below (5) at the printed force"
         yield Check(
@@ -136,10 +171,18 @@ def reference_force() -> tuple[float, float]:
 def reference_checks() -> Iterator[Check]:
     """Yield the checks of block B1: equation (4) as a regression of its own."""
     c, d = reference_force()
-    yield Check("(4) fitted to Table 1: force for Ra 1.6 um [N]; the text: about 570", 570.0, c + d * np.log(1.6), 5.0)
+    yield Check(
+        "(4) fitted to Table 1: force for Ra 1.6 um [N]; the text: about 570",
+        570.0,
+        c + d * np.log(1.6),
+        5.0,
+    )
     off = max(abs((c + d * np.log(row.reference)) / row.force - 1.0) for row in SIMULATIONS)
     yield at_most("(4) fitted to Table 1: largest deviation of the table's forces", 0.03, off)
-    yield claim("(4) and (5) regressions of one set of data: r2 is high, and below 1", 0.8 < d * 0.0034 < 1.0)
+    yield claim(
+        "(4) and (5) regressions of one set of data: r2 is high, and below 1",
+        0.8 < d * 0.0034 < 1.0,
+    )
 
 
 def network_checks() -> Iterator[Check]:
@@ -147,11 +190,18 @@ def network_checks() -> Iterator[Check]:
     scenario = Scenario.load("surface")
     references = np.array([row.reference for row in SIMULATIONS])
     # The table's cuts without control have the recommended feeds. Their forces give the specific cutting force [N/mm2] at 1 mm.
-    specific = float(np.mean([row.uncontrolled_force / row.uncontrolled_feed for row in SIMULATIONS]))
+    specific = float(
+        np.mean([row.uncontrolled_force / row.uncontrolled_feed for row in SIMULATIONS])
+    )
     law = scenario.material.thrust_force.model_dump() | {"coefficient": specific}
     feeds = recommended_feed(changed("surface", material={"thrust_force": law}))(references)
     for row, feed in zip(SIMULATIONS, feeds.tolist(), strict=True):
-        yield Check(f"recommended feed: for Ra {row.reference} um [mm/rev]", row.uncontrolled_feed, feed, FEED_TOLERANCE)
+        yield Check(
+            f"recommended feed: for Ra {row.reference} um [mm/rev]",
+            row.uncontrolled_feed,
+            feed,
+            FEED_TOLERANCE,
+        )
     entries = []
     for reference in (references.min(), references.max()):
         held = held_at(float(reference))
@@ -167,30 +217,47 @@ def output_checks() -> Iterator[Check]:
     scenario = Scenario.load("surface")
     feeds = np.log([(row.uncontrolled_feed, row.feed) for row in SIMULATIONS])
     speed = np.log(np.full(feeds.shape, scenario.control.initial_cutting_speed))
-    without, with_control = Process.of(scenario).log_life(speed, feeds, scenario.workpiece.depth_of_cut, 1.0).T
-    yield claim("output block: at the table's feeds, control shortens no tool life", with_control >= without)
+    without, with_control = (
+        Process.of(scenario).log_life(speed, feeds, scenario.workpiece.depth_of_cut, 1.0).T
+    )
+    yield claim(
+        "output block: at the table's feeds, control shortens no tool life", with_control >= without
+    )
 
 
 def text_checks() -> Iterator[Check]:
     """Yield the checks of the text."""
     scenario = Scenario.load("surface")
     force = float(force_of_roughness(scenario.surface, np.array([1.6]))[0])
-    yield Check("force for Ra 1.6 um by the inverse of (5) [N]; the text: about 570", 570.0, force, 15.0)
+    yield Check(
+        "force for Ra 1.6 um by the inverse of (5) [N]; the text: about 570", 570.0, force, 15.0
+    )
     undisturbed = held_at(
         1.6,
-        workpiece={"depth_bar_spread": 0.0, "hardness_bar_spread": 0.0, "hardness_along_spread": 0.0},
+        workpiece={
+            "depth_bar_spread": 0.0,
+            "hardness_bar_spread": 0.0,
+            "hardness_along_spread": 0.0,
+        },
         sensors={"force_noise": 0.0},
     )
     ideal = play(ConstantForce(PartProgram(undisturbed, {}), NUM_SEEDS), undisturbed)
     yield at_most("without noise, deviation of Ra (ideal)", 0.001, ideal.deviation)
-    kept = record(ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, tuning_seeds(NUM_SEEDS))
+    kept = record(
+        ConstantForce(PartProgram(scenario, {}), NUM_SEEDS), scenario, tuning_seeds(NUM_SEEDS)
+    )
     reference, feed = kept["roughness_reference"], kept["commanded_feed"]
     # The info of a step holds the reference for the next one: falls of a fifth or more, and the feed in the step after.
-    falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (kept["feed"][2:-1] > scenario.machine.feed_min)
+    falls = (reference[2:-1] < 0.8 * reference[1:-2]) & (
+        kept["feed"][2:-1] > scenario.machine.feed_min
+    )
     reduced = (feed[2:-1] - feed[3:])[falls] > 0.0
     yield claim("when the reference falls, the feed is reduced at once", reduced)
     in_air = float(kept["commanded_feed"][0, 0])
-    yield claim("without force, the programmed feed is commanded", round(in_air, 6) == scenario.control.initial_feed)
+    yield claim(
+        "without force, the programmed feed is commanded",
+        round(in_air, 6) == scenario.control.initial_feed,
+    )
 
 
 def tables() -> Iterator[str]:

@@ -72,7 +72,9 @@ def stepped(name: str, depths: tuple[float, ...] = STEPS) -> Trajectory:
     scenario = stepped_bar(depths)
     if name in FORMS:
         return play_bar(lambda num_envs: fuzzy(scenario, name), scenario)
-    return play_bar(lambda num_envs: LOAD_RULES["programmed_feed"].controller(scenario, num_envs), scenario)
+    return play_bar(
+        lambda num_envs: LOAD_RULES["programmed_feed"].controller(scenario, num_envs), scenario
+    )
 
 
 def saved(form: str) -> float:
@@ -83,7 +85,9 @@ def saved(form: str) -> float:
 def resting(idle: float) -> list[float]:
     """Return the overrides [-] at which the load rests at 1, 2 and 3 mm; ``idle`` is the idle load, and 1 mm loads to 25 %."""
     exponent = stepped_bar().material.power.feed
-    return [min(((TARGET - idle) / ((0.25 - idle) * depth)) ** (1.0 / exponent), 2.0) for depth in STEPS]
+    return [
+        min(((TARGET - idle) / ((0.25 - idle) * depth)) ** (1.0 / exponent), 2.0) for depth in STEPS
+    ]
 
 
 def saved_at_rest(overrides: Sequence[float], lengths: Sequence[float]) -> float:
@@ -103,33 +107,61 @@ def largest_jump() -> float:
 def value_checks() -> Iterator[Check]:
     """Yield the checks of the statement on Figure 3: continuous functions of the load, with values in (0, 200 %]."""
     reason = "just below the target, (1) and (3) raise the override by 0.67 % of its distance from 200 %, and (4) keeps it"
-    yield at_most("override over load: largest jump, at the target [%]; continuous", 0.001, largest_jump(), reason)
+    yield at_most(
+        "override over load: largest jump, at the target [%]; continuous",
+        0.001,
+        largest_jump(),
+        reason,
+    )
     present, load = np.meshgrid(np.linspace(0.01, OVERRIDE_MAX, 200), np.linspace(0.0, 1.0, 201))
     values = new_override(present, load, TARGET, OVERRIDE_MAX, **FIRST_FORM)
-    yield claim("override over load: above 0 and at most 200 %", (values > 0.0) & (values <= OVERRIDE_MAX))
+    yield claim(
+        "override over load: above 0 and at most 200 %", (values > 0.0) & (values <= OVERRIDE_MAX)
+    )
 
 
 def checks() -> Iterator[Check]:
     """Yield the checks of the paper."""
     shallow = stepped("programmed feed").at_depth(1.0, 1.0)
-    yield Check("load at 1 mm and programmed feed [%]", 25.0, 100.0 * float(shallow.load.mean()), 0.5)
+    yield Check(
+        "load at 1 mm and programmed feed [%]", 25.0, 100.0 * float(shallow.load.mean()), 0.5
+    )
     for form in FORMS:
         held = 100.0 * float(rippled(form, None).load.mean())
         yield Check(f"{form}: load held at 3 mm [%]", 60.0, held, 0.5)
     first, modified = map(worst_swing, FORMS)
-    yield at_least("first form: swing of override at the worst period of the ripple [%]", 10.0, first)
-    yield at_most("modified form: swing at the worst period, what the load asks for [%]", asked_for(), modified)
+    yield at_least(
+        "first form: swing of override at the worst period of the ripple [%]", 10.0, first
+    )
+    yield at_most(
+        "modified form: swing at the worst period, what the load asks for [%]",
+        asked_for(),
+        modified,
+    )
     for form in FORMS:
         yield claim(f"{form}: faster than the programmed feed on 1, 2 and 3 mm", saved(form) > 0.0)
     held = 100.0 * float(stepped("first form").at_depth(2.0, 2.0).override.mean())
     yield Check("first form: override that holds 60 % at 2 mm [%]", 145.0, held, 1.0)
-    highest = 0.25 * 1.45  # with a force that is proportional to feed; an idle torque and a lower exponent make it less
-    raised = float(new_override(np.array([1.45]), np.array([highest]), TARGET, 2.0, **FIRST_FORM)[0])
-    yield claim("first form: no rest at 145 % and 1 mm, where the load is 36 % at most", highest < TARGET and raised > 1.45)
-    yield Check("first form: time saved on three equal sections [%]", 20.0, saved("first form"), 1.0)
+    highest = (
+        0.25 * 1.45
+    )  # with a force that is proportional to feed; an idle torque and a lower exponent make it less
+    raised = float(
+        new_override(np.array([1.45]), np.array([highest]), TARGET, 2.0, **FIRST_FORM)[0]
+    )
+    yield claim(
+        "first form: no rest at 145 % and 1 mm, where the load is 36 % at most",
+        highest < TARGET and raised > 1.45,
+    )
+    yield Check(
+        "first form: time saved on three equal sections [%]", 20.0, saved("first form"), 1.0
+    )
     yield from value_checks()
     worst = worst_swing("first form", STRONG)
-    yield at_most("wheel lathe: swing of the first form on a drive of twice the torque [%]", asked_for(), worst)
+    yield at_most(
+        "wheel lathe: swing of the first form on a drive of twice the torque [%]",
+        asked_for(),
+        worst,
+    )
 
 
 def tables() -> Iterator[str]:
@@ -140,13 +172,29 @@ def tables() -> Iterator[str]:
     for idle in (0.0, 0.02, 0.035, 0.05):
         at_rest = resting(idle)
         cells = [f"{saved_at_rest(at_rest, parts):.1f}" for parts in lengths]
-        rows.append([f"{idle:.1%}", ", ".join(f"{100 * override:.0f}" for override in at_rest), *cells])
-    yield from table(["idle", "override [%]", *("lengths " + ":".join(map(str, parts)) for parts in lengths)], rows)
+        rows.append(
+            [f"{idle:.1%}", ", ".join(f"{100 * override:.0f}" for override in at_rest), *cells]
+        )
+    yield from table(
+        ["idle", "override [%]", *("lengths " + ":".join(map(str, parts)) for parts in lengths)],
+        rows,
+    )
     yield ""
     yield "Swing of the override at 3 mm by the time constant of the feed servo and the lag of the chip [%]."
     rows = []
     for servo, lag in LAGS:
         lags = {"feed_time_constant": servo, "chip_lag": lag}
-        values = swing(rippled("first form", None, **lags)), *(worst_swing(form, **lags) for form in FORMS)
+        values = (
+            swing(rippled("first form", None, **lags)),
+            *(worst_swing(form, **lags) for form in FORMS),
+        )
         rows.append([f"{servo} s, {lag} turns", *(f"{value:.1f}" for value in values)])
-    yield from table(("servo, chip", "first form, smooth bar", "with the worst ripple", "modified form, the same"), rows)
+    yield from table(
+        (
+            "servo, chip",
+            "first form, smooth bar",
+            "with the worst ripple",
+            "modified form, the same",
+        ),
+        rows,
+    )

@@ -33,7 +33,13 @@ from papers.reproduce.checks import Check, at_least, at_most, table
 from papers.reproduce.part_programming_cases import case_checks, formula_checks
 from turning_env import PowerLaw, Scenario
 
-IMPROVED = ("PV", "SN", "PN", "MV", "MN")  # the paper's claims on the rules; it has none on [SV] and [ST]
+IMPROVED = (
+    "PV",
+    "SN",
+    "PN",
+    "MV",
+    "MN",
+)  # the paper's claims on the rules; it has none on [SV] and [ST]
 NOT_NECESSARY = ("PT", "MT")  # likewise
 SOURCES = ("handbook", "experience", "literature")  # the slides' sources of dispersions
 WORTH_HAVING = 1.0  # least psi that counts as an improvement [%] (assumption)
@@ -52,10 +58,17 @@ _LOWEST = 1e-3  # in place of a lowest cutting speed [m/min] and feed [mm/rev]
 _DEVIATIONS = np.linspace(-3.0, 3.0, 241)
 
 
-def _law(cutting_speed: float, feed: float, depth_of_cut: float, time: float = 0.0, at_time: float = 1.0) -> PowerLaw:
+def _law(
+    cutting_speed: float, feed: float, depth_of_cut: float, time: float = 0.0, at_time: float = 1.0
+) -> PowerLaw:
     """Return a law that is 1 in the common cut, for wear at a cutting time [min]."""
     at_reference = HANDBOOK_CUTTING_SPEED**cutting_speed * HANDBOOK_FEED**feed * at_time**time
-    exponents = {"cutting_speed": cutting_speed, "feed": feed, "depth_of_cut": depth_of_cut, "time": time}
+    exponents = {
+        "cutting_speed": cutting_speed,
+        "feed": feed,
+        "depth_of_cut": depth_of_cut,
+        "time": time,
+    }
     return PowerLaw(coefficient=1.0 / at_reference, **exponents)
 
 
@@ -63,7 +76,9 @@ def handbook_process(rule: str, slack: float = SLACK) -> Process:
     """Return the handbooks' process, with a rule's two limits and the highest speed and feed of the lathe."""
     price = Process.of(Scenario()).edge_price
     return Process(
-        wear=_law(1.0, 0.35, 0.15, time=0.2, at_time=4.0 * price),  # mu = 5, nu = 1.75, rho = 0.75; T_0 = (mu - 1) gamma
+        wear=_law(
+            1.0, 0.35, 0.15, time=0.2, at_time=4.0 * price
+        ),  # mu = 5, nu = 1.75, rho = 0.75; T_0 = (mu - 1) gamma
         wear_criterion=1.0,
         thrust_force=Limit(_law(0.0, 0.75, 1.0), 1.0 if "P" in rule else math.inf),
         power=Limit(_law(1.0, 0.75, 1.0), 1.0 if "N" in rule else math.inf),
@@ -105,7 +120,10 @@ def blanks() -> tuple[Blank, ...]:
         return sum(float(row[part] or handbook[row["stock"]][part] or 0.0) for part in parts)
 
     stated = [row for row in found if row["allowance_dispersion_mm"]]
-    return tuple(Blank(row["stock"], row["source"], least(row), float(row["allowance_dispersion_mm"])) for row in stated)
+    return tuple(
+        Blank(row["stock"], row["source"], least(row), float(row["allowance_dispersion_mm"]))
+        for row in stated
+    )
 
 
 def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
@@ -114,7 +132,15 @@ def pass_cost(rule: str, depth_of_cut: Array, slack: float = SLACK) -> Array:
     speed, feed = set_point(rule, process, depth_of_cut)
     depth = np.maximum(depth_of_cut, MIN_DEPTH)
     time = math.pi * workpiece.diameter * workpiece.bar_length / (1000.0 * speed * feed)
-    cost = time * (1.0 + process.edge_price * np.exp(-process.log_life(np.log(speed), np.log(feed), depth, 1.0))) + RETURN_TIME
+    cost = (
+        time
+        * (
+            1.0
+            + process.edge_price
+            * np.exp(-process.log_life(np.log(speed), np.log(feed), depth, 1.0))
+        )
+        + RETURN_TIME
+    )
     for limit in (process.thrust_force, process.power, process.torque):
         cost[limit.law(speed, feed, depth) > np.minimum(limit.most, slack) * (1.0 + 1e-9)] = np.inf
     return cost
@@ -129,15 +155,22 @@ def divided_cost(rule: str, allowance: Array, slack: float = SLACK) -> Array:
 def uncorrected_cost(rule: str, blank: Blank, passes: int, slack: float = SLACK) -> Array:
     """Return the cost of parts [min] of a path for the largest blank, for the blank's allowances."""
     depth = blank.largest / passes
-    inside = np.arange(passes)[:, np.newaxis] * depth  # allowance that lies inside each pass, from the last pass to the first
-    return np.asarray(pass_cost(rule, np.clip(blank.allowances - inside, 0.0, depth), slack).sum(axis=0))
+    inside = (
+        np.arange(passes)[:, np.newaxis] * depth
+    )  # allowance that lies inside each pass, from the last pass to the first
+    return np.asarray(
+        pass_cost(rule, np.clip(blank.allowances - inside, 0.0, depth), slack).sum(axis=0)
+    )
 
 
 @cache
 def gain(rule: str, blank: Blank, slack: float = SLACK) -> tuple[int, float]:
     """Return (passes of the uncorrected path, psi [%])."""
     weights = np.exp(-0.5 * _DEVIATIONS**2)
-    uncorrected = [float(weights @ uncorrected_cost(rule, blank, passes, slack)) for passes in range(1, MAX_PASSES + 1)]
+    uncorrected = [
+        float(weights @ uncorrected_cost(rule, blank, passes, slack))
+        for passes in range(1, MAX_PASSES + 1)
+    ]
     corrected = float(weights @ divided_cost(rule, blank.allowances, slack).min(axis=0))
     return 1 + int(np.argmin(uncorrected)), 100.0 * (min(uncorrected) / corrected - 1.0)
 
@@ -157,13 +190,21 @@ def gains(rule: str, source: str, slack: float = SLACK) -> dict[str, float]:
 def tables() -> Iterator[str]:
     """Yield the table of psi, with the mean of each source's kinds."""
     yield "Gain psi from correcting the path to the measured blank [%]."
-    found = {source: {rule: gains(rule, source) for rule in (*IMPROVED, *NOT_NECESSARY)} for source in SOURCES}
+    found = {
+        source: {rule: gains(rule, source) for rule in (*IMPROVED, *NOT_NECESSARY)}
+        for source in SOURCES
+    }
     lines = []
     for source, by_rule in found.items():
         kinds = {kind: [each[kind] for each in by_rule.values()] for kind in by_rule["PV"]}
         kinds["mean of its kinds"] = np.mean([*kinds.values()], axis=0).tolist()
-        lines += [[f"{source}, {kind}", *(f"{value:.1f}" for value in values)] for kind, values in kinds.items()]
-    yield from table(("source of dispersion, blank", *(f"[{rule}]" for rule in found["handbook"])), lines)
+        lines += [
+            [f"{source}, {kind}", *(f"{value:.1f}" for value in values)]
+            for kind, values in kinds.items()
+        ]
+    yield from table(
+        ("source of dispersion, blank", *(f"[{rule}]" for rule in found["handbook"])), lines
+    )
     yield ""
     yield "Gain psi by reading of the handbooks' spatial deviations [%]; the first of each kind is in use."
     lines = []
@@ -171,7 +212,9 @@ def tables() -> Iterator[str]:
         for deviation in deviations:
             values = [gain_by_reading(rule, kind, deviation) for rule in found["handbook"]]
             lines.append([f"{kind}, {deviation:g} mm", *(f"{value:.1f}" for value in values)])
-    yield from table(("blank, spatial deviation", *(f"[{rule}]" for rule in found["handbook"])), lines)
+    yield from table(
+        ("blank, spatial deviation", *(f"[{rule}]" for rule in found["handbook"])), lines
+    )
 
 
 def checks() -> Iterator[Check]:
@@ -185,6 +228,15 @@ def claim_checks() -> Iterator[Check]:
     """Yield the checks of the claims for every rule that they name, with the best kind of blank and the mean of the kinds."""
     for source in SOURCES:
         for rule in (*IMPROVED, *NOT_NECESSARY):
-            compare, values = at_least if rule in IMPROVED else at_most, [*gains(rule, source).values()]
-            yield compare(f"[{rule}]: largest psi with dispersions of {source} [%]", WORTH_HAVING, max(values))
-            yield compare(f"[{rule}]: mean psi of the kinds of blank of {source} [%]", WORTH_HAVING, float(np.mean(values)))
+            compare, values = (
+                at_least if rule in IMPROVED else at_most,
+                [*gains(rule, source).values()],
+            )
+            yield compare(
+                f"[{rule}]: largest psi with dispersions of {source} [%]", WORTH_HAVING, max(values)
+            )
+            yield compare(
+                f"[{rule}]: mean psi of the kinds of blank of {source} [%]",
+                WORTH_HAVING,
+                float(np.mean(values)),
+            )

@@ -6,7 +6,13 @@ import pytest
 
 from baselines.belief import ENTRIES, BeliefObservation, VectorBeliefObservation
 from tests.turning_env.test_family_env import BRIEF
-from turning_env import FAMILY_ID, FamilyEnv, FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv
+from turning_env import (
+    FAMILY_ID,
+    FamilyEnv,
+    FamilyVectorEnv,
+    RoughTurningEnv,
+    RoughTurningVectorEnv,
+)
 
 STEPS = 150
 
@@ -14,7 +20,9 @@ STEPS = 150
 def actions(size):
     """Return random actions of small changes, which change the edge now and then, shape (STEPS, 2, size)."""
     found = np.random.default_rng(0).uniform(-0.3, 0.3, (STEPS, 2, size)).astype(np.float32)
-    found[:, :, 2:] = np.random.default_rng(1).choice([-1.0, 1.0], (STEPS, 2, size - 2), p=[0.95, 0.05])
+    found[:, :, 2:] = np.random.default_rng(1).choice(
+        [-1.0, 1.0], (STEPS, 2, size - 2), p=[0.95, 0.05]
+    )
     return found
 
 
@@ -72,7 +80,9 @@ def test_expected_loads_are_as_sure_as_they_say():
             for column, law in enumerate(("power", "force")):
                 expected = before[:, belief[f"this_log_{law}"]]
                 spread = np.hypot(before[:, belief[f"this_log_{law}_deviation"]], 0.02)
-                errors.append(((np.log(np.maximum(ratios[:, column], 0.01)) - expected) / spread)[steady])
+                errors.append(
+                    ((np.log(np.maximum(ratios[:, column], 0.01)) - expected) / spread)[steady]
+                )
     errors = np.concatenate(errors)
     assert len(errors) > 2000
     assert np.median(np.abs(errors)) < 1.0
@@ -84,6 +94,9 @@ def test_it_wraps_environments_of_gymnasium_and_refuses_others():
     believing = BeliefObservation(env)
     assert believing.observation_space.shape == (env.observation_space.shape[0] + len(ENTRIES),)
     assert believing.reset(seed=0)[0] in believing.observation_space
-    for other, message in (("RoughTurning-Override-v1", "control.action 'override'"), ("Pendulum-v1", "needs a RoughTurning")):
+    for other, message in (
+        ("RoughTurning-Override-v1", "control.action 'override'"),
+        ("Pendulum-v1", "needs a RoughTurning"),
+    ):
         with pytest.raises(ValueError, match=message):
             BeliefObservation(gymnasium.make(other))

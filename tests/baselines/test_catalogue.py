@@ -46,7 +46,9 @@ def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
         spec("fixed_tuned", [Scenario(), Scenario()])
 
 
-def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(tunable: str) -> None:
+def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(
+    tunable: str,
+) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
     found = spec(tunable, Scenario())
     assert found.parameters == {"cutting_speed": 100.0, "feed": 0.3}
@@ -67,17 +69,23 @@ def test_what_is_not_tuned_says_which_command_tunes_it(tunable: str) -> None:
     with pytest.raises(tuned.NotTuned, match=f"have not been tuned: {command}`"):
         spec(tunable, Scenario())
     keep({"fixed_tuned": {"cutting_speed": 150.0, "feed": 0.2}}, Scenario())
-    with pytest.raises(tuned.NotTuned, match=f"tunable has not been tuned.*{command} --rules tunable`"):
+    with pytest.raises(
+        tuned.NotTuned, match=f"tunable has not been tuned.*{command} --rules tunable`"
+    ):
         spec(tunable, Scenario())
     assert spec("fixed_tuned", Scenario()).parameters == {"cutting_speed": 150.0, "feed": 0.2}
     keep({tunable: {"margin": 0.3}}, Scenario())
-    with pytest.raises(tuned.NotTuned, match=f"tunable was tuned in other parameters.*{command} --rules tunable`"):
+    with pytest.raises(
+        tuned.NotTuned, match=f"tunable was tuned in other parameters.*{command} --rules tunable`"
+    ):
         spec(tunable, Scenario())
     with pytest.raises(tuned.NotTuned, match=f"tuned for other values: {command}`"):
         spec(tunable, Scenario.model_validate({"limits": {"power": 6.5}}))
 
 
-def test_a_rule_tuned_on_one_preset_plays_others_with_what_was_found_there(tunable: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rule_tuned_on_one_preset_plays_others_with_what_was_found_there(
+    tunable: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(RULES, tunable, replace(TUNABLE, tuned_on="forging"))
     home = Scenario.load("forging")
     with pytest.raises(tuned.NotTuned, match=r"--scenario forging --shipped`"):

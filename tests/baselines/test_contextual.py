@@ -38,7 +38,9 @@ SHORT = {
 
 def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any, list[Any]]:
     """Return environments of some training jobs of ``unmodelled``, their observations and their nominal models."""
-    env = FamilyVectorEnv(len(jobs), FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED)
+    env = FamilyVectorEnv(
+        len(jobs), FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED
+    )
     observations, _ = env.reset(seed=list(jobs))
     return env, observations, [FAMILY.job(job).scenario.nominal() for job in jobs]
 
@@ -93,7 +95,9 @@ def test_candidates_find_the_law_that_made_the_returns() -> None:
     best = -0.2 + 0.8 * numbers[:, 0] - 0.4 * numbers[:, 1]
     misses = np.array(LOG_SPEEDS) - best[:, np.newaxis]
     # Too fast costs three times as much as too slow.
-    grid = Grid(-1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses), numbers, ("heat", "grade", "other"))
+    grid = Grid(
+        -1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses), numbers, ("heat", "grade", "other")
+    )
     found = candidates(grid, ("heat", "grade", "other"))
     assert list(found) == ["constant", "regression", "best law", "best law of two numbers"]
     for name in ("best law", "best law of two numbers"):
@@ -117,7 +121,9 @@ def test_batches_that_were_played_come_from_the_log(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_the_same_file_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_the_same_file_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     source, target = tmp_path / "short.toml", tmp_path / "found.json"
     source.write_text(tomli_w.dumps(SHORT), "utf-8")
     written = []
@@ -133,7 +139,9 @@ def test_the_command_writes_the_same_file_again(tmp_path: Path, capsys: pytest.C
 
 
 @pytest.mark.parametrize("words", [["missing.toml"], ["shop", "--jobs", "3"]])
-def test_the_command_refuses_what_it_cannot_tune(tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_refuses_what_it_cannot_tune(
+    tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert tune_contextual.main([*words, "--out", str(tmp_path / "found.json")]) == 2
     assert not any(tmp_path.iterdir())
     assert capsys.readouterr().err.startswith("error: ")

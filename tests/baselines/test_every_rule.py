@@ -15,7 +15,9 @@ SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
 SHOWN = ("rough_turning", "shift", "paper", "override", "surface", "batch_casting")
 PLAYED = [
     # The optimisers price the edge's life when they are built, which takes a second where edges are changed.
-    pytest.param(name, preset, marks=[pytest.mark.slow] if rule.tuned_on and preset == "shift" else [])
+    pytest.param(
+        name, preset, marks=[pytest.mark.slow] if rule.tuned_on and preset == "shift" else []
+    )
     for name, rule in RULES.items()
     for preset in SHOWN
     if rule.plays(SCENARIOS[preset])
@@ -32,10 +34,14 @@ def test_actions_are_finite_for_any_observation(name: str, preset: str) -> None:
     scenario, num_envs = SCENARIOS[preset], 16
     rule, (low, high) = playable(name, scenario), bounds(scenario)
     seen = np.random.default_rng(7).uniform(low, high, (12, num_envs, len(low))).astype(np.float32)
-    seen[:, :4] = np.where(np.arange(4)[:, np.newaxis] % 2, low, high)  # the ends of all entries, in turns
+    seen[:, :4] = np.where(
+        np.arange(4)[:, np.newaxis] % 2, low, high
+    )  # the ends of all entries, in turns
     if scenario.control.action != "part":
         seen[:, 4:6, 0] = low[0]  # no load
-        seen[:, 6:8, 6] = np.linspace(0.0, 3.0, 12, dtype=np.float32)[:, np.newaxis]  # edges that live on
+        seen[:, 6:8, 6] = np.linspace(0.0, 3.0, 12, dtype=np.float32)[
+            :, np.newaxis
+        ]  # edges that live on
     policy = rule.controller(scenario, num_envs, **parameters(rule))
     policy.reset(np.ones(num_envs, np.bool_))
     shape = RoughTurningVectorEnv(num_envs, scenario).action_space.shape
@@ -48,7 +54,9 @@ def test_actions_are_finite_for_any_observation(name: str, preset: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "preset"), PLAYED)
-def test_environments_do_not_influence_one_another_and_a_reset_forgets_everything(name: str, preset: str) -> None:
+def test_environments_do_not_influence_one_another_and_a_reset_forgets_everything(
+    name: str, preset: str
+) -> None:
     scenario = changed(SCENARIOS[preset], limits={"power": 5.0})
     rule, env = playable(name, scenario), RoughTurningVectorEnv(3, scenario)
 
@@ -73,7 +81,10 @@ def test_every_task_has_random_actions_no_action_and_one_best_constant_action() 
     for preset in IDS.values():
         played = names(SCENARIOS[preset])
         assert {"random", "zero_action"} <= set(played)
-        assert sum(name in ("fixed_tuned", "override_tuned", "parts_fixed_tuned") for name in played) == 1
+        assert (
+            sum(name in ("fixed_tuned", "override_tuned", "parts_fixed_tuned") for name in played)
+            == 1
+        )
 
 
 def test_rules_that_invert_a_law_play_only_where_it_grows_with_feed() -> None:
@@ -81,11 +92,17 @@ def test_rules_that_invert_a_law_play_only_where_it_grows_with_feed() -> None:
         ("power", "override", ["omative", "constant_power_lead"]),
         ("power", "rough_turning", ["omative_with_speed", "grid_search", "rescaled_grid_search"]),
         ("thrust_force", "override", ["current_limit"]),
-        ("thrust_force", "surface", ["model_feed", "constant_force_network", "constant_force_lead"]),
+        (
+            "thrust_force",
+            "surface",
+            ["model_feed", "constant_force_network", "constant_force_lead"],
+        ),
     ):
         material = SCENARIOS[preset].material
         falling = getattr(material, law).model_copy(update={"feed": -0.1})
-        scenario = SCENARIOS[preset].model_copy(update={"material": material.model_copy(update={law: falling})})
+        scenario = SCENARIOS[preset].model_copy(
+            update={"material": material.model_copy(update={law: falling})}
+        )
         for name in unable:
             assert RULES[name].plays(SCENARIOS[preset]), name
             assert not RULES[name].plays(scenario), name

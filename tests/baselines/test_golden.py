@@ -55,7 +55,9 @@ def recorded() -> dict[str, dict[str, Any]]:
     return {
         name: {
             "version": rule.version,
-            "actions": {preset: actions(name, preset) for preset, rules in playable.items() if name in rules},
+            "actions": {
+                preset: actions(name, preset) for preset, rules in playable.items() if name in rules
+            },
         }
         for name, rule in RULES.items()
     }
@@ -68,21 +70,32 @@ GOLDEN: dict[str, dict[str, Any]] = json.loads(FILE.read_text("utf-8")) if FILE.
 def test_a_rule_acts_as_its_version_promises(name: str) -> None:
     golden, rule = GOLDEN[name], RULES[name]
     advice = f"raise `version` of rule {name!r}, which is {rule.version}, and run `python -m tests.baselines.test_golden`"
-    assert golden["version"] == rule.version, f"golden actions are of version {golden['version']}: {advice}"
+    assert golden["version"] == rule.version, (
+        f"golden actions are of version {golden['version']}: {advice}"
+    )
     for preset, expected in golden["actions"].items():
         found = np.array(actions(name, preset))
-        assert np.abs(found - np.array(expected)).max() <= TOLERANCE, f"other actions on {preset}: {advice}"
+        assert np.abs(found - np.array(expected)).max() <= TOLERANCE, (
+            f"other actions on {preset}: {advice}"
+        )
 
 
 def test_every_rule_with_shipped_results_has_golden_actions() -> None:
     manifests = (Path(__file__).parents[2] / "leaderboard" / "results").glob("*/*/manifest.json")
-    ranked = {label for path in manifests for label in json.loads(path.read_text("utf-8"))["results"]}
+    ranked = {
+        label for path in manifests for label in json.loads(path.read_text("utf-8"))["results"]
+    }
     assert ranked & RULES.keys() <= GOLDEN.keys(), "run `python -m tests.baselines.test_golden`"
 
 
 if __name__ == "__main__":
     lines = []
     for rule_name, entry in recorded().items():
-        rows = ",\n".join(f"   {json.dumps(preset)}: {json.dumps(values)}" for preset, values in entry["actions"].items())
-        lines.append(f' {json.dumps(rule_name)}: {{"version": {entry["version"]}, "actions": {{\n{rows}\n }}}}')
+        rows = ",\n".join(
+            f"   {json.dumps(preset)}: {json.dumps(values)}"
+            for preset, values in entry["actions"].items()
+        )
+        lines.append(
+            f' {json.dumps(rule_name)}: {{"version": {entry["version"]}, "actions": {{\n{rows}\n }}}}'
+        )
     FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from baselines.guided import HISTORY, START_SHARE, GuidedPolicy, GuidedRule, decision_space, feature_space
+from baselines.guided import (
+    HISTORY,
+    START_SHARE,
+    GuidedPolicy,
+    GuidedRule,
+    decision_space,
+    feature_space,
+)
 from tests.turning_env.playing import changed
 from turning_env import Family, FamilyVectorEnv
 from turning_env.scoring.policy import Policy
@@ -51,7 +58,10 @@ def test_decisions_limit_the_speed_and_the_used_life():
 def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
     guide, jobs = Constant(0.1, 0.1), (5, 9)
     env, observations, models = lathes(*jobs)
-    policy, alone = GuidedPolicy(guide, models), [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models]
+    policy, alone = (
+        GuidedPolicy(guide, models),
+        [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models],
+    )
     for _ in range(90):
         actions = policy.act(observations)
         each = [single.act(observations[[i]])[0] for i, single in enumerate(alone)]
@@ -81,12 +91,16 @@ def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     _, observations, models = lathes(5)
     mean, spread = FAMILY.context_scale
     numbers = dict(zip(FAMILY.context_names, job.context * spread + mean, strict=True))
-    context = FAMILY.context_of(job.scenario, {name: numbers[name] for name in FAMILY.shown}).astype(np.float32)
+    context = FAMILY.context_of(
+        job.scenario, {name: numbers[name] for name in FAMILY.shown}
+    ).astype(np.float32)
     guides = Constant(0.0, 0.0), Constant(0.0, 0.0)
     GuidedPolicy(guides[0], models).act(observations)
     GuidedPolicy(guides[1], models, context[np.newaxis]).act(observations[:, : -len(context)])
     np.testing.assert_allclose(guides[1].shown[0], guides[0].shown[0], atol=1e-6)
     own = changed(models[0], control={"edge_changes": "automatic"})
-    assert GuidedPolicy(guides[1], [own], context[np.newaxis]).act(observations[:, : -len(context)]).shape == (1, 2)
+    assert GuidedPolicy(guides[1], [own], context[np.newaxis]).act(
+        observations[:, : -len(context)]
+    ).shape == (1, 2)
     with pytest.raises(ValueError, match="stiffness"):
         FAMILY.context_of(job.scenario, {"heat": 0.5})

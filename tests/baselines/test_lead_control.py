@@ -20,9 +20,14 @@ def mean_return(name: str, scenario: Scenario, like: Scenario) -> float:
 
 @pytest.mark.parametrize(
     ("preset", "with_lead", "without"),
-    [("surface", "constant_force_lead", "constant_force"), ("override", "constant_power_lead", "omative")],
+    [
+        ("surface", "constant_force_lead", "constant_force"),
+        ("override", "constant_power_lead", "omative"),
+    ],
 )
-def test_the_lead_returns_more_than_the_law_without(preset: str, with_lead: str, without: str) -> None:
+def test_the_lead_returns_more_than_the_law_without(
+    preset: str, with_lead: str, without: str
+) -> None:
     scenario = Scenario.load(preset)
     assert mean_return(with_lead, scenario, scenario) > mean_return(without, scenario, scenario)
 
@@ -30,7 +35,9 @@ def test_the_lead_returns_more_than_the_law_without(preset: str, with_lead: str,
 def test_harder_metal_than_nominal_is_estimated() -> None:
     surface = Scenario.load("surface")
     harder = changed(surface, mismatch={"hardness_factor": 1.3})
-    as_nominal, with_more_force = (mean_return("constant_force_lead", scenario, surface) for scenario in (surface, harder))
+    as_nominal, with_more_force = (
+        mean_return("constant_force_lead", scenario, surface) for scenario in (surface, harder)
+    )
     assert with_more_force == pytest.approx(as_nominal, abs=1.5)
 
 

@@ -36,11 +36,16 @@ def learned() -> LearnedPower:
 
 def changes(policy: LearnedPower, load: float, minutes: float, override: float = 1.0) -> bool:
     """Whether an edge change is asked for when a load lasts, in the shift."""
-    answers = [policy.act(observe(load, 1.0 + second / 60.0, override))[0, 2] for second in range(int(60 * minutes))]
+    answers = [
+        policy.act(observe(load, 1.0 + second / 60.0, override))[0, 2]
+        for second in range(int(60 * minutes))
+    ]
     return max(answers) > 0.0
 
 
-def test_growth_of_power_at_constant_feed_changes_the_edge_and_a_fresh_one_is_learned_anew() -> None:
+def test_growth_of_power_at_constant_feed_changes_the_edge_and_a_fresh_one_is_learned_anew() -> (
+    None
+):
     limit, lasting = 1.4 * REFERENCE, 5.0 * WEAR_TIME / 60.0
     assert not changes(learned(), limit * 0.98, lasting)
     assert not changes(learned(), limit * 1.2, 0.1 * WEAR_TIME / 60.0)  # a hard spot

@@ -35,13 +35,31 @@ def test_jobs_played_together_are_those_played_alone() -> None:
 
 @pytest.mark.slow
 def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
-    fields = {"control.time_limit": 2.0, "sensors.inspects_edges": True, "material.power.coefficient": "0.3034 * hard"}
-    hard = {"uniform": [0.8, 1.2], "unit": "-", "source": "test", "truth": {"log_normal": [1.1, 0.0]}}
+    fields = {
+        "control.time_limit": 2.0,
+        "sensors.inspects_edges": True,
+        "material.power.coefficient": "0.3034 * hard",
+    }
+    hard = {
+        "uniform": [0.8, 1.2],
+        "unit": "-",
+        "source": "test",
+        "truth": {"log_normal": [1.1, 0.0]},
+    }
     family = Family.load({"name": "short", "variables": {"hard": hard}, "fields": fields})
     for each in (family, Truthful.of(family)):
         jobs = [each.job(number) for number in range(2)]
-        together = play_family(each, "train", range(2), spec("self_tuning", [job.scenario for job in jobs]).make, "hidden")
-        alone = [play(spec("self_tuning", job.scenario).make, job.scenario, [seed]) for seed, job in enumerate(jobs)]
+        together = play_family(
+            each,
+            "train",
+            range(2),
+            spec("self_tuning", [job.scenario for job in jobs]).make,
+            "hidden",
+        )
+        alone = [
+            play(spec("self_tuning", job.scenario).make, job.scenario, [seed])
+            for seed, job in enumerate(jobs)
+        ]
         assert (together["steps"] > 60).all()
         for name, values in together.items():
             np.testing.assert_array_equal([played[name][0] for played in alone], values)

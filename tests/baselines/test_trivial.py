@@ -9,13 +9,23 @@ from turning_env.scoring.seeds import tuning_seeds
 
 @pytest.mark.parametrize("preset", ["rough_turning", "batch_casting"])
 def test_random_actions_fill_the_action_space_evenly(preset: str) -> None:
-    env, policy = RoughTurningVectorEnv(256, preset), spec("random", Scenario.load(preset)).make(256)
+    env, policy = (
+        RoughTurningVectorEnv(256, preset),
+        spec("random", Scenario.load(preset)).make(256),
+    )
     low, high = env.single_observation_space.low, env.single_observation_space.high
     random = np.random.default_rng(0)
-    actions = np.array([policy.act(random.uniform(low, high, (256, len(low))).astype(np.float32)) for _ in range(16)])
+    actions = np.array(
+        [
+            policy.act(random.uniform(low, high, (256, len(low))).astype(np.float32))
+            for _ in range(16)
+        ]
+    )
     assert actions.shape[1:] == env.action_space.shape
     for column in actions.reshape(-1, actions.shape[2]).T:
-        assert np.histogram(column, bins=4, range=(-1.0, 1.0))[0] == pytest.approx(np.full(4, 1024.0), rel=0.15)
+        assert np.histogram(column, bins=4, range=(-1.0, 1.0))[0] == pytest.approx(
+            np.full(4, 1024.0), rel=0.15
+        )
 
 
 def episodes(name: str, scenario: Scenario) -> Episodes:

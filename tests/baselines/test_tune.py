@@ -18,9 +18,15 @@ from turning_env import Scenario
 SHORT = Scenario.model_validate({"name": "short", "control": {"time_limit": 0.1}})
 ALLOWANCE = SHORT.limits.overload_allowance
 OTHER = Rule(
-    "made up", RULES["fixed_tuned"].controller, lambda scenario: True, {"cutting_speed": Range(80.0, 120.0), "feed": 0.2}
+    "made up",
+    RULES["fixed_tuned"].controller,
+    lambda scenario: True,
+    {"cutting_speed": Range(80.0, 120.0), "feed": 0.2},
 )
-RULE = replace(OTHER, parameters={"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0})
+RULE = replace(
+    OTHER,
+    parameters={"share": Range(0.0, 1.0), "gain": Range(0.01, 1.0, logarithmic=True), "known": 7.0},
+)
 
 
 def hill(setting: Parameters) -> tuple[float, float]:
@@ -36,7 +42,9 @@ class Counted:
         self.settings: list[Parameters] = []
         self.raise_at: dict[int, BaseException] = {}
 
-    def __call__(self, name: str, rule: Rule, task: Scenario, setting: Parameters, seeds: list[int]) -> Played:
+    def __call__(
+        self, name: str, rule: Rule, task: Scenario, setting: Parameters, seeds: list[int]
+    ) -> Played:
         self.settings.append(setting)
         if error := self.raise_at.get(len(self.settings)):
             raise error
@@ -48,28 +56,47 @@ class Counted:
 def search(tmp_path: Path) -> Callable[..., dict[str, Any]]:
     """Return a search that keeps its log in ``tmp_path / "made_up.log"``."""
 
-    def search(counted: Counted, trials: int = 16, seeds: int = 4, rule: Rule = RULE, scenario: Scenario = SHORT) -> Any:
+    def search(
+        counted: Counted,
+        trials: int = 16,
+        seeds: int = 4,
+        rule: Rule = RULE,
+        scenario: Scenario = SHORT,
+    ) -> Any:
         budget = {"trials": trials, "seeds": seeds}
         return tune.search("made_up", rule, scenario, budget, tmp_path / "made_up.log", counted)
 
     return search
 
 
-def test_the_middle_comes_first_and_the_best_feasible_setting_wins(search: Callable[..., dict[str, Any]]) -> None:
+def test_the_middle_comes_first_and_the_best_feasible_setting_wins(
+    search: Callable[..., dict[str, Any]],
+) -> None:
     counted = Counted()
     found = search(counted, trials=30)
     assert counted.settings[0] == {"share": 0.5, "gain": pytest.approx(0.1), "known": 7.0}
-    assert all(0 <= each["share"] <= 1 and 0.01 <= each["gain"] <= 1 and each["known"] == 7 for each in counted.settings)
+    assert all(
+        0 <= each["share"] <= 1 and 0.01 <= each["gain"] <= 1 and each["known"] == 7
+        for each in counted.settings
+    )
     share = found["parameters"].pop("share")
     assert 0.55 < share <= 0.6
     assert found.pop("severe_share") == pytest.approx(0.8 * ALLOWANCE * share / 0.6)
     assert found.pop("parameters").keys() == {"gain"}
     best = max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
-    assert found == {"version": 1, "mean_return": best, "feasible": True, "episodes_played": 120, "steps_played": 3000}
+    assert found == {
+        "version": 1,
+        "mean_return": best,
+        "feasible": True,
+        "episodes_played": 120,
+        "steps_played": 3000,
+    }
 
 
 @pytest.mark.parametrize("at", [1, 14])
-def test_interrupted_it_goes_on_to_the_same_end(at: int, search: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
+def test_interrupted_it_goes_on_to_the_same_end(
+    at: int, search: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
     whole, parts = Counted(), Counted()
     expected = search(whole)
     (tmp_path / "made_up.log").unlink()
@@ -78,10 +105,14 @@ def test_interrupted_it_goes_on_to_the_same_end(at: int, search: Callable[..., d
         with pytest.raises(KeyboardInterrupt):
             search(parts)
     assert search(parts) == expected
-    assert parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
+    assert (
+        parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
+    )
 
 
-def test_damaged_lines_of_a_log_are_played_again(search: Callable[..., dict[str, Any]], tmp_path: Path) -> None:
+def test_damaged_lines_of_a_log_are_played_again(
+    search: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
     counted, log = Counted(), tmp_path / "made_up.log"
     expected = search(counted, trials=12)
     *whole, last = log.read_bytes().split(b"\n\n")
@@ -106,7 +137,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run(folder: Path, *arguments: str) -> int:
     common = ["--scenario", str(folder / "short.toml"), "--seeds", "2"]
-    return tune.main([*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))])
+    return tune.main(
+        [*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))]
+    )
 
 
 def test_the_file_states_command_budget_and_results(folder: Path) -> None:
@@ -133,22 +166,32 @@ def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     assert sorted(folder.iterdir()) == [folder / "short.toml", path]
 
 
-def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(folder: Path, capsys: Any) -> None:
+def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
+    folder: Path, capsys: Any
+) -> None:
     path = folder / "short.toml"
     assert tune.main(["--scenario", str(path), "--quick"]) == 0
     values, scenario = tuned.read(folder / "short.tuned.json"), Scenario.load(path)
     assert list(values["rules"]) == ["fixed_tuned"]
     assert values["budget"] == tune.QUICK
     assert spec("fixed_tuned", scenario).parameters == values["rules"]["fixed_tuned"]["parameters"]
-    with pytest.raises(tuned.NotTuned, match=rf"other has not .* run `{re.escape(tuned.command(scenario))} --rules other`"):
+    with pytest.raises(
+        tuned.NotTuned,
+        match=rf"other has not .* run `{re.escape(tuned.command(scenario))} --rules other`",
+    ):
         spec("other", scenario)
     assert run(folder, "--quick", "--rules", "other") == 2
     assert "keeps fixed_tuned, tuned with another budget" in capsys.readouterr().err
     assert run(folder) == 0
-    assert spec("other", scenario).command == f"python -m baselines.tune --scenario {path} --trials 3 --seeds 2 --rules other"
+    assert (
+        spec("other", scenario).command
+        == f"python -m baselines.tune --scenario {path} --trials 3 --seeds 2 --rules other"
+    )
 
 
-@pytest.mark.parametrize("content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3))
+@pytest.mark.parametrize(
+    "content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3)
+)
 def test_a_damaged_file_of_tuned_parameters_is_named_and_kept(folder: Path, content: str) -> None:
     path = folder / "short.tuned.json"
     path.write_text(content)

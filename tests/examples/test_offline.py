@@ -30,21 +30,33 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_minari_recovers_the_environment_and_episodes_play_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_minari_recovers_the_environment_and_episodes_play_again(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
     dataset = minari.load_dataset("rough_turning-mixture-v0")
     metadata = dataset.storage.metadata
     assert metadata["scenario_digest"] == RoughTurningEnv().scenario.digest()
-    assert (metadata["first_seed"], metadata["last_seed"], metadata["action_noise"]) == (999_000_000, 999_000_003, 0.2)
+    assert (metadata["first_seed"], metadata["last_seed"], metadata["action_noise"]) == (
+        999_000_000,
+        999_000_003,
+        0.2,
+    )
     assert metadata["last_seed"] < TUNING_START
     marks = list(dataset.storage.get_episode_metadata(range(4)))
     assert [mark["behaviour"] for mark in marks] == ["grid_search", "analytic_gradient"] * 2
     env = dataset.recover_environment()
-    for seed, (episode, mark) in enumerate(zip(dataset.iterate_episodes(), marks, strict=True), 999_000_000):
+    for seed, (episode, mark) in enumerate(
+        zip(dataset.iterate_episodes(), marks, strict=True), 999_000_000
+    ):
         assert int(mark["seed"]) == seed
         played = [env.reset(seed=seed)[0], *(env.step(action) for action in episode.actions)]
-        np.testing.assert_array_equal([played[0], *(step[0] for step in played[1:])], episode.observations)
-        for column, recorded in enumerate((episode.rewards, episode.terminations, episode.truncations), 1):
+        np.testing.assert_array_equal(
+            [played[0], *(step[0] for step in played[1:])], episode.observations
+        )
+        for column, recorded in enumerate(
+            (episode.rewards, episode.terminations, episode.truncations), 1
+        ):
             np.testing.assert_array_equal([step[column] for step in played[1:]], recorded)
         assert episode.terminations[-1] or episode.truncations[-1]
         assert mark["return"] == pytest.approx(episode.rewards.sum())
@@ -52,12 +64,21 @@ def test_minari_recovers_the_environment_and_episodes_play_again(folder: Path, m
 
 @pytest.mark.slow
 def test_the_metadata_name_the_files_by_their_digests(folder: Path) -> None:
-    home = folder / "rough_turning-mixture-v0"  # ``mlcroissant validate`` checks the form (docs/publishing.md)
+    home = (
+        folder / "rough_turning-mixture-v0"
+    )  # ``mlcroissant validate`` checks the form (docs/publishing.md)
     files = json.loads((home / "croissant.json").read_text("utf-8"))["distribution"]
     assert {each["contentUrl"] for each in files} == {"data/main_data.hdf5", "data/metadata.json"}
     for each in files:
-        assert hashlib.sha256((home / each["contentUrl"]).read_bytes()).hexdigest() == each["sha256"]
-    assert publish.repository(home).files.keys() == {"README.md", "croissant.json", "data/main_data.hdf5", "data/metadata.json"}
+        assert (
+            hashlib.sha256((home / each["contentUrl"]).read_bytes()).hexdigest() == each["sha256"]
+        )
+    assert publish.repository(home).files.keys() == {
+        "README.md",
+        "croissant.json",
+        "data/main_data.hdf5",
+        "data/metadata.json",
+    }
     names = [publish.repository(card).name for card in sorted(AGENT.parents[2].glob("*/*/*.md"))]
     assert len(names) == len(set(names)), "two agents share a repository"
     assert publish.main(["OWNER", str(folder)]) == 2
@@ -65,7 +86,9 @@ def test_the_metadata_name_the_files_by_their_digests(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_data_set_has_the_same_checksum_again(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_data_set_has_the_same_checksum_again(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     again = checksum(made("mixture", tmp_path))
     assert again == checksum(load(folder / "rough_turning-mixture-v0"))
     assert capsys.readouterr().out.split()[-1] == again
@@ -74,5 +97,8 @@ def test_a_data_set_has_the_same_checksum_again(folder: Path, tmp_path: Path, ca
 
 
 def test_noise_depends_on_the_episodes_seed_alone() -> None:
-    together, alone = record(policy("load_rule"), [7, 8], 0.2)[1], record(policy("load_rule"), [8], 0.2)[0]
+    together, alone = (
+        record(policy("load_rule"), [7, 8], 0.2)[1],
+        record(policy("load_rule"), [8], 0.2)[0],
+    )
     np.testing.assert_array_equal(together.actions, alone.actions)

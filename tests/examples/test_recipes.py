@@ -9,9 +9,16 @@ from turning_env import FAMILY_ID, IDS
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["recurrent_ppo", "sac --vec-env gymnasium", f"ppo --env {FAMILY_ID}"])
+@pytest.mark.parametrize(
+    "words", ["recurrent_ppo", "sac --vec-env gymnasium", f"ppo --env {FAMILY_ID}"]
+)
 def test_every_algorithm_learns(words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(f"--algorithm {words} --num-envs 8 --steps 2048 --rollout 512 --tuning-seeds 1".split()) == 0
+    assert (
+        main(
+            f"--algorithm {words} --num-envs 8 --steps 2048 --rollout 512 --tuning-seeds 1".split()
+        )
+        == 0
+    )
     assert capsys.readouterr().out.startswith(f"{words.split()[0]} after 2048 steps: -")
 
 

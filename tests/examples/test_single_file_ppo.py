@@ -14,7 +14,10 @@ from turning_env.scoring.seeds import tuning_seeds
 def test_it_learns() -> None:
     torch.manual_seed(0)
     untrained, trained = Agent(11, 2), train(Settings(steps=60_000))
-    before, after = (play(as_factory(agent.mean), Scenario(), tuning_seeds(8))["return"].mean() for agent in (untrained, trained))
+    before, after = (
+        play(as_factory(agent.mean), Scenario(), tuning_seeds(8))["return"].mean()
+        for agent in (untrained, trained)
+    )
     assert after > before + 500
 
 

@@ -35,7 +35,9 @@ def h13(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_finds_exponents_growth_and_forms(vicomtech: Path, h13: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_finds_exponents_growth_and_forms(
+    vicomtech: Path, h13: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     runpy.run_path(str(PROGRAM))["main"](vicomtech, h13)
     printed = capsys.readouterr().out
     assert "Vicomtech: 78 readings" in printed

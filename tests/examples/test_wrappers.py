@@ -30,20 +30,33 @@ ARGUMENTS: dict[str, Callable[[Any], tuple[Any, ...]]] = {
     "RepeatAction": lambda env: (3,),
     "RescaleAction": lambda env: (ZERO, ONE),
     "RescaleObservation": lambda env: (ZERO, ONE),
-    "ReshapeObservation": lambda env: ((1, *getattr(env, "single_observation_space", env.observation_space).shape),),
+    "ReshapeObservation": lambda env: (
+        (1, *getattr(env, "single_observation_space", env.observation_space).shape),
+    ),
     "StickyAction": lambda env: (0.25,),
     "TimeLimit": lambda env: (10,),
     "TransformAction": lambda env: (np.negative, *spaces_of(env, "action_space")),
-    "TransformObservation": lambda env: (lambda seen: seen / 2, *spaces_of(env, "observation_space")),
+    "TransformObservation": lambda env: (
+        lambda seen: seen / 2,
+        *spaces_of(env, "observation_space"),
+    ),
     "TransformReward": lambda env: (lambda reward: reward / 3,),
     "VectorizeTransformAction": lambda env: (single.ClipAction,),
     "VectorizeTransformObservation": lambda env: (single.FlattenObservation,),
-    "VectorizeTransformReward": lambda env: (partial(single.TransformReward, func=lambda reward: reward / 3),),
+    "VectorizeTransformReward": lambda env: (
+        partial(single.TransformReward, func=lambda reward: reward / 3),
+    ),
 }
 """The arguments of wrappers that take more than an environment."""
 NOT_APPLICABLE = {
     "vector",  # the module
-    *("AddRenderObservation", "AddWhiteNoise", "GrayscaleObservation", "HumanRendering", "ObstructView"),  # of pictures
+    *(
+        "AddRenderObservation",
+        "AddWhiteNoise",
+        "GrayscaleObservation",
+        "HumanRendering",
+        "ObstructView",
+    ),  # of pictures
     *("RecordVideo", "RenderCollection", "AtariPreprocessing", "ResizeObservation"),
     "FilterObservation",  # of dictionaries and tuples
     *("ArrayConversion", "JaxToNumpy", "JaxToTorch", "NumpyToTorch"),  # need array-api-compat
@@ -98,7 +111,9 @@ def test_time_aware_observation_of_every_id(env_id: str) -> None:
 @pytest.mark.parametrize("name", VECTOR)
 def test_vector_as_gymnasiums_own_vector_environment(name: str, mode: AutoresetMode) -> None:
     envs: Any = RoughTurningVectorEnv(3, SHORT_LIVED, mode)
-    sync: Any = gymnasium.vector.SyncVectorEnv([lambda: RoughTurningEnv(SHORT_LIVED)] * 3, autoreset_mode=mode)
+    sync: Any = gymnasium.vector.SyncVectorEnv(
+        [lambda: RoughTurningEnv(SHORT_LIVED)] * 3, autoreset_mode=mode
+    )
     try:
         theirs = wrapped(vector, name, sync)
     except ValueError:  # Gymnasium refuses some modes, whatever the environment

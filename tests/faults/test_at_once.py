@@ -36,7 +36,9 @@ with getattr(files, sys.argv[1])(Path(sys.argv[2]), **options):
 def held(how: str, path: Path, *shared: str) -> Iterator["subprocess.Popen[str]"]:
     """Another process, which holds a folder or a file until it is killed or its input ends."""
     command = [sys.executable, "-c", HOLD, how, str(path), *shared]
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+    with subprocess.Popen(
+        command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         try:
@@ -50,7 +52,10 @@ def test_a_folder_is_held_until_the_process_ends_however_it_ends(tmp_path: Path)
     folder = tmp_path / "new" / "folder"
     with held("folder_lock", folder) as other:
         (folder / ".partial-7-file.txt").touch()
-        with pytest.raises(ValueError, match=f"another process works in {folder}"), folder_lock(folder):
+        with (
+            pytest.raises(ValueError, match=f"another process works in {folder}"),
+            folder_lock(folder),
+        ):
             pass
         assert list(folder.iterdir())  # what another may be filling is let be
         other.kill()
@@ -79,7 +84,9 @@ def test_a_training_is_not_trained_twice_at_once(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     run = small_run(algorithm, tmp_path, steps=512)
     with held("folder_lock", run.folder) as other:
-        with pytest.raises(ValueError, match=f"another process works in {run.folder}: wait until it has finished"):
+        with pytest.raises(
+            ValueError, match=f"another process works in {run.folder}: wait until it has finished"
+        ):
             train(run, algorithm)
         assert not list(run.folder.iterdir())
         threading.Timer(0.2, other.kill).start()
@@ -91,30 +98,56 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
     run = small_run(algorithm, tmp_path)
     run.begin()
     run.checkpoint.write_bytes(b"no archive")
-    with pytest.raises(ValueError, match=rf"{run.checkpoint} cannot be read: .*; delete it to begin the training anew"):
+    with pytest.raises(
+        ValueError,
+        match=rf"{run.checkpoint} cannot be read: .*; delete it to begin the training anew",
+    ):
         train(run, algorithm)
     for content in ("{}", "[]", "[" * 100_000):
         (run.folder / "run.json").write_text(content)
-        with pytest.raises(ValueError, match=rf"{run.folder / 'run.json'} describes no training run"):
+        with pytest.raises(
+            ValueError, match=rf"{run.folder / 'run.json'} describes no training run"
+        ):
             Run.read(run.folder)
 
 
 @pytest.mark.slow
-def test_a_search_of_rules_is_not_made_twice_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_search_of_rules_is_not_made_twice_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     SCENARIO.save(tmp_path / "short.toml")
-    arguments = ["--scenario", str(tmp_path / "short.toml"), "--trials", "1", "--seeds", "2", "--rules"]
+    arguments = [
+        "--scenario",
+        str(tmp_path / "short.toml"),
+        "--trials",
+        "1",
+        "--seeds",
+        "2",
+        "--rules",
+    ]
     with held("file_lock", rule_tuning.log_of("fixed_tuned", tmp_path / "short.tuned.json")):
         assert rule_tuning.main([*arguments, "fixed_tuned"]) == 2
         assert "error: another process works in" in capsys.readouterr().err
-        assert rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0  # another rule, into the same file
+        assert (
+            rule_tuning.main([*arguments, "rescaled_grid_search"]) == 0
+        )  # another rule, into the same file
     assert rule_tuning.main([*arguments, "fixed_tuned"]) == 0
-    assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {"fixed_tuned", "rescaled_grid_search"}
+    assert tuned.contents(Scenario.load(tmp_path / "short.toml"))["rules"].keys() == {
+        "fixed_tuned",
+        "rescaled_grid_search",
+    }
 
 
 @pytest.mark.slow
 def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path) -> None:
-    task = Task(env_id=ENV_ID, scenario=Scenario.model_validate({"control": {"time_limit": 0.2}}), seeds=[7, 8, 9, 10])
-    here, expected = (result_folder(tmp_path / name, ENV_ID, task.scenario.name) for name in ("two", "one"))
+    task = Task(
+        env_id=ENV_ID,
+        scenario=Scenario.model_validate({"control": {"time_limit": 0.2}}),
+        seeds=[7, 8, 9, 10],
+    )
+    here, expected = (
+        result_folder(tmp_path / name, ENV_ID, task.scenario.name) for name in ("two", "one")
+    )
     second, third = spec("second", (0.0, 0.2)), spec("third", (0.0, 0.3))
     recording = 0
 
@@ -130,7 +163,15 @@ def test_two_runs_of_the_leaderboard_into_one_folder_lose_nothing(tmp_path: Path
     play_all(task, [spec("first", (0.0, 0.1)), second, third], expected)
     assert recording > 1
     names = [path.name for path in sorted(expected.iterdir())]
-    assert names == ["first.json.xz", "manifest.json", "second.json.xz", "third.json.xz", "trajectories.json.xz"]
+    assert names == [
+        "first.json.xz",
+        "manifest.json",
+        "second.json.xz",
+        "third.json.xz",
+        "trajectories.json.xz",
+    ]
     for name in set(names) - {"manifest.json"}:
         assert (here / name).read_bytes() == (expected / name).read_bytes()
-    assert len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_SEEDS
+    assert (
+        len(read_part(Trajectories, here / "trajectories.json.xz").episodes) == 3 * RECORDED_SEEDS
+    )

@@ -51,20 +51,45 @@ def read_only() -> Iterator[Callable[[], Path]]:
 
 def commands(folder: Path, scenario: Path) -> dict[str, tuple[Main, list[str]]]:
     """Programs that write, with their arguments."""
-    rules = ["run", "--policies", "programmed_feed", "tmac", "--env", "RoughTurning-Override-v1", "--seeds", "1"]
-    search = ["--scenario", str(scenario), "--rules", "fixed_tuned", "--trials", "1", "--seeds", "2"]
+    rules = [
+        "run",
+        "--policies",
+        "programmed_feed",
+        "tmac",
+        "--env",
+        "RoughTurning-Override-v1",
+        "--seeds",
+        "1",
+    ]
+    search = [
+        "--scenario",
+        str(scenario),
+        "--rules",
+        "fixed_tuned",
+        "--trials",
+        "1",
+        "--seeds",
+        "2",
+    ]
     return {
         "train.ppo": (ppo.main, ["--steps", "1", "--runs", str(folder / "runs")]),
-        "baselines.tune": (rule_tuning.main, [*search, "--out", str(folder / "tuned" / "short.json")]),
+        "baselines.tune": (
+            rule_tuning.main,
+            [*search, "--out", str(folder / "tuned" / "short.json")],
+        ),
         "leaderboard run": (board.main, [*rules, "--results", str(folder / "results")]),
     }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", commands(Path(), Path()))
-def test_a_folder_that_must_not_be_written_is_an_error(name, read_only, tmp_path, capsys, scenario_file) -> None:
+def test_a_folder_that_must_not_be_written_is_an_error(
+    name, read_only, tmp_path, capsys, scenario_file
+) -> None:
     main, arguments = commands(tmp_path, scenario_file)[name]
-    assert main(arguments) == 0  # where it may be written, it is; and all modules are loaded before the user changes
+    assert (
+        main(arguments) == 0
+    )  # where it may be written, it is; and all modules are loaded before the user changes
     folder = read_only()
     main, arguments = commands(folder, scenario_file)[name]
     assert main(arguments) == 2
@@ -84,7 +109,9 @@ def scenario_file() -> Iterator[Path]:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the file that its library leaves open
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # the file that its library leaves open
 def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> None:
     algorithm = ALGORITHMS["ppo"]
     undisturbed, run = (small_run(algorithm, tmp_path / name) for name in ("undisturbed", "full"))
@@ -96,19 +123,30 @@ def test_a_training_that_finds_the_disk_full_goes_on_later(tmp_path: Path) -> No
     assert not list(run.folder.glob(".partial-*"))
     assert unreadable(run.folder) == []
     train(run, algorithm)
-    assert [path.name for path in files(run.folder)] == [path.name for path in files(undisturbed.folder)]
+    assert [path.name for path in files(run.folder)] == [
+        path.name for path in files(undisturbed.folder)
+    ]
 
 
 @pytest.mark.slow
-def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_leaderboard_that_finds_the_disk_full_keeps_what_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     main, arguments = commands(tmp_path, tmp_path)["leaderboard run"]
     with full_disk(3000):  # of which the trajectories are more
         assert main(arguments) == 2
     assert "trajectories.json.xz: File too large" in capsys.readouterr().err
-    assert [path.name for path in files(tmp_path)] == (played := ["programmed_feed.json.xz", "tmac.json.xz"])
+    assert [path.name for path in files(tmp_path)] == (
+        played := ["programmed_feed.json.xz", "tmac.json.xz"]
+    )
     assert unreadable(tmp_path) == []
     (first, *_) = files(tmp_path)
     before = first.stat().st_mtime_ns
     assert main(arguments) == 0
-    assert {path.name for path in files(tmp_path)} == {*played, "manifest.json", "trajectories.json.xz", "index.html"}
+    assert {path.name for path in files(tmp_path)} == {
+        *played,
+        "manifest.json",
+        "trajectories.json.xz",
+        "index.html",
+    }
     assert first.stat().st_mtime_ns == before

@@ -21,7 +21,9 @@ SMALLER = partial(soak.leaderboard, more=("--seeds", "4"))
     [pytest.param(soak.training, marks=pytest.mark.soak), soak.tuning_of_rules, SMALLER],
     ids=["training", "tuning of rules", "leaderboard"],
 )
-def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(program: soak.Program, tmp_path: Path) -> None:
+def test_a_killed_program_goes_on_to_what_it_makes_undisturbed(
+    program: soak.Program, tmp_path: Path
+) -> None:
     toll = soak.kill(program, 1, tmp_path, Random(4))
     assert toll.kills == 1
     assert toll.torn == toll.differing == toll.orphans == 0, toll
@@ -47,7 +49,9 @@ time.sleep({2 * MAX})
 def test_processes_end_though_who_started_them_is_killed(tmp_path: Path) -> None:
     program, mark = tmp_path / "long.py", tmp_path / "long.number"
     program.write_text(LONG)
-    with subprocess.Popen([sys.executable, "-c", PARENT, str(program)], cwd=ROOT, stderr=subprocess.DEVNULL) as parent:
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT, str(program)], cwd=ROOT, stderr=subprocess.DEVNULL
+    ) as parent:
         until(lambda: mark.exists() and mark.read_text() != "")
         parent.kill()
     number = int(mark.read_text())

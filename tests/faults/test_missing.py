@@ -32,8 +32,18 @@ def without(tmp_path: Path) -> Path:
 
 def python(without: Path, package: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
     """Run Python where a package is missing."""
-    variables = os.environ | {"WITHOUT": package, "PYTHONPATH": os.pathsep.join((str(ROOT), str(without)))}
-    return subprocess.run([sys.executable, *arguments], cwd=ROOT, env=variables, capture_output=True, text=True, check=False)
+    variables = os.environ | {
+        "WITHOUT": package,
+        "PYTHONPATH": os.pathsep.join((str(ROOT), str(without))),
+    }
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=ROOT,
+        env=variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @pytest.mark.parametrize(
@@ -41,19 +51,33 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
     [
         ("torch", "train.ppo --steps 1"),
         ("scipy", "turning_env calibrate docs/examples/cuts.csv --out FILE"),
-        ("asyncua", "turning_control opcua --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed"),
+        (
+            "asyncua",
+            "turning_control opcua --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed",
+        ),
         ("optuna", "baselines.tune --trials 1"),
-        ("matplotlib", "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0"),
+        (
+            "matplotlib",
+            "leaderboard figure --results leaderboard/results --env RoughTurning-Batch-v0",
+        ),
         (
             "onnxruntime",
             "leaderboard run --results FILE --policies --agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
         ),
-        ("PIL", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --out FILE.gif"),
-        ("pygame", "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --human"),
+        (
+            "PIL",
+            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --out FILE.gif",
+        ),
+        (
+            "pygame",
+            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --human",
+        ),
     ],
 )
 def test_what_is_missing_is_said_in_one_line(package: str, command: str, without: Path) -> None:
-    finished = python(without, package, "-m", *command.replace("FILE", str(without / "film")).split())
+    finished = python(
+        without, package, "-m", *command.replace("FILE", str(without / "film")).split()
+    )
     assert finished.returncode == 2, finished.stderr
     (line,) = finished.stderr.splitlines()
     assert line.startswith("error: ")
@@ -62,14 +86,29 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
-    code = "import gymnasium; gymnasium.make('turning_env:RoughTurning-Program', program='part.mpf')"
+    code = (
+        "import gymnasium; gymnasium.make('turning_env:RoughTurning-Program', program='part.mpf')"
+    )
     finished = python(without, "shapely", "-c", code)
     assert finished.stderr.count("Traceback") == 1
     last = finished.stderr.splitlines()[-1]
-    assert last == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning[programs]'"
+    assert (
+        last
+        == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning[programs]'"
+    )
 
 
 def test_without_torch_rules_are_played(without: Path) -> None:
-    words = ["-m", "leaderboard", "run", "--env", "RoughTurning-Override-v1", "--seeds", "1", "--policies", "programmed_feed"]
+    words = [
+        "-m",
+        "leaderboard",
+        "run",
+        "--env",
+        "RoughTurning-Override-v1",
+        "--seeds",
+        "1",
+        "--policies",
+        "programmed_feed",
+    ]
     assert python(without, "torch", *words, "--results", str(without / "results")).returncode == 0
     assert (without / "results" / "index.html").exists()

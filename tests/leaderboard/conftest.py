@@ -29,12 +29,22 @@ class Steady:
         return self._actions
 
 
-def spec(name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, **fields: object) -> PolicySpec:
+def spec(
+    name: str, action: tuple[float, float] = (0.0, 0.0), seed: int | None = None, **fields: object
+) -> PolicySpec:
     """Return a policy that always acts alike: a rule, with a training seed an agent."""
     kind = "rule" if seed is None else "agent"
     parameters = {"speed": action[0], "feed": action[1]}
-    whole = {"name": name, "kind": kind, "description": "made up", "parameters": parameters, "training_seed": seed}
-    return PolicySpec.model_validate(whole | {"make": lambda num_envs: Steady(num_envs, action)} | fields)
+    whole = {
+        "name": name,
+        "kind": kind,
+        "description": "made up",
+        "parameters": parameters,
+        "training_seed": seed,
+    }
+    return PolicySpec.model_validate(
+        whole | {"make": lambda num_envs: Steady(num_envs, action)} | fields
+    )
 
 
 def on(scenario: Scenario) -> Task:
@@ -46,7 +56,14 @@ def only(path: Path) -> Result:
     return result
 
 
-def play_all(task: Task, policies: Sequence[PolicySpec], folder: Path, fresh: bool = False, *, replace: bool = False) -> None:
+def play_all(
+    task: Task,
+    policies: Sequence[PolicySpec],
+    folder: Path,
+    fresh: bool = False,
+    *,
+    replace: bool = False,
+) -> None:
     run.play_all([run.TaskRun(task, policies, folder)], fresh, replace=replace)
 
 
@@ -69,11 +86,26 @@ def folder(tmp_path: Path, scenario: Scenario) -> Path:
 @pytest.fixture(scope="session")
 def make_result(task: Task) -> MakeResult:
     """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
-    plain = {"time": 60.0, "engaged_time": 60.0, "removed": 100.0, "used_life": 0.5, "truncated": 1.0}
+    plain = {
+        "time": 60.0,
+        "engaged_time": 60.0,
+        "removed": 100.0,
+        "used_life": 0.5,
+        "truncated": 1.0,
+    }
 
-    def make(name: str, seed: int | None = None, policy: PolicySpec | None = None, on: Task = task, **values: object) -> Result:
+    def make(
+        name: str,
+        seed: int | None = None,
+        policy: PolicySpec | None = None,
+        on: Task = task,
+        **values: object,
+    ) -> Result:
         filled = {field: plain.get(field, 0.0) for field in EPISODE_FIELDS} | values
-        episodes = {field: np.broadcast_to(np.asarray(value, np.float64), len(on.seeds)) for field, value in filled.items()}
+        episodes = {
+            field: np.broadcast_to(np.asarray(value, np.float64), len(on.seeds))
+            for field, value in filled.items()
+        }
         return Result.of(on, policy or spec(name, seed=seed), episodes)
 
     return make

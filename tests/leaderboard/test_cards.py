@@ -27,11 +27,19 @@ pytestmark = pytest.mark.slow  # exports and plays agents
 def shipped(tmp_path: Path, task: Task) -> Path:
     """Two training seeds of one agent with their results, also on a split, and a rule."""
     own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
-    short_split = Scenario.load("harder_lot").model_copy(update={"control": onnx_agents.SCENARIO.control})
+    short_split = Scenario.load("harder_lot").model_copy(
+        update={"control": onnx_agents.SCENARIO.control}
+    )
     split = task.model_copy(update={"scenario": short_split, "seeds": [5, 6]})
-    paths = [onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True) for seed in (0, 1)]
+    paths = [
+        onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True)
+        for seed in (0, 1)
+    ]
     for each in (own, split):
-        for policy in [*policies.agents(paths, on(each.scenario)), policies.one_named("fixed_handbook", on(each.scenario))]:
+        for policy in [
+            *policies.agents(paths, on(each.scenario)),
+            policies.one_named("fixed_handbook", on(each.scenario)),
+        ]:
             assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
             result = Result.of(each, policy, attempt((policy, each.scenario, each.seeds)))
             write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))
@@ -76,14 +84,18 @@ def test_only_one_training_seed_must_be_there(shipped: Path) -> None:
     assert [path.read_text("utf-8") for path in written] == before
 
 
-def test_cards_without_results_are_refused(shipped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cards_without_results_are_refused(
+    shipped: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = shipped / "agents" / ENV_ID / "short"
     (shipped / "results" / ENV_ID / "short" / "ppo-seed1.json.xz").unlink()
     assert main(command(shipped)) == 2
     assert "ppo-seed1.onnx has no results" in capsys.readouterr().err
     (folder / "ppo-seed1.onnx").rename(folder / "ppo-seed7.onnx")
     assert main(command(shipped)) == 2
-    assert f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx" in capsys.readouterr().err
+    assert (
+        f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx" in capsys.readouterr().err
+    )
     for path in folder.iterdir():
         path.unlink()
     assert main(command(shipped)) == 2
@@ -101,7 +113,9 @@ HOSTILE = {
 }
 
 
-def test_parameters_of_a_hostile_agent_are_short_and_no_markup(tmp_path: Path, task: Task, monkeypatch) -> None:
+def test_parameters_of_a_hostile_agent_are_short_and_no_markup(
+    tmp_path: Path, task: Task, monkeypatch
+) -> None:
     folder = tmp_path / "agents" / ENV_ID / "short"
     path = onnx_agents.write(folder, memory=True)
     command = "python -m train.ppo\n```\n<script>" + 1_000_000 * "y"

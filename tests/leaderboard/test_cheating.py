@@ -50,17 +50,23 @@ def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) ->
         assert spy.given[0] == num_envs
         for given in spy.given[1:]:
             assert type(given) is np.ndarray
-            assert (given.dtype, given.shape) in ((np.bool_, (num_envs,)), (np.float32, (num_envs, 11)))
+            assert (given.dtype, given.shape) in (
+                (np.bool_, (num_envs,)),
+                (np.float32, (num_envs, 11)),
+            )
 
 
 def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
     honest, scribbled = (
-        play(lambda num_envs, kind=kind: kind(num_envs, (0.05, 0.1)), scenario, [7, 8, 9]) for kind in (Steady, Scribbler)
+        play(lambda num_envs, kind=kind: kind(num_envs, (0.05, 0.1)), scenario, [7, 8, 9])
+        for kind in (Steady, Scribbler)
     )
     for name, values in honest.items():
         np.testing.assert_array_equal(scribbled[name], values)
     trajectories = [
-        record(spec("one", make=lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1))), scenario, 7)
+        record(
+            spec("one", make=lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1))), scenario, 7
+        )
         for kind in (Steady, Scribbler)
     ]
     assert trajectories[0].series == trajectories[1].series
@@ -90,7 +96,10 @@ def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:
         assert not any(np.allclose(bars(seed, 0), each) for each in trained)
 
 
-@pytest.mark.parametrize("name", ["", "..", "../up", "/abs", "a/b", "a\\b", ".hidden", "a\0b", "\x1b[2J", "a\nb", "a\x9bb"])
+@pytest.mark.parametrize(
+    "name",
+    ["", "..", "../up", "/abs", "a/b", "a\\b", ".hidden", "a\0b", "\x1b[2J", "a\nb", "a\x9bb"],
+)
 def test_names_are_names(name: str) -> None:
     with pytest.raises(ValueError, match="cannot be a policy's name"):
         spec(name)

@@ -31,19 +31,43 @@ def ranked(**returns: Any) -> dict[str, Standing]:
     results = []
     for title, values in returns.items():
         name, _, knows = title.partition("__")
-        kind = "agent" if name.startswith("agent") else "oracle" if knows or name == CAUSAL else "rule"
+        kind = (
+            "agent" if name.startswith("agent") else "oracle" if knows or name == CAUSAL else "rule"
+        )
         for seed, row in enumerate(np.broadcast_to(values, (2 if kind == "agent" else 1, JOBS))):
-            policy = PolicySpec(name=name, kind=kind, knows=knows or "nominal", training_seed=seed if kind == "agent" else None)
-            severe = np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0) if name == "reckless" else np.zeros(JOBS)
-            episodes = {"return": row, "reward_metal": np.full(JOBS, 400.0), "steps": np.full(JOBS, 60.0)}
-            episodes |= {"engaged_time": np.full(JOBS, 100.0), "severe_overload_time": severe, "overload_time": 1.1 * severe}
+            policy = PolicySpec(
+                name=name,
+                kind=kind,
+                knows=knows or "nominal",
+                training_seed=seed if kind == "agent" else None,
+            )
+            severe = (
+                np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0)
+                if name == "reckless"
+                else np.zeros(JOBS)
+            )
+            episodes = {
+                "return": row,
+                "reward_metal": np.full(JOBS, 400.0),
+                "steps": np.full(JOBS, 60.0),
+            }
+            episodes |= {
+                "engaged_time": np.full(JOBS, 100.0),
+                "severe_overload_time": severe,
+                "overload_time": 1.1 * severe,
+            }
             results.append(Result.of(TASK, policy, episodes))
     return {each.name: each for each in rank(results)}
 
 
 def test_jobs_are_compared_pairwise() -> None:
     base = np.linspace(-100.0, 100.0, JOBS)
-    found = ranked(bad=base - 50.0, rule=base, rule__true_laws=base + 10.0, agent=base + np.where(np.arange(JOBS) < 4, -1.0, 7.0))
+    found = ranked(
+        bad=base - 50.0,
+        rule=base,
+        rule__true_laws=base + 10.0,
+        agent=base + np.where(np.arange(JOBS) < 4, -1.0, 7.0),
+    )
     agent, rule = found["agent"], found["rule"]
     assert agent.best_rule == "rule"
     assert agent.over_best_rule is not None
@@ -54,11 +78,20 @@ def test_jobs_are_compared_pairwise() -> None:
     assert agent.over_best_rule_without_largest == pytest.approx((12 * 7.0 - 3 * 7.0 - 4.0) / 13)
     assert agent.over_truth is not None
     assert agent.over_truth.value == pytest.approx(-5.0)
-    assert (agent.policy_class, agent.training_seeds, agent.feasible_jobs) == ("other agent", (0, 1), 1.0)
+    assert (agent.policy_class, agent.training_seeds, agent.feasible_jobs) == (
+        "other agent",
+        (0, 1),
+        1.0,
+    )
     assert agent.full_cost_share is not None
     assert agent.full_cost_share.value == pytest.approx(395.0 / 400.0)
     assert (rule.best_rule, found["rule with true laws"].over_truth) == ("bad", None)
-    assert list(found) == ["agent", "rule", "bad", "rule with true laws"]  # told more than others, it is not ranked
+    assert list(found) == [
+        "agent",
+        "rule",
+        "bad",
+        "rule with true laws",
+    ]  # told more than others, it is not ranked
 
 
 def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> None:
@@ -74,7 +107,9 @@ def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> 
 
 def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
     masks: list[Any] = []
-    forgetful = Forgetful(SimpleNamespace(reset=masks.append, act=lambda observations: np.zeros((2, 3), np.float32)))
+    forgetful = Forgetful(
+        SimpleNamespace(reset=masks.append, act=lambda observations: np.zeros((2, 3), np.float32))
+    )
     for wear in ((0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)):
         observations = np.zeros((2, 11), np.float32)
         observations[:, OBS.nominal_wear] = wear
@@ -98,7 +133,10 @@ def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:
 
 def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
     assert one_named("rescaled_grid_search", TASK, None, "true_laws").kind == "oracle"
-    for wrong in (lambda: one_named(CAUSAL, TASK, None, "true_laws"), lambda: family_task(FAMILY, None, 10_000)):
+    for wrong in (
+        lambda: one_named(CAUSAL, TASK, None, "true_laws"),
+        lambda: family_task(FAMILY, None, 10_000),
+    ):
         with pytest.raises(ResultError, match=r"no variants|jobs"):
             wrong()
     with pytest.raises(ResultError, match="no split 'nothing'; it has train"):
@@ -107,20 +145,44 @@ def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
 
 def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
     shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
-    private = family_task(Family.load("unmodelled").model_copy(update={"held_out_key": "of an organiser"}), "validation", 1)
-    usual, own, again = (one_named("self_tuning", task).parameters for task in (shop, unmodelled, private))
+    private = family_task(
+        Family.load("unmodelled").model_copy(update={"held_out_key": "of an organiser"}),
+        "validation",
+        1,
+    )
+    usual, own, again = (
+        one_named("self_tuning", task).parameters for task in (shop, unmodelled, private)
+    )
     assert own.keys() - usual.keys() == {"top_speed", "change_at"}
     assert again == own
-    assert one_named("self_tuning", unmodelled, None, "true_forms").title == "self_tuning with true forms"
+    assert (
+        one_named("self_tuning", unmodelled, None, "true_forms").title
+        == "self_tuning with true forms"
+    )
 
 
 @pytest.mark.slow
-def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_family_of_ones_own_is_played_ranked_and_packed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
-    paths = [str(onnx_agents.write_of_family(tmp_path / "agents" / FAMILY_ID / "brief", FAMILY, seed)) for seed in (0, 1)]
+    paths = [
+        str(onnx_agents.write_of_family(tmp_path / "agents" / FAMILY_ID / "brief", FAMILY, seed))
+        for seed in (0, 1)
+    ]
     results = ["--results", str(tmp_path / "results")]
     theirs = ["--agents", *paths, "--keep-names", "--jobs", "2"]
-    run = ["run", "--env", FAMILY_ID, "--scenario", str(tmp_path / "brief.toml"), "--seeds", "3", "--splits", *results]
+    run = [
+        "run",
+        "--env",
+        FAMILY_ID,
+        "--scenario",
+        str(tmp_path / "brief.toml"),
+        "--seeds",
+        "3",
+        "--splits",
+        *results,
+    ]
     assert main([*run, "--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", *theirs]) == 0
     printed = capsys.readouterr().out
     assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
@@ -134,18 +196,35 @@ def test_a_family_of_ones_own_is_played_ranked_and_packed(tmp_path: Path, capsys
     assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
     boards = json.loads(capsys.readouterr().out)["leaderboards"]
     assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
-    assert all(each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"])
+    assert all(
+        each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"]
+    )
     assert main(["pack", *results, "--without", "mine"]) == 0
     assert "mine" not in {each.policy.name for each in read_results(folders[0]).values()}
     assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1
-    assert "cannot be played again: no family and no file is called 'brief'" in capsys.readouterr().out
+    assert (
+        "cannot be played again: no family and no file is called 'brief'" in capsys.readouterr().out
+    )
 
 
-def test_private_jobs_are_others_and_no_result_tells_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_private_jobs_are_others_and_no_result_tells_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     key, returns = "a key of the organiser", []
     for name, more in (("public", []), ("private", ["--private-key", key])):
         results = tmp_path / name
-        words = ["run", "--env", FAMILY_ID, "--results", str(results), "--policies", "idle", "--seeds", "2", *more]
+        words = [
+            "run",
+            "--env",
+            FAMILY_ID,
+            "--results",
+            str(results),
+            "--policies",
+            "idle",
+            "--seeds",
+            "2",
+            *more,
+        ]
         assert main(words) == 0
         result = read_results(result_folder(results, FAMILY_ID, "shop-unseen_jobs"))["idle"]
         assert (result.task.private is None) == (not more)

@@ -21,10 +21,19 @@ def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: objec
     return found
 
 
-@pytest.mark.parametrize("path", sorted(AGENTS.glob("*/*/*-seed0.onnx")), ids=lambda path: f"{path.parents[1].name}-{path.stem}")
+@pytest.mark.parametrize(
+    "path",
+    sorted(AGENTS.glob("*/*/*-seed0.onnx")),
+    ids=lambda path: f"{path.parents[1].name}-{path.stem}",
+)
 def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> None:
     file = agent_file.read(path)
-    policy = spec(file.metadata.name, seed=0, command=file.metadata.command, parameters=file.metadata.parameters)
+    policy = spec(
+        file.metadata.name,
+        seed=0,
+        command=file.metadata.command,
+        parameters=file.metadata.parameters,
+    )
     found = information(policy, file.metadata.scenario)
     assert found is not None
     assert found.seen is not None
@@ -37,7 +46,10 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     assert found.steps == steps * file.metadata.trained_steps
 
 
-@pytest.mark.parametrize("command", [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"])
+@pytest.mark.parametrize(
+    "command",
+    [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"],
+)
 def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
     assert class_of(spec("mine", seed=0, command=command)) == "other agent"
     assert told(command) == Information(None, None, None)
@@ -49,19 +61,31 @@ def test_terms_of_training_are_stated_and_count() -> None:
     plain = told(command, position=False, frames=1, life_price="flat")
     assert (plain.given, plain.seen) == (("rewards",), ())
     every = told(command, position=True, frames=4, life_price="marginal")
-    assert (every.given, every.seen) == (("rewards", "life price", "spreads"), ("memory", "position"))
-    classes = [class_of(spec("any", seed=0, command=command, parameters={"life_price": each})) for each in ("end", "marginal")]
+    assert (every.given, every.seen) == (
+        ("rewards", "life price", "spreads"),
+        ("memory", "position"),
+    )
+    classes = [
+        class_of(spec("any", seed=0, command=command, parameters={"life_price": each}))
+        for each in ("end", "marginal")
+    ]
     assert classes == ["model-free agent", "privileged agent"]
 
     assert told(command, asymmetric=True).given == ("rewards", "true states")
-    fewer = told("python -m train.analytic_gradient", position=False, memory=False, life_price="flat")
+    fewer = told(
+        "python -m train.analytic_gradient", position=False, memory=False, life_price="flat"
+    )
     assert fewer.seen == ()
     assert "life price" not in (fewer.given or ())
 
 
-def test_an_agent_that_guides_a_rule_is_no_model_free_agent_and_counts_steps_of_the_environment() -> None:
+def test_an_agent_that_guides_a_rule_is_no_model_free_agent_and_counts_steps_of_the_environment() -> (
+    None
+):
     parameters = {"guide": True, "steps": 1_500_000}
-    guide = spec("mine", seed=0, command="python -m train.guided_ppo --seed 0", parameters=parameters)
+    guide = spec(
+        "mine", seed=0, command="python -m train.guided_ppo --seed 0", parameters=parameters
+    )
     assert class_of(guide) == "guiding agent"
     assert told(guide.command, guide=True, steps=1_500_000).steps == 45_000_000
 

@@ -26,8 +26,13 @@ def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, SHORT.name), memory=True)
     monkeypatch.setattr(leaderboard_policies, "AGENTS", tmp_path / "agents")
     monkeypatch.setattr(result, "RESULTS", tmp_path / "shipped")
-    monkeypatch.setattr(leaderboard_policies, "shipped_agents", leaderboard_policies.shipped_agents.__wrapped__)
-    policies = [leaderboard_policies.one_named("fixed_handbook", on(SHORT)), *leaderboard_policies.agents([path], on(SHORT))]
+    monkeypatch.setattr(
+        leaderboard_policies, "shipped_agents", leaderboard_policies.shipped_agents.__wrapped__
+    )
+    policies = [
+        leaderboard_policies.one_named("fixed_handbook", on(SHORT)),
+        *leaderboard_policies.agents([path], on(SHORT)),
+    ]
     task = Task(env_id=ENV_ID, scenario=SHORT, seeds=held_out_seeds(2))
     play_all(task, policies, result_folder(result.RESULTS, ENV_ID, SHORT.name))
     SHORT.save(tmp_path / "short.toml")
@@ -35,8 +40,13 @@ def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return ["run", *where, "--seeds", "2", "--policies"]
 
 
-def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    mine, folder = onnx_agents.write(tmp_path / "mine"), result_folder(tmp_path / "results", ENV_ID, SHORT.name)
+def test_an_own_agent_stands_beside_the_shipped_one(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine, folder = (
+        onnx_agents.write(tmp_path / "mine"),
+        result_folder(tmp_path / "results", ENV_ID, SHORT.name),
+    )
     (theirs,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
     assert main([*words, "--agents", str(mine), str(theirs)]) == 0
     told = capsys.readouterr()
@@ -49,14 +59,28 @@ def test_an_own_agent_stands_beside_the_shipped_one(words: list[str], tmp_path: 
     assert "ppo comes with the project; --name" in told.err
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
     before = (folder / "ppo-seed0.json.xz").read_bytes()
-    assert before == (result_folder(result.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
-    where = ["--results", str(tmp_path / "results"), "--agents", str(mine.parent), "--memory", str(tmp_path / "verified.json")]
+    assert (
+        before
+        == (result_folder(result.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
+    )
+    where = [
+        "--results",
+        str(tmp_path / "results"),
+        "--agents",
+        str(mine.parent),
+        "--memory",
+        str(tmp_path / "verified.json"),
+    ]
     assert main(["verify", *where, "--policies", "my_ppo"]) == 0
     assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
-    assert {"my_ppo", "second", "ppo"} <= {standing.name for standing in read_leaderboard(folder).standings}
+    assert {"my_ppo", "second", "ppo"} <= {
+        standing.name for standing in read_leaderboard(folder).standings
+    }
 
 
-def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_that_clash_are_refused_with_advice(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     mine, other = (onnx_agents.write(tmp_path / name) for name in ("mine", "other"))
     for name in ("ppo", "grid_search", "causal"):
         assert main([*words, "--agents", str(mine), "--name", name]) == 2
@@ -66,7 +90,9 @@ def test_names_that_clash_are_refused_with_advice(words: list[str], tmp_path: Pa
     assert f"{mine} is both-seed0 too" in capsys.readouterr().err
 
 
-def test_an_agent_that_takes_too_long_is_skipped(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_agent_that_takes_too_long_is_skipped(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "slow.onnx"
     path.write_bytes(onnx_agents.toiling(products=60, size=400))
     assert main([*words, "fixed_handbook", "--agent-time", "1", "--agents", str(path)]) == 2
@@ -76,7 +102,9 @@ def test_an_agent_that_takes_too_long_is_skipped(words: list[str], tmp_path: Pat
     assert (tmp_path / "results" / "index.html").exists()
 
 
-def test_rules_that_are_not_tuned_are_skipped(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rules_that_are_not_tuned_are_skipped(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "my lathe.toml"
     Scenario.model_validate({"name": "mine", "control": {"time_limit": 0.3}}).save(path)
     words[2] = str(path)
@@ -87,11 +115,15 @@ def test_rules_that_are_not_tuned_are_skipped(words: list[str], tmp_path: Path, 
     assert "nothing to play" in capsys.readouterr().err
 
 
-def test_code_of_ones_own_is_ranked_and_played_again_each_time(words: list[str], tmp_path: Path, monkeypatch, capsys) -> None:
+def test_code_of_ones_own_is_ranked_and_played_again_each_time(
+    words: list[str], tmp_path: Path, monkeypatch, capsys
+) -> None:
     path = result_folder(tmp_path / "results", ENV_ID, SHORT.name) / "mine-seed0.json.xz"
     returns = []
     for speed in (0.0, 1.0):
-        policy = SimpleNamespace(steady=lambda observations, speed=speed: [[speed] * 2] * len(observations))
+        policy = SimpleNamespace(
+            steady=lambda observations, speed=speed: [[speed] * 2] * len(observations)
+        )
         monkeypatch.setitem(sys.modules, "some_policy", policy)
         assert main([*words, "--policy", "some_policy:steady", "--name", "mine"]) == 0
         last = capsys.readouterr().out.splitlines()[-1]

@@ -24,7 +24,9 @@ Open = Callable[..., Page]
 
 def renamed(policy: PolicySpec, name: str) -> PolicySpec:
     """Called and described as no file would let it."""
-    return policy.model_construct(**(dict(policy) | {"name": name, "description": name, "parameters": {name: name}}))
+    return policy.model_construct(
+        **(dict(policy) | {"name": name, "description": name, "parameters": {name: name}})
+    )
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +36,25 @@ def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
         make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
         make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
         make_result("oracle", policy=spec("oracle", kind="oracle"), **{"return": 9.0}),
-        *(make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed}) for seed in (0, 1)),
+        *(
+            make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed})
+            for seed in (0, 1)
+        ),
     ]
     for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
         plain = make_result("plain", **{"return": [-1.0, -2.0, -3.0, -4.0 - place]})
         results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
     recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
     episodes = [
-        record(spec("plain", (0.1, 0.1)), task.scenario, seed).model_copy(update={"policy": result.policy})
+        record(spec("plain", (0.1, 0.1)), task.scenario, seed).model_copy(
+            update={"policy": result.policy}
+        )
         for result in results
         for seed in recorded.get(result.policy.name, ())
     ]
-    trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(update={"episodes": episodes})
+    trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(
+        update={"episodes": episodes}
+    )
     return Leaderboard(task, results, rank(results), trajectories, [])
 
 
@@ -57,14 +66,18 @@ def address(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def row(shown: Page, name: str) -> Locator:
-    return shown.locator("section:visible .open").filter(has_text=re.compile(f"^{re.escape(name)}$"))
+    return shown.locator("section:visible .open").filter(
+        has_text=re.compile(f"^{re.escape(name)}$")
+    )
 
 
 def test_a_link_opens_its_policy(opened: Open, address: str) -> None:
     shown = opened(address)
     row(shown, HOSTILE).click()
     link = shown.url
-    assert shown.get_by_role("link", name="Link to this policy").evaluate("link => link.href") == link
+    assert (
+        shown.get_by_role("link", name="Link to this policy").evaluate("link => link.href") == link
+    )
     row(shown, HOSTILE).click()
     assert shown.url == f"{address}#{ENV_ID}/rough_turning"
     again = opened(link)
@@ -78,17 +91,27 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open, address: str
     button.click()
     expect(button).to_have_attribute("aria-expanded", "true")
     inner = shown.locator(".inner:visible")
-    titles = ["cutting speed [m/min]", "feed [mm/rev]", "thrust force [N]", "power [kW]", "flank wear [mm]"]
+    titles = [
+        "cutting speed [m/min]",
+        "feed [mm/rev]",
+        "thrust force [N]",
+        "power [kW]",
+        "flank wear [mm]",
+    ]
     expect(inner.locator("figcaption")).to_have_text(titles)
     assert inner.locator(".panels .limit").count() == 3
     # The published controller lies over it at first. Where the pointer is, every panel tells the values of both.
     assert inner.locator(".panels .second").count() == 5
     inner.locator(".panels svg").nth(1).hover(position={"x": 150, "y": 60})
     expect(inner.locator(".pointer[visibility=visible]")).to_have_count(5)
-    expect(inner.locator(".readout").first).to_have_text(re.compile(r"^at 0\.\d+:.* \d.*grid_search \d"))
+    expect(inner.locator(".readout").first).to_have_text(
+        re.compile(r"^at 0\.\d+:.* \d.*grid_search \d")
+    )
     inner.get_by_role("combobox", name="Second policy").select_option(label="none")
     assert inner.locator(".panels .second").count() == 0
-    inner.get_by_role("combobox", name="Second policy").select_option(label=f"\u2068{BACKWARDS}\u2069")
+    inner.get_by_role("combobox", name="Second policy").select_option(
+        label=f"\u2068{BACKWARDS}\u2069"
+    )
     expect(inner.locator(".note")).to_contain_text("second policy was not recorded")
     inner.get_by_role("combobox", name="Seed").select_option(label="8")
     assert inner.locator(".panels .second").count() == 5
@@ -99,7 +122,9 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open, address: str
 @pytest.mark.parametrize("width", [360, 1280])
 def test_the_page_is_no_wider_than_the_screen(opened: Open, address: str, width: int) -> None:
     shown = opened(address, width)
-    expect(shown.locator("section:visible .policy").first.locator("td.g0").first).to_be_in_viewport(ratio=1.0)  # the best return
+    expect(shown.locator("section:visible .policy").first.locator("td.g0").first).to_be_in_viewport(
+        ratio=1.0
+    )  # the best return
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()
     assert shown.evaluate("document.documentElement.scrollWidth - innerWidth") == 0

@@ -14,7 +14,11 @@ from turning_env.scoring import workers
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 @pytest.mark.slow
@@ -25,7 +29,11 @@ def test_processes_and_a_cluster_write_the_same_as_one_process(tmp_path: Path) -
 
     def play(name: str, over: workers.Workers | None) -> dict[str, bytes]:
         folder = tmp_path / name
-        run.play_all([run.TaskRun(task, chosen, result_folder(folder, ENV_ID, task.scenario.name))], fresh=False, over=over)
+        run.play_all(
+            [run.TaskRun(task, chosen, result_folder(folder, ENV_ID, task.scenario.name))],
+            fresh=False,
+            over=over,
+        )
         return files(folder)
 
     expected = play("serial", None)

@@ -22,22 +22,46 @@ KEY = secrets.token_hex()
 
 
 def test_a_private_key_determines_seeds_that_are_not_public() -> None:
-    first, other = private_seeds("correct horse battery", 1000), private_seeds("correct horse batterz", 1000)
+    first, other = (
+        private_seeds("correct horse battery", 1000),
+        private_seeds("correct horse batterz", 1000),
+    )
     assert first == private_seeds("correct horse battery", 1000)
     assert not set(first) & set(other)
     assert HELD_OUT_START + 1_000_000 <= min(first + other) <= max(first + other) < 2**64
 
 
-def test_results_tell_the_digest_and_nothing_else(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_tell_the_digest_and_nothing_else(
+    tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
     scenario.save(tmp_path / "short.toml")
     seeds, results = private_seeds(KEY, 3), tmp_path / "results"
-    words = ["run", "--scenario", str(tmp_path / "short.toml"), "--results", str(results), "--seeds", "3"]
+    words = [
+        "run",
+        "--scenario",
+        str(tmp_path / "short.toml"),
+        "--results",
+        str(results),
+        "--seeds",
+        "3",
+    ]
     assert main([*words, "--private-key", KEY, "--policies", "fixed_handbook"]) == 0
     folder = result_folder(results, ENV_ID, scenario.name)
-    assert sorted(path.name for path in folder.iterdir()) == ["fixed_handbook.json.xz", "manifest.json"]
-    result, page = only(folder / "fixed_handbook.json.xz"), (results / "index.html").read_text("utf-8")
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "fixed_handbook.json.xz",
+        "manifest.json",
+    ]
+    result, page = (
+        only(folder / "fixed_handbook.json.xz"),
+        (results / "index.html").read_text("utf-8"),
+    )
     assert (result.task.seeds, result.task.private) == ([0, 1, 2], digest_of(seeds))
-    told = capsys.readouterr().out + page + json.dumps(result.model_dump()) + (folder / "manifest.json").read_text()
+    told = (
+        capsys.readouterr().out
+        + page
+        + json.dumps(result.model_dump())
+        + (folder / "manifest.json").read_text()
+    )
     assert not any(secret in told for secret in (KEY, *map(str, seeds)))
     assert "3 seeds, private: only the scorer knows them" in page
     assert "--private-key KEY" in page

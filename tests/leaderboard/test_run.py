@@ -24,7 +24,9 @@ class Watched:
     def __init__(self) -> None:
         self.played: list[float] = []
 
-    def __call__(self, name: str, feed: float, seed: int | None = None, **fields: object) -> PolicySpec:
+    def __call__(
+        self, name: str, feed: float, seed: int | None = None, **fields: object
+    ) -> PolicySpec:
         def make(num_envs: int) -> Steady:
             self.played += [feed] if num_envs > 1 else []  # trajectories are recorded one by one
             return Steady(num_envs, (0.0, feed))
@@ -52,25 +54,40 @@ def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> 
     assert watched.played[4:] == [0.1] * 4
 
 
-def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_others(task: Task, folder: Path, capsys) -> None:
-    play_all(task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder)
+def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_others(
+    task: Task, folder: Path, capsys
+) -> None:
+    play_all(
+        task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder
+    )
     play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder, replace=True)
     assert "ppo-seed0" in capsys.readouterr().err
-    names = {standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings}
+    names = {
+        standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings
+    }
     assert names == {"ppo": (0,), "ppo-seed1": (1,)}
     recorded = {each.policy.label: each.policy.sha256 for each in recorded_in(folder).episodes}
     assert recorded["ppo-seed0"] == "c"
 
 
-def test_the_result_of_another_file_or_other_code_stands_unless_it_is_to_be_replaced(task: Task, folder: Path) -> None:
+def test_the_result_of_another_file_or_other_code_stands_unless_it_is_to_be_replaced(
+    task: Task, folder: Path
+) -> None:
     rival = spec("team", (0, 0.1), 0, sha256="a")
     play_all(task, [rival], folder)
     before = only(folder / "team-seed0.json.xz")
     others = {"file": {"sha256": "b"}, "code": {"command": "some_module:team"}}
     for what, fields in others.items():
         for on in (task, task.model_copy(update={"seeds": [1, 2]})):
-            with pytest.raises(PoliciesFailed, match=r"team-seed0 .* is the result of another agent"):
-                play_all(on, [spec("team", (0, 0.2), 0, **fields), spec(f"beside {what}")], folder, fresh=True)
+            with pytest.raises(
+                PoliciesFailed, match=r"team-seed0 .* is the result of another agent"
+            ):
+                play_all(
+                    on,
+                    [spec("team", (0, 0.2), 0, **fields), spec(f"beside {what}")],
+                    folder,
+                    fresh=True,
+                )
             assert only(folder / "team-seed0.json.xz") == before, what
             assert only(folder / f"beside_{what}.json.xz").task == on
     play_all(task, [spec("team", (0, 0.2), 0, sha256="b")], folder, replace=True)
@@ -81,27 +98,46 @@ def test_code_that_raises_any_error_is_named_and_others_go_on(task: Task, folder
     def breaks(num_envs: int) -> Steady:
         raise ZeroDivisionError("lost")
 
-    with pytest.raises(PoliciesFailed, match=r"mine-seed0 cannot play: ZeroDivisionError: lost .*test_run\.py"):
+    with pytest.raises(
+        PoliciesFailed, match=r"mine-seed0 cannot play: ZeroDivisionError: lost .*test_run\.py"
+    ):
         play_all(task, [spec("mine", seed=0, make=breaks), spec("one")], folder)
     assert only(folder / "one.json.xz")
 
 
-def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(task: Task, folder: Path) -> None:
+def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(
+    task: Task, folder: Path
+) -> None:
     lost = spec("lost", make=lambda num_envs: Steady(num_envs, (math.nan, 0.0)))
     with pytest.raises(PoliciesFailed, match=r"lost cannot play: .*finite"):
         play_all(task, [lost, spec("one")], folder)
-    assert sorted(path.name for path in folder.iterdir()) == ["manifest.json", "one.json.xz", "trajectories.json.xz"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "manifest.json",
+        "one.json.xz",
+        "trajectories.json.xz",
+    ]
     with pytest.raises(PoliciesFailed, match="lost cannot play"):
         play_all(task, [lost], folder)
 
 
 def test_trajectories_are_of_every_policy_on_the_first_seeds(task: Task, folder: Path) -> None:
-    policies = [spec("slow"), spec("quick", (0.0, 0.1)), spec("ppo", (0.0, 0.2), 1), spec("ppo", (0.0, 0.2), 0)]
+    policies = [
+        spec("slow"),
+        spec("quick", (0.0, 0.1)),
+        spec("ppo", (0.0, 0.2), 1),
+        spec("ppo", (0.0, 0.2), 0),
+    ]
     play_all(task, policies, folder)
     recorded = recorded_in(folder)
-    labels = {"slow": "slow", "quick": "quick", "ppo": "ppo-seed1"}  # an agent's first training seed stands for it
+    labels = {
+        "slow": "slow",
+        "quick": "quick",
+        "ppo": "ppo-seed1",
+    }  # an agent's first training seed stands for it
     assert [(episode.policy.label, episode.seed) for episode in recorded.episodes] == [
-        (labels[standing.name], seed) for standing in read_leaderboard(folder).standings for seed in task.seeds[:RECORDED_SEEDS]
+        (labels[standing.name], seed)
+        for standing in read_leaderboard(folder).standings
+        for seed in task.seeds[:RECORDED_SEEDS]
     ]
     assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-4)
     assert recorded.episodes[0].steps == 12
@@ -111,29 +147,65 @@ def test_trajectories_are_of_every_policy_on_the_first_seeds(task: Task, folder:
 
 
 @pytest.mark.slow
-def test_splits_are_played_by_what_was_tuned_for_the_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_splits_are_played_by_what_was_tuned_for_the_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     splits = ("harder_lot", "ck45")
     monkeypatch.setattr("leaderboard.__main__.SPLITS", splits)
     agent_path = onnx_agents.write(tmp_path, 0)
-    words = ["run", "--results", str(tmp_path / "results"), "--splits", "--seeds", "2", "--split-seeds", "2"]
+    words = [
+        "run",
+        "--results",
+        str(tmp_path / "results"),
+        "--splits",
+        "--seeds",
+        "2",
+        "--split-seeds",
+        "2",
+    ]
     assert main([*words, "--policies", "fixed_tuned", "--agents", str(agent_path)]) == 0
     for name in splits:
         result = only(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
         assert result.policy.tuned_for == ScenarioId.of(Scenario.load("rough_turning"))
     shown = capsys.readouterr().out
-    table = shown[shown.index("full cost [min/dm3] of policies tuned for rough_turning") :].splitlines()
+    table = shown[
+        shown.index("full cost [min/dm3] of policies tuned for rough_turning") :
+    ].splitlines()
     assert table[2].split() == ["policy", "rough_turning", *splits]
     assert table[3].split()[0] == "fixed_tuned"
-    assert main(["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0", "--splits", "--policies"]) == 2
+    assert (
+        main(
+            [
+                "run",
+                "--results",
+                str(tmp_path),
+                "--env",
+                "RoughTurning-Shift-v0",
+                "--splits",
+                "--policies",
+            ]
+        )
+        == 2
+    )
     assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_line(
+    tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]
+) -> None:
     scenario.save(tmp_path / "short.toml")
     results = tmp_path / "results"
     common = ["--results", str(results)]
-    played = ["--scenario", str(tmp_path / "short.toml"), "--seeds", "3", "--policies", "fixed_handbook", "grid_search"]
+    played = [
+        "--scenario",
+        str(tmp_path / "short.toml"),
+        "--seeds",
+        "3",
+        "--policies",
+        "fixed_handbook",
+        "grid_search",
+    ]
     assert main(["run", *common, *played]) == 0
     shown = capsys.readouterr().out
     assert shown.splitlines()[-1] == f"wrote {results / 'index.html'}"
@@ -147,10 +219,21 @@ def test_command_line(tmp_path: Path, scenario: Scenario, capsys: pytest.Capture
     told = json.loads(printed.out)
     (leaderboard,) = told["leaderboards"]
     ranked = read_leaderboard(results / "RoughTurning-v0" / "rough_turning").standings
-    assert [standing["name"] for standing in leaderboard["standings"]] == [standing.name for standing in ranked]
+    assert [standing["name"] for standing in leaderboard["standings"]] == [
+        standing.name for standing in ranked
+    ]
     first = leaderboard["standings"][0]
     assert first["mean_return"]["value"] == ranked[0].mean_return.value
-    words = {"name", "kind", "policy_class", "information", "description", "own", "training_seeds", "best_rule"}
+    words = {
+        "name",
+        "kind",
+        "policy_class",
+        "information",
+        "description",
+        "own",
+        "training_seeds",
+        "best_rule",
+    }
     words |= {"feasible", "feasibility", "unranked"}
     assert first.keys() - words == told["units"].keys()
     assert main(["show", *common, "--json"]) == 0

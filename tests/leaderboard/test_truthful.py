@@ -24,7 +24,10 @@ def test_nominal_models_are_right_in_the_named_fields_and_the_process_is_the_sam
 
 def test_nominal_models_with_true_forms_have_nothing_else_that_is_true():
     family = Family.load("unmodelled")
-    told, usual = Truthful.of(family, ("edge_failure.", "machine.chatter")).job(0).scenario, family.job(0).scenario
+    told, usual = (
+        Truthful.of(family, ("edge_failure.", "machine.chatter")).job(0).scenario,
+        family.job(0).scenario,
+    )
     assert told.nominal().edge_failure == usual.edge_failure != usual.nominal().edge_failure
     assert told.nominal().machine.chatter == usual.machine.chatter > 0.0
     assert told.nominal().material == usual.nominal().material != usual.material

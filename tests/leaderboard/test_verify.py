@@ -12,7 +12,14 @@ from leaderboard import policies, verify
 from leaderboard.__main__ import main
 from leaderboard.family import CAUSAL
 from leaderboard.policies import CLAIRVOYANT
-from leaderboard.result import MANIFEST_FILE, Result, Task, result_folder, write_manifest, write_result
+from leaderboard.result import (
+    MANIFEST_FILE,
+    Result,
+    Task,
+    result_folder,
+    write_manifest,
+    write_result,
+)
 from leaderboard.run import attempt
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
@@ -37,8 +44,16 @@ def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
     """A folder of results: a rule, a rule on a split, and an oracle."""
     folder = tmp_path_factory.mktemp("shipped")
     split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), seeds=[5])
-    fill(folder, task.model_copy(update={"scenario": SHORT}), [policies.one_named(name, on(SHORT)) for name in (CAUSAL, RULE)])
-    fill(folder, split, [policies.one_named(RULE, on(split.scenario), Scenario.load("rough_turning"))])
+    fill(
+        folder,
+        task.model_copy(update={"scenario": SHORT}),
+        [policies.one_named(name, on(SHORT)) for name in (CAUSAL, RULE)],
+    )
+    fill(
+        folder,
+        split,
+        [policies.one_named(RULE, on(split.scenario), Scenario.load("rough_turning"))],
+    )
     return folder
 
 
@@ -51,12 +66,20 @@ def shipped(tmp_path: Path, played: Path) -> Path:
 @pytest.fixture
 def with_agent(shipped: Path, task: Task) -> Path:
     path = onnx_agents.write(result_folder(shipped / "agents", ENV_ID, SHORT.name))
-    fill(shipped, task.model_copy(update={"scenario": SHORT}), [policies.agents([path], on(SHORT))[0]])
+    fill(
+        shipped,
+        task.model_copy(update={"scenario": SHORT}),
+        [policies.agents([path], on(SHORT))[0]],
+    )
     return shipped
 
 
-def complaints(shipped: Path, selection: Selection = EVERYTHING, seeds: int | None = None) -> list[str]:
-    return verify.verify(shipped / "results", shipped / "agents", selection, shipped / "verified.json", seeds)
+def complaints(
+    shipped: Path, selection: Selection = EVERYTHING, seeds: int | None = None
+) -> list[str]:
+    return verify.verify(
+        shipped / "results", shipped / "agents", selection, shipped / "verified.json", seeds
+    )
 
 
 def checked(shipped: Path, selection: Selection = EVERYTHING) -> list[str]:
@@ -72,7 +95,12 @@ def place(path: Path) -> str:
     return str(path).removesuffix(".json.xz")
 
 
-def rewrite(path: Path, new: dict[str, list[float]] | None = None, model_version: int = MODEL_VERSION, **policy: Any) -> None:
+def rewrite(
+    path: Path,
+    new: dict[str, list[float]] | None = None,
+    model_version: int = MODEL_VERSION,
+    **policy: Any,
+) -> None:
     """Write a result with other episodes, another model or a changed policy, and the manifest that belongs to it."""
     old = only(path)
     task = old.task.model_copy(update={"model_version": model_version})
@@ -98,13 +126,21 @@ def test_a_changed_bit_is_found(with_agent: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "complaint"),
     [
-        ({"parameters": {"cutting_speed": 1.0}}, f"{RULE} is no longer what played: parameters differ"),
+        (
+            {"parameters": {"cutting_speed": 1.0}},
+            f"{RULE} is no longer what played: parameters differ",
+        ),
         ({"version": 9}, f"{RULE} is no longer what played: version differ"),
         ({"name": "forgotten"}, "forgotten cannot play: no controller is called 'forgotten'"),
-        ({"model_version": 0}, f"was played with version 0 of the model, which is now {MODEL_VERSION}"),
+        (
+            {"model_version": 0},
+            f"was played with version 0 of the model, which is now {MODEL_VERSION}",
+        ),
     ],
 )
-def test_other_rules_and_models_are_found(shipped: Path, changed: dict[str, Any], complaint: str) -> None:
+def test_other_rules_and_models_are_found(
+    shipped: Path, changed: dict[str, Any], complaint: str
+) -> None:
     rewrite(file_of(shipped, RULE), **changed)
     selection = Selection(scenario="short", policies=[RULE, "forgotten"])
     (found,) = checked(shipped, selection)
@@ -118,7 +154,9 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
     before = manifest.read_text()
     rewrite(path, {"wear": [0.0] * 4})
     manifest.write_text(before)
-    assert checked(shipped) == [f"{place(path)}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"]
+    assert checked(shipped) == [
+        f"{place(path)}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"
+    ]
     manifest.unlink()
     assert len(checked(shipped)) == 2
 
@@ -180,7 +218,12 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
 def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeResult) -> None:
     path = file_of(shipped, RULE)
     own = task.model_copy(update={"scenario": SHORT})
-    write_result(make_result(CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, **{"return": 9.0}), path.parent)
+    write_result(
+        make_result(
+            CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, **{"return": 9.0}
+        ),
+        path.parent,
+    )
     rewrite(path, {"return": [*only(path).episodes["return"][:-1], 1e6]})
     (found,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]
     assert found.startswith(f"{place(path)}: beyond the clairvoyant bound for 1 seeds, by up to 99")

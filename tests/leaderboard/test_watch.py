@@ -33,7 +33,11 @@ def test_videos_gifs_and_stills(short: list[str], tmp_path: Path) -> None:
         assert path.stat().st_size > 5_000
     with Image.open(tmp_path / "new" / "cut.gif") as gif:
         assert (gif.n_frames, gif.size) == (3, (WIDTH, HEIGHT))
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["cut.gif", "cut.mp4", "frame.png"]
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
+        "cut.gif",
+        "cut.mp4",
+        "frame.png",
+    ]
 
 
 @pytest.mark.slow
@@ -50,15 +54,29 @@ def test_two_stand_side_by_side_and_the_still_is_the_end(short: list[str], tmp_p
 
 
 @pytest.mark.slow
-def test_policies_are_watched_on_a_job_of_a_family(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_policies_are_watched_on_a_job_of_a_family(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
     agent = onnx_agents.write_of_family(tmp_path / "agents", Family.load(BRIEF), 0)
-    where = ["--env", FAMILY_ID, "--scenario", str(tmp_path / "brief.toml"), "--split", "unseen_jobs"]
+    where = [
+        "--env",
+        FAMILY_ID,
+        "--scenario",
+        str(tmp_path / "brief.toml"),
+        "--split",
+        "unseen_jobs",
+    ]
     job = [*where, "--out", str(tmp_path / "job.png")]
     pictures = []
     for seed in ("1", "2"):
         for rule in ("rescaled_grid_search", "self_tuning"):  # built from one job, and from all
-            assert main([*job, "--agent", str(agent), "--beside", rule, "--seed", seed, "--steps", "3"]) == 0
+            assert (
+                main(
+                    [*job, "--agent", str(agent), "--beside", rule, "--seed", seed, "--steps", "3"]
+                )
+                == 0
+            )
             pictures.append((tmp_path / "job.png").read_bytes())
     assert len(set(pictures)) == 4
     assert main([*job, "--policy", "self_tuning", "--seed", "100000"]) == 2

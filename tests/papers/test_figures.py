@@ -23,11 +23,18 @@ def for_print() -> Iterator[None]:
 @pytest.mark.slow
 @pytest.mark.parametrize("minute", [1, 2])
 def test_points_lie_on_what_the_paper_prints(minute: int) -> None:
-    roundings = {"thrust force [N]": 1.0, "power [kW]": 0.01, "wear [mm]": 1e-5, "removal rate [cm³/min]": 0.5}
+    roundings = {
+        "thrust force [N]": 1.0,
+        "power [kW]": 0.01,
+        "wear [mm]": 1e-5,
+        "removal rate [cm³/min]": 0.5,
+    }
     for axes in minutes.draw_best(minute).axes:
         ours, _, printed, *_ = axes.lines
         np.testing.assert_allclose(
-            np.asarray(ours.get_ydata()), np.asarray(printed.get_ydata()), atol=roundings[axes.get_ylabel()]
+            np.asarray(ours.get_ydata()),
+            np.asarray(printed.get_ydata()),
+            atol=roundings[axes.get_ylabel()],
         )
 
 
@@ -38,10 +45,17 @@ def test_the_figures_that_come_with_the_project_are_all_figures() -> None:
 
 
 @pytest.mark.slow
-def test_a_figure_is_written_the_same_every_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_figure_is_written_the_same_every_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     written = []
     for folder in (tmp_path / "a", tmp_path / "b"):
-        assert main(["--out", str(folder), "--only", "part_programming_psi", "--format", *style.FORMATS]) == 0
+        assert (
+            main(
+                ["--out", str(folder), "--only", "part_programming_psi", "--format", *style.FORMATS]
+            )
+            == 0
+        )
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})
         assert capsys.readouterr().out.startswith("part_programming_psi\n  The gain psi")
     assert written[0] == written[1]

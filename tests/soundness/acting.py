@@ -21,7 +21,9 @@ def action(scenario: Scenario) -> st.SearchStrategy[NDArray[np.float64]]:
     return st.lists(NUMBERS, min_size=size, max_size=size).map(np.array)
 
 
-def assert_sound(env: RoughTurningEnv, observation: Any, reward: float, info: dict[str, Any]) -> None:
+def assert_sound(
+    env: RoughTurningEnv, observation: Any, reward: float, info: dict[str, Any]
+) -> None:
     """Assert that nothing is NaN or infinite, and that the observation lies in its space."""
     assert env.observation_space.contains(observation), observation
     assert np.isfinite(reward), reward

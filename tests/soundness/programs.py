@@ -5,20 +5,85 @@ from random import Random
 from examples.adapt_programs import COLLECTION, path_of
 from tests.turning_nc.test_moves import CUTS, ISO, SIEMENS
 
-NUMBERS: tuple[str, ...] = ("0", "-0", "0.", "1", "1.", "-1.", ".5", "-.25", "2.", "5", "10.", "-20.", "35.", "60.", "62.")
+NUMBERS: tuple[str, ...] = (
+    "0",
+    "-0",
+    "0.",
+    "1",
+    "1.",
+    "-1.",
+    ".5",
+    "-.25",
+    "2.",
+    "5",
+    "10.",
+    "-20.",
+    "35.",
+    "60.",
+    "62.",
+)
 NUMBERS += ("-150.", "1000", "99999", "0.0001", "-0.0000001", "123456789.")
 NUMBERS += ("1e300", "-1e5", "9" * 400, "." + "0" * 400 + "1", "0x1F", "1.2.3", "--5", "+", "inf")
 EXPRESSIONS = (
-    *("#1", "#1-#1", "1/0", "#1/#2", "5 MOD 0", "ABS[]", "SQRT[-1]", "LN[0]", "LN[-1]", "EXP[1000]", "TAN[90]", "ACOS[2]"),
-    *("SIN[#1]", "1,2", "ROUND[0.5]", "FIX[1/0]", "#999999", "#0", "1 GT 2", "1 EQ 1 AND 2", "#1*#1", "9" * 400),
-    *("9*" * 40 + "9", "[" * 60 + "1" + "]" * 60, "-" * 50 + "1", "FUP[" + "9" * 320 + "]", "0*9" + "9" * 310),
+    *(
+        "#1",
+        "#1-#1",
+        "1/0",
+        "#1/#2",
+        "5 MOD 0",
+        "ABS[]",
+        "SQRT[-1]",
+        "LN[0]",
+        "LN[-1]",
+        "EXP[1000]",
+        "TAN[90]",
+        "ACOS[2]",
+    ),
+    *(
+        "SIN[#1]",
+        "1,2",
+        "ROUND[0.5]",
+        "FIX[1/0]",
+        "#999999",
+        "#0",
+        "1 GT 2",
+        "1 EQ 1 AND 2",
+        "#1*#1",
+        "9" * 400,
+    ),
+    *(
+        "9*" * 40 + "9",
+        "[" * 60 + "1" + "]" * 60,
+        "-" * 50 + "1",
+        "FUP[" + "9" * 320 + "]",
+        "0*9" + "9" * 310,
+    ),
 )
 PLAIN = ("10.", "-5.", "20.", "#1", "2*3", "40.-#1", "[#1+1.]*2.")
 LENGTHS, INTEGERS = (
     ("X", "Z", "U", "W", "I", "K", "R", "F", ",C", ",R", "A", ",A"),
     ("M", "S", "T", "P", "Q", "L", "D", "N", "G", "O"),
 )
-MOTIONS = ("G0", "G1", "G1", "G1", "G2", "G3", "G4", "G28", "G32", "G50", "G53", "G90", "G92", "G94", "G98", "G99", "G96", "G97")
+MOTIONS = (
+    "G0",
+    "G1",
+    "G1",
+    "G1",
+    "G2",
+    "G3",
+    "G4",
+    "G28",
+    "G32",
+    "G50",
+    "G53",
+    "G90",
+    "G92",
+    "G94",
+    "G98",
+    "G99",
+    "G96",
+    "G97",
+)
 CYCLES = (
     "G71 U2. R1.\nG71 P1 Q2 U0.4 W0.1 F0.25\nN1 G0 X30.\nG1 Z-20.\nN2 X60.",
     "G71 P1 Q2 U0.4 W0.1 D2000 F0.25\nN1 G0 X30.\nG1 Z-20.\nN2 X60.\nG70 P1 Q2",
@@ -48,7 +113,16 @@ SINUMERIK_CYCLES = (
     "ID=1 DO $AC_OVR=50",
 )
 STOCKS = ("bar:60x100", "tube:60x20x100+1", "bar:0.5x1", "bar:10000x100000", None)
-TOOLS = ("outside", "inside", "copying-left", "neutral", "groove:3", "groove:2-inside", "drill:8", None)
+TOOLS = (
+    "outside",
+    "inside",
+    "copying-left",
+    "neutral",
+    "groove:3",
+    "groove:2-inside",
+    "drill:8",
+    None,
+)
 _NOISE = (*"();[]#=/%-.09,\0\ufeff\r\n\t\u2028é", '"', "N1", "M99")
 
 
@@ -56,14 +130,23 @@ def program(random: Random) -> str:
     """Return a program of some lines, in either dialect."""
     if random.random() < 0.35:
         head = "%_N_T_MPF\nG90 G95 G71 DIAMON T1 D1\nG96 S150 LIMS=2500 F0.2 M4\nR1=5 R2=1\nG0 X62 Z2\n"
-        tail = "M30\n%_N_C_SPF\nG1 X30 Z0\nZ-20\nX50 Z-30\nM17\n%_N_L5_SPF\nG1 X40 Z-5\nG0 X62\nRET\n"
+        tail = (
+            "M30\n%_N_C_SPF\nG1 X30 Z0\nZ-20\nX50 Z-30\nM17\n%_N_L5_SPF\nG1 X40 Z-5\nG0 X62\nRET\n"
+        )
         cycles: tuple[str, ...] = SINUMERIK_CYCLES
     else:
-        head, tail = "G21 G99 T0101\nG50 S3000\nG96 S150 M3\n#1=5.\nG0 X62. Z2.\nF0.2\n", "M30\nO2\nG1 U-1. Z-5.\nG0 Z2.\nM99\n"
+        head, tail = (
+            "G21 G99 T0101\nG50 S3000\nG96 S150 M3\n#1=5.\nG0 X62. Z2.\nF0.2\n",
+            "M30\nO2\nG1 U-1. Z-5.\nG0 Z2.\nM99\n",
+        )
         cycles = CYCLES
     lines = []
     for _ in range(random.randint(1, 8)):
-        lines.append(_with_odd_number(random.choice(cycles), random) if random.random() < 0.35 else _block(random))
+        lines.append(
+            _with_odd_number(random.choice(cycles), random)
+            if random.random() < 0.35
+            else _block(random)
+        )
     text = head + "\n".join(lines) + "\n" + tail
     return damaged(text, random) if random.random() < 0.3 else text
 
@@ -79,7 +162,11 @@ def _block(random: Random) -> str:
 def _value(random: Random) -> str:
     kind = random.random()
     if kind < 0.6:
-        return f"{random.uniform(-70.0, 70.0):.3f}" if random.random() < 0.7 else str(random.randint(0, 300))
+        return (
+            f"{random.uniform(-70.0, 70.0):.3f}"
+            if random.random() < 0.7
+            else str(random.randint(0, 300))
+        )
     if kind < 0.75:
         return random.choice(NUMBERS)
     return f"[{random.choice(EXPRESSIONS if random.random() < 0.6 else PLAIN)}]"
@@ -93,7 +180,11 @@ def _with_odd_number(text: str, random: Random) -> str:
     first = last = random.choice(places)
     while last < len(text) and (text[last].isdigit() or text[last] == "."):
         last += 1
-    return text[:first] + (random.choice(NUMBERS) if random.random() < 0.7 else f"{random.uniform(-99, 99):.2f}") + text[last:]
+    return (
+        text[:first]
+        + (random.choice(NUMBERS) if random.random() < 0.7 else f"{random.uniform(-99, 99):.2f}")
+        + text[last:]
+    )
 
 
 def damaged(text: str, random: Random) -> str:

@@ -35,14 +35,66 @@ from turning_shop.measurements import Measurements, read_measurements
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"
 _COMPRESSED = b"\xfd7zXZ\0"
-_ODD = (b"", b"\0", b"\xff", b"\n", b'"', b"[" * 3_000, b"{", b"9" * 5_000, b"1e999", b"nan", b"-1", b"null", b"=", b",", b"(")
+_ODD = (
+    b"",
+    b"\0",
+    b"\xff",
+    b"\n",
+    b'"',
+    b"[" * 3_000,
+    b"{",
+    b"9" * 5_000,
+    b"1e999",
+    b"nan",
+    b"-1",
+    b"null",
+    b"=",
+    b",",
+    b"(",
+)
 _ODD_VALUES: tuple[Any, ...] = (
-    *(None, True, False, 0, -1, 1, 7, 65_537, 2**31, 2**63, -(2**63), 10**400, 0.0, -0.0, 5e-324, 1e-12, 1.5, 1e30, 1e308),
-    *(float("nan"), float("inf"), "", "nan", "../x", "\0", "\ud800", "x" * 300, [], [[]], {}, {"": None}),
+    *(
+        None,
+        True,
+        False,
+        0,
+        -1,
+        1,
+        7,
+        65_537,
+        2**31,
+        2**63,
+        -(2**63),
+        10**400,
+        0.0,
+        -0.0,
+        5e-324,
+        1e-12,
+        1.5,
+        1e30,
+        1e308,
+    ),
+    *(
+        float("nan"),
+        float("inf"),
+        "",
+        "nan",
+        "../x",
+        "\0",
+        "\ud800",
+        "x" * 300,
+        [],
+        [[]],
+        {},
+        {"": None},
+    ),
     *("If", "Loop", "Constant", "Reshape", "Expand", "observation", "memory", "action", "ai.onnx"),
 )
 FORMS: dict[str, tuple[Callable[[bytes], Any], Callable[[Any], bytes]]] = {
-    ".toml": (lambda content: tomllib.loads(content.decode()), lambda tree: tomli_w.dumps(tree).encode()),
+    ".toml": (
+        lambda content: tomllib.loads(content.decode()),
+        lambda tree: tomli_w.dumps(tree).encode(),
+    ),
     ".json": (json.loads, lambda tree: json.dumps(tree).encode()),
     ".onnx": (
         lambda content: json_format.MessageToDict(onnx.load_model_from_string(content)),
@@ -72,7 +124,11 @@ def _damage(suffix: str, content: bytes, random: Random) -> bytes:
     for _ in range(random.randint(1, 4)):
         place, start = random.randint(0, len(content)), random.randint(0, len(content))
         end = min(place + random.choice((0, 0, 1, 1, 4, 40, len(content))), len(content))
-        new = (random.choice(_ODD), random.randbytes(random.randint(0, 6)), content[start : start + random.randint(0, 60)])
+        new = (
+            random.choice(_ODD),
+            random.randbytes(random.randint(0, 6)),
+            content[start : start + random.randint(0, 60)],
+        )
         content = content[:place] + random.choice(new) + content[end:]
     return content
 
@@ -94,7 +150,9 @@ def _change_tree(tree: Any, random: Random) -> None:
 
 def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
     """Yield every table and list with each of its keys or indices."""
-    for key in list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ():
+    for key in (
+        list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
+    ):
         yield tree, key
         yield from _places(tree[key])
 
@@ -126,7 +184,9 @@ def _measurements(table: Measurements, folder: Path) -> None:
     for name, values in table.columns.items():
         assert values.shape == table.lines.shape
         zero = (values == 0.0) & COLUMNS[name].may_be_zero
-        assert (np.isnan(values) | zero | (COLUMNS[name].low <= values) & (values <= COLUMNS[name].high)).all()
+        assert (
+            np.isnan(values) | zero | (COLUMNS[name].low <= values) & (values <= COLUMNS[name].high)
+        ).all()
     assert table.edges is None or table.edges.shape == table.lines.shape
 
 
@@ -163,7 +223,9 @@ def small_result() -> bytes:
 
 @cache
 def _small_trajectories() -> bytes:
-    trajectories = json.loads(lzma.decompress(smallest(_RESULTS, "*/*/trajectories.json.xz")[0].read_bytes()))
+    trajectories = json.loads(
+        lzma.decompress(smallest(_RESULTS, "*/*/trajectories.json.xz")[0].read_bytes())
+    )
     (episode, *_) = trajectories["episodes"]
     episode["series"] = {name: column[:2] for name, column in episode["series"].items()}
     return json.dumps(trajectories | {"episodes": [episode]}).encode()
@@ -236,7 +298,11 @@ large_machines = ["machine"]
 """
 READERS = {
     "scenario": Reader(
-        ".toml", Scenario.load, ScenarioError, lambda: (Scenario.load("override").to_toml().encode(), _OWN_SCENARIO), _scenario
+        ".toml",
+        Scenario.load,
+        ScenarioError,
+        lambda: (Scenario.load("override").to_toml().encode(), _OWN_SCENARIO),
+        _scenario,
     ),
     "family": Reader(".toml", Family.load, ScenarioError, lambda: (_OWN_FAMILY,), _family),
     "measurements": Reader(
@@ -253,9 +319,19 @@ READERS = {
         lambda: (small_result(), lzma.compress(small_result(), preset=0)),
         _part,
     ),
-    "trajectories": Reader(".json", partial(read_part, Trajectories), ResultError, lambda: (_small_trajectories(),), _part),
+    "trajectories": Reader(
+        ".json",
+        partial(read_part, Trajectories),
+        ResultError,
+        lambda: (_small_trajectories(),),
+        _part,
+    ),
     "agent": Reader(
-        ".onnx", agent_file.read, ValueError, lambda: (smallest(ROOT / "agents", "*/*/*.onnx")[0].read_bytes(),), _agent
+        ".onnx",
+        agent_file.read,
+        ValueError,
+        lambda: (smallest(ROOT / "agents", "*/*/*.onnx")[0].read_bytes(),),
+        _agent,
     ),
     "program": Reader(".mpf", read_file, NcError, lambda: (TEXT.encode(),), _program),
 }

@@ -19,7 +19,9 @@ def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str,
     found: dict[Path, dict[str, Any]] = {}
     for name, entry in properties.items():
         if "$ref" in entry:
-            found |= _fields(_SCHEMA["$defs"][entry["$ref"].rsplit("/", 1)[1]]["properties"], (*path, name))
+            found |= _fields(
+                _SCHEMA["$defs"][entry["$ref"].rsplit("/", 1)[1]]["properties"], (*path, name)
+            )
         elif (*path, name) not in (("name",), ("nominal_model",)):
             found[(*path, name)] = entry
     return found
@@ -59,7 +61,9 @@ def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
     changed = deepcopy(base) | {"name": "drawn"}
     allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
     most = draw(st.sampled_from((3, 12, len(allowed))))
-    for path in draw(st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MAX_CHANGES))):
+    for path in draw(
+        st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MAX_CHANGES))
+    ):
         _put(changed, path, draw(value_of(path)))
     return changed
 
@@ -72,22 +76,30 @@ def scenarios() -> st.SearchStrategy[Scenario]:
 def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     """Return the values, changed if they contradict others."""
     changed = deepcopy(drawn)
-    machine, control, surface, sensors = (changed[name] for name in ("machine", "control", "surface", "sensors"))
+    machine, control, surface, sensors = (
+        changed[name] for name in ("machine", "control", "surface", "sensors")
+    )
     for name in ("cutting_speed", "feed"):
         low, high = sorted((machine[f"{name}_min"], machine[f"{name}_max"]))
-        machine[f"{name}_min"], machine[f"{name}_max"] = (low, high) if low < high else (0.5 * high, high)
+        machine[f"{name}_min"], machine[f"{name}_max"] = (
+            (low, high) if low < high else (0.5 * high, high)
+        )
         if machine[f"{name}_min"] < FIELDS["machine", f"{name}_min"]["minimum"]:
             machine[f"{name}_min"], machine[f"{name}_max"] = low, 2.0 * high
         start = control[f"initial_{name}"]
         control[f"initial_{name}"] = min(max(start, machine[f"{name}_min"]), machine[f"{name}_max"])
-    surface["reference_min"], surface["reference_max"] = sorted((surface["reference_min"], surface["reference_max"]))
+    surface["reference_min"], surface["reference_max"] = sorted(
+        (surface["reference_min"], surface["reference_max"])
+    )
     if changed["mismatch"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
         changed["mismatch"]["initial_wear"] = 0.0
     if control["time_limit"] * 60.0 < control["interval"]:
         control["interval"] = control["time_limit"] * 60.0
     machine["command_delay"] = min(machine["command_delay"], 4.0 * control["interval"])
     if control["action"] == "override":
-        control["override_max"] = min(control["override_max"], machine["feed_max"] / control["initial_feed"])
+        control["override_max"] = min(
+            control["override_max"], machine["feed_max"] / control["initial_feed"]
+        )
         if control["override_max"] < 0.01:
             control["action"] = "set_point"
     if control["action"] == "part":
@@ -107,20 +119,26 @@ def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
     changed["edge_failure"]["temperature"]["time"] = 0.0
     for name in ("radial_force", "torque", "roughness"):
         law = changed["limits"][name]
-        law |= dict.fromkeys(("cutting_speed", "time", "wear"), 0.0) | {"feed": abs(law["feed"]) or 0.75}
+        law |= dict.fromkeys(("cutting_speed", "time", "wear"), 0.0) | {
+            "feed": abs(law["feed"]) or 0.75
+        }
     spindle, work = changed["spindle"], changed["workpiece"]
     per_turn = math.pi * work["diameter"] / 1000.0  # [m]
     if per_turn * spindle["max_speed"] < control["initial_cutting_speed"]:
         spindle["max_speed"] = 0.0
     fastest = max(machine["cutting_speed_max"], per_turn * spindle["base_speed"])
-    spindle["idle_torque"] = min(spindle["idle_torque"], 15.0 * work["diameter"] * changed["limits"]["power"] / fastest)
+    spindle["idle_torque"] = min(
+        spindle["idle_torque"], 15.0 * work["diameter"] * changed["limits"]["power"] / fastest
+    )
     sections = len(work["depth_profile"])
     if work["section_lengths"]:
         work["section_lengths"] = (work["bar_length"] / max(sections, 1),) * sections
     work["section_speeds"] = (work["section_speeds"] * sections)[:sections]
     for name in ("chip_feed", "chip_depth"):
         swarf = changed["swarf"]
-        swarf[f"{name}_min"], swarf[f"{name}_max"] = sorted((swarf[f"{name}_min"], swarf[f"{name}_max"]))
+        swarf[f"{name}_min"], swarf[f"{name}_max"] = sorted(
+            (swarf[f"{name}_min"], swarf[f"{name}_max"])
+        )
     return changed
 
 

@@ -21,7 +21,9 @@ MORTAL = changed(SHORT_LIVED, control={"time_limit": 0.1}, workpiece={"approach"
 @pytest.mark.slow
 @tried(short=60, soak=5_000)
 @given(st.data(), st.integers(1, 6), st.integers(0, 2**64 - 8))
-def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st.DataObject, num_envs: int, seed: int) -> None:
+def test_resets_and_steps_in_any_order_are_those_of_single_environments(
+    data: st.DataObject, num_envs: int, seed: int
+) -> None:
     disabled = AutoresetMode.DISABLED
     envs = RoughTurningVectorEnv(num_envs, MORTAL, disabled)
     singles = SyncVectorEnv([lambda: RoughTurningEnv(MORTAL)] * num_envs, autoreset_mode=disabled)
@@ -31,12 +33,22 @@ def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st
         mask = np.array(data.draw(st.lists(st.booleans(), min_size=num_envs, max_size=num_envs)))
         if mask.any() and (ended.any() or data.draw(st.booleans())):
             anew = data.draw(st.none() | st.integers(0, 2**64 - 8))
-            found, expected = (each.reset(seed=anew, options={"reset_mask": mask.copy()})[0] for each in (envs, singles))
+            found, expected = (
+                each.reset(seed=anew, options={"reset_mask": mask.copy()})[0]
+                for each in (envs, singles)
+            )
             assert found[mask].tobytes() == expected[mask].tobytes()
             ended &= ~mask
-        actions = np.array(data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=num_envs, max_size=num_envs)))
+        actions = np.array(
+            data.draw(
+                st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=num_envs, max_size=num_envs)
+            )
+        )
         if ended.any():
-            with pytest.raises(ResetNeeded, match=re.escape(f"environments {np.flatnonzero(ended).tolist()} have ended")):
+            with pytest.raises(
+                ResetNeeded,
+                match=re.escape(f"environments {np.flatnonzero(ended).tolist()} have ended"),
+            ):
                 envs.step(actions)
             continue
         answers = envs.step(actions)
@@ -46,7 +58,9 @@ def test_resets_and_steps_in_any_order_are_those_of_single_environments(data: st
 
 @tried(short=40, soak=5_000)
 @given(SEEDS, st.lists(st.sampled_from(("reset", "seed", "step", "copy")), max_size=25))
-def test_an_episode_is_that_of_its_seed_and_number_whatever_was_called_before(seed: int, calls: list[str]) -> None:
+def test_an_episode_is_that_of_its_seed_and_number_whatever_was_called_before(
+    seed: int, calls: list[str]
+) -> None:
     env = RoughTurningEnv(MORTAL)
     episode, under_way = -1, False
     for call in calls:

@@ -19,9 +19,13 @@ SMOOTH = {
 
 def sums(preset: str, seed: int, sub_steps: int) -> dict[str, float]:
     """Return the sums over a dozen intervals of a swinging command."""
-    scenario: Any = changed(Scenario.load(preset), **SMOOTH, control={"sub_steps": sub_steps, "time_limit": 60.0})
+    scenario: Any = changed(
+        Scenario.load(preset), **SMOOTH, control={"sub_steps": sub_steps, "time_limit": 60.0}
+    )
     told = infos(scenario, 0.5 * fixed_actions(12, 1, scenario)[:, 0], seed)
-    return {"removed": sum(info["removed"] for info in told)} | {name: told[-1][name] for name in ("path", "used_life")}
+    return {"removed": sum(info["removed"] for info in told)} | {
+        name: told[-1][name] for name in ("path", "used_life")
+    }
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "forging"])

@@ -11,7 +11,10 @@ import pytest
 from tests.turning_env.playing import SHORT_LIVED, fixed_actions
 from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv
 
-WAYS: dict[str, Callable[[Any], Any]] = {"copy": copy.deepcopy, "pickle": lambda env: pickle.loads(pickle.dumps(env))}
+WAYS: dict[str, Callable[[Any], Any]] = {
+    "copy": copy.deepcopy,
+    "pickle": lambda env: pickle.loads(pickle.dumps(env)),
+}
 
 
 def outputs(env: Any, actions: Any) -> list[bytes]:
@@ -27,7 +30,9 @@ def outputs(env: Any, actions: Any) -> list[bytes]:
 
 @pytest.mark.parametrize(("way", "render_mode"), [("copy", None), ("pickle", "rgb_array")])
 @pytest.mark.parametrize("preset", ["surface", "shift", "batch_casting"])
-def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(preset: str, render_mode: str | None, way: str) -> None:
+def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(
+    preset: str, render_mode: str | None, way: str
+) -> None:
     env = RoughTurningEnv(preset, render_mode)
     env.reset(seed=3)
     actions = fixed_actions(8, 1, preset)[:, 0]
@@ -43,17 +48,29 @@ def test_a_copy_in_the_middle_of_an_episode_gives_the_same_outputs(preset: str, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("way", "render_mode", "autoreset"), [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")])
+@pytest.mark.parametrize(
+    ("way", "render_mode", "autoreset"),
+    [("copy", "rgb_array", "NextStep"), ("pickle", None, "SameStep")],
+)
 @pytest.mark.parametrize("family", [False, True])
-def test_a_copy_of_a_batch_gives_the_same_outputs(family: bool, autoreset: str, render_mode: str | None, way: str) -> None:
+def test_a_copy_of_a_batch_gives_the_same_outputs(
+    family: bool, autoreset: str, render_mode: str | None, way: str
+) -> None:
     options = {"autoreset_mode": autoreset, "render_mode": render_mode}
-    envs = FamilyVectorEnv(3, **options) if family else RoughTurningVectorEnv(3, SHORT_LIVED, **options)
+    envs = (
+        FamilyVectorEnv(3, **options)
+        if family
+        else RoughTurningVectorEnv(3, SHORT_LIVED, **options)
+    )
     envs.reset(seed=0)
     actions = fixed_actions(60, 3, "shift" if family else SHORT_LIVED)
     outputs(envs, actions[:17])
     other = WAYS[way](envs)
     assert outputs(other, actions[17:]) == outputs(envs, actions[17:])
     if render_mode is not None:
-        assert all((ours == theirs).all() for ours, theirs in zip(envs.render(), other.render(), strict=True))
+        assert all(
+            (ours == theirs).all()
+            for ours, theirs in zip(envs.render(), other.render(), strict=True)
+        )
     envs.close()
     other.close()

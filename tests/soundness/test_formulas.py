@@ -10,7 +10,12 @@ from tests.soundness.acting import tried
 from turning_env.scenario.formula import FormulaError, evaluate
 
 PLACE = "fields.limits.power"
-VARIABLES = {"speed": np.array([80.0, 120.0, 300.0]), "worn": np.array([-1.0, 0.0, 1.5]), "count": 3, "härte": 0.5}
+VARIABLES = {
+    "speed": np.array([80.0, 120.0, 300.0]),
+    "worn": np.array([-1.0, 0.0, 1.5]),
+    "count": 3,
+    "härte": 0.5,
+}
 PYTHON = {
     "exp": np.exp,
     "log": np.log,
@@ -19,13 +24,32 @@ PYTHON = {
     "maximum": lambda x, y: np.maximum(x, y),
 }
 
-NUMBERS = st.sampled_from(("0", "1", "2", "-1", "0.5", "1e-300", "1e300", "9" * 400, "1e999", "0x1F", "1_0", "007", "1j", "True"))
+NUMBERS = st.sampled_from(
+    (
+        "0",
+        "1",
+        "2",
+        "-1",
+        "0.5",
+        "1e-300",
+        "1e300",
+        "9" * 400,
+        "1e999",
+        "0x1F",
+        "1_0",
+        "007",
+        "1j",
+        "True",
+    )
+)
 NUMBERS |= st.floats(0.0, 1e3).map(repr) | st.integers(0, 10**20).map(str)
 NAMES = st.sampled_from((*VARIABLES, *PYTHON, "x", "__import__", "speed.real", "None"))
 
 
 def _larger(part: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    operators = st.sampled_from((" + ", " - ", " * ", " / ", " ** ", "**", "//", "%", " @ ", " and ", " < ", ", ", " if "))
+    operators = st.sampled_from(
+        (" + ", " - ", " * ", " / ", " ** ", "**", "//", "%", " @ ", " and ", " < ", ", ", " if ")
+    )
     calls = st.tuples(st.sampled_from((*PYTHON, "abs", "speed")), st.lists(part, max_size=3))
     return st.one_of(
         st.tuples(part, operators, part).map("".join),
@@ -34,8 +58,12 @@ def _larger(part: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         part.map("+{}".format),
         calls.map(lambda call: f"{call[0]}({', '.join(call[1])})"),
         st.tuples(part, st.integers(1, 3000)).map(lambda pair: f"{'-' * pair[1]}{pair[0]}"),
-        st.tuples(part, st.integers(1, 3000)).map(lambda pair: " + ".join([pair[0]] * min(pair[1], 20_000 // len(pair[0])))),
-        st.tuples(part, st.integers(1, 300)).map(lambda pair: f"{'(' * pair[1]}{pair[0]}{')' * pair[1]}"),
+        st.tuples(part, st.integers(1, 3000)).map(
+            lambda pair: " + ".join([pair[0]] * min(pair[1], 20_000 // len(pair[0])))
+        ),
+        st.tuples(part, st.integers(1, 300)).map(
+            lambda pair: f"{'(' * pair[1]}{pair[0]}{')' * pair[1]}"
+        ),
     )
 
 
@@ -62,7 +90,10 @@ def value_of(formula: Any, variables: dict[str, Any]) -> Any:
 @example("1" + "+1" * 20_000)
 @given(FORMULAS)
 def test_a_formula_has_a_finite_value_or_is_refused(formula: str) -> None:
-    variables = {name: np.copy(value) if isinstance(value, np.ndarray) else value for name, value in VARIABLES.items()}
+    variables = {
+        name: np.copy(value) if isinstance(value, np.ndarray) else value
+        for name, value in VARIABLES.items()
+    }
     value = value_of(formula, variables)
     for name, before in VARIABLES.items():
         np.testing.assert_array_equal(variables[name], before)

@@ -32,8 +32,14 @@ def play_and_check(data: st.DataObject, scenario: Scenario, seed: int) -> None:
 
 @pytest.mark.slow
 @tried(short=120, soak=15_000)
-@given(st.data(), values(laws=True) | values(laws=True).map(reconciled) | values().map(reconciled), SEEDS)
-def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: dict[str, object], seed: int) -> None:
+@given(
+    st.data(),
+    values(laws=True) | values(laws=True).map(reconciled) | values().map(reconciled),
+    SEEDS,
+)
+def test_any_values_are_played_or_refused_by_name(
+    data: st.DataObject, drawn: dict[str, object], seed: int
+) -> None:
     try:
         scenario = Scenario.model_validate(drawn)
     except ValidationError as refusal:
@@ -45,7 +51,9 @@ def test_any_values_are_played_or_refused_by_name(data: st.DataObject, drawn: di
 
 @tried(short=20, soak=5_000)
 @given(st.integers(1, 70), st.data(), st.sampled_from((np.nan, np.inf, -np.inf)))
-def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(num_envs, data, unfit) -> None:
+def test_an_action_that_is_not_finite_is_refused_by_environment_and_nothing_moves(
+    num_envs, data, unfit
+) -> None:
     envs = RoughTurningVectorEnv(num_envs)
     envs.reset(seed=1)
     good = np.zeros((num_envs, 2))
@@ -84,7 +92,10 @@ def test_what_is_no_action_is_refused_and_nothing_moves(unfit: object) -> None:
     envs.reset(seed=1)
     with pytest.raises(ValueError, match="an action must be 2 finite numbers, got "):
         env.step(unfit)
-    with pytest.raises(ValueError, match=r"actions must (be numbers of|have) shape \(2, 2\)|environment 0 must be finite"):
+    with pytest.raises(
+        ValueError,
+        match=r"actions must (be numbers of|have) shape \(2, 2\)|environment 0 must be finite",
+    ):
         envs.step([unfit, unfit])
     alone, _, _, _, _ = env.step(np.zeros(2))
     beside, *_ = envs.step(np.zeros((2, 2)))

@@ -31,11 +31,18 @@ def attempt(text: str, stock: str | None, kind: str | None, go_on: bool, adapted
     try:
         moves = run(divide(text), Reading(go_on=go_on))
         tools = {} if kind is None else {moves.moves[0].tool: kind}
-        removal = remove(moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools)
+        removal = remove(
+            moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools
+        )
         situation = Situation(SCENARIO, Machine(), moves, removal)
         played = play(situation, change_wear(situation))
         blocks = rows(situation, played)
-        results = [blocks, vars(summary(situation, played)), beyond(situation, played), implausible(situation, played)]
+        results = [
+            blocks,
+            vars(summary(situation, played)),
+            beyond(situation, played),
+            implausible(situation, played),
+        ]
         results += [table(situation, blocks), findings(blocks)]
         if adapted:
             after = adapt(situation)

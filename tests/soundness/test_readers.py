@@ -22,11 +22,18 @@ def tampered() -> bytes:
     return json.dumps(values).encode()
 
 
-BEYOND = ("x = " + "[" * 5_000, "x = " + "9" * 5_000, "name" + ".a" * 5_000 + " = 1", "base = 0x" + "9" * 5_000)
+BEYOND = (
+    "x = " + "[" * 5_000,
+    "x = " + "9" * 5_000,
+    "name" + ".a" * 5_000 + " = 1",
+    "base = 0x" + "9" * 5_000,
+)
 
 
 @pytest.mark.parametrize("text", BEYOND, ids=range(len(BEYOND)))
-def test_a_scenario_file_beyond_python_s_limits_is_a_scenario_error(text: str, tmp_path: Path) -> None:
+def test_a_scenario_file_beyond_python_s_limits_is_a_scenario_error(
+    text: str, tmp_path: Path
+) -> None:
     (tmp_path / "deep.toml").write_text(text)
     with pytest.raises(ScenarioError, match="deep"):
         Scenario.load(tmp_path / "deep.toml")
@@ -47,8 +54,15 @@ def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path, data: st.D
 
 @tried(short=40, soak=5_000)
 @given(damages(lambda: (tampered(),)), st.booleans())
-def test_results_that_were_tampered_with_are_refused(tmp_path: Path, content: bytes, compressed: bool) -> None:
-    assert READERS["result"].check(tmp_path, lzma.compress(content, preset=0) if compressed else content) is None
+def test_results_that_were_tampered_with_are_refused(
+    tmp_path: Path, content: bytes, compressed: bool
+) -> None:
+    assert (
+        READERS["result"].check(
+            tmp_path, lzma.compress(content, preset=0) if compressed else content
+        )
+        is None
+    )
 
 
 @pytest.mark.slow

@@ -11,7 +11,9 @@ from studies.audit import complaints
 def installed(folder: Path, metadata: str, **licences: str) -> PathDistribution:
     information = folder / "made_up-1.0.dist-info"
     (information / "licenses").mkdir(parents=True)
-    (information / "METADATA").write_text(f"Metadata-Version: 2.4\nName: made-up\nVersion: 1.0\n{metadata}\n")
+    (information / "METADATA").write_text(
+        f"Metadata-Version: 2.4\nName: made-up\nVersion: 1.0\n{metadata}\n"
+    )
     for name, text in licences.items():
         (information / "licenses" / name).write_text(text)
     return PathDistribution(information)
@@ -33,7 +35,9 @@ def installed(folder: Path, metadata: str, **licences: str) -> PathDistribution:
     ],
 )
 def test_licences_are_read_and_judged(metadata: str, allowed: bool, tmp_path: Path) -> None:
-    found = installed(tmp_path, metadata, LICENSE="\nMIT License\n", NOTICE="GNU General Public License\n")
+    found = installed(
+        tmp_path, metadata, LICENSE="\nMIT License\n", NOTICE="GNU General Public License\n"
+    )
     assert bool(complaints([found], {"made-up": "1.0"})) != allowed
 
 

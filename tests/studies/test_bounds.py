@@ -22,7 +22,9 @@ def test_a_bound_on_beliefs_is_below_the_one_that_knows_the_bars() -> None:
 
 
 @pytest.mark.slow
-def test_headroom_is_between_the_best_agent_and_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+def test_headroom_is_between_the_best_agent_and_the_bounds(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert headroom.main(["--seeds", "2"]) == 0
     _, first, _, agent, rule = capsys.readouterr().out.splitlines()
     assert first.startswith("clairvoyant bound")

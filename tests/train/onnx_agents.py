@@ -27,7 +27,9 @@ class Remembering(torch.nn.Module):
         super().__init__()
         self.cell, self.head = torch.nn.Linear(11 + 7, 7), torch.nn.Linear(7, 2)
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         memory = self.cell(torch.cat((observation, memory), dim=1)).tanh()
         return self.head(memory).clamp(-1.0, 1.0), memory
 
@@ -35,12 +37,24 @@ class Remembering(torch.nn.Module):
 def actor(memory: bool, seed: int = 0) -> Any:
     """Return an actor with or without memory."""
     torch.manual_seed(seed)
-    return (Remembering() if memory else Feedforward(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, 2))).eval()
+    return (
+        Remembering()
+        if memory
+        else Feedforward(torch.nn.Linear(11, 16), torch.nn.ReLU(), torch.nn.Linear(16, 2))
+    ).eval()
 
 
 def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
     """Return a run that was never trained."""
-    return Run(algorithm, "RoughTurning-v0", SCENARIO, seed, {"steps": 1000, "discount": 0.8}, "train it", folder)
+    return Run(
+        algorithm,
+        "RoughTurning-v0",
+        SCENARIO,
+        seed,
+        {"steps": 1000, "discount": 0.8},
+        "train it",
+        folder,
+    )
 
 
 def of_text(body: str, about: Metadata | None = None, memory: int = 0, **weights: Any) -> bytes:
@@ -48,10 +62,15 @@ def of_text(body: str, about: Metadata | None = None, memory: int = 0, **weights
     about = about or metadata(run(Path()), "ppo")
     sizes = {"observation": len(about.observation_space.low), "action": len(about.action_space.low)}
     sizes |= {"memory": memory, "next_memory": memory} if memory else {}
-    values = {each: helper.make_tensor_value_info(each, TensorProto.FLOAT, ["n", size]) for each, size in sizes.items()}
+    values = {
+        each: helper.make_tensor_value_info(each, TensorProto.FLOAT, ["n", size])
+        for each, size in sizes.items()
+    }
     ends = ("observation", "memory"), ("action", "next_memory")
     inputs, outputs = ([values[each] for each in names if each in values] for names in ends)
-    nodes = onnx.parser.parse_graph(f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}").node
+    nodes = onnx.parser.parse_graph(
+        f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}"
+    ).node
     held = [numpy_helper.from_array(np.asarray(array), each) for each, array in weights.items()]
     graph = helper.make_graph(nodes, "network", inputs, outputs, held)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
@@ -66,14 +85,27 @@ def layer(inner: str, name: str, outer: str) -> str:
 @functools.cache
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
     """Return the file of an ``actor``."""
-    weights = {name.replace(".", "_"): array.numpy() for name, array in actor(memory, seed).state_dict().items()}
-    body = "seen = Concat <axis = 1> (observation, memory) " + layer("seen", "cell", "sums") + "next_memory = Tanh(sums) "
+    weights = {
+        name.replace(".", "_"): array.numpy()
+        for name, array in actor(memory, seed).state_dict().items()
+    }
+    body = (
+        "seen = Concat <axis = 1> (observation, memory) "
+        + layer("seen", "cell", "sums")
+        + "next_memory = Tanh(sums) "
+    )
     body += layer("next_memory", "head", "unclipped")
     if not memory:
-        body = layer("observation", "layers_0", "sums") + "hidden = Relu(sums) " + layer("hidden", "layers_2", "unclipped")
+        body = (
+            layer("observation", "layers_0", "sums")
+            + "hidden = Relu(sums) "
+            + layer("hidden", "layers_2", "unclipped")
+        )
     bounds = {"low": np.float32(-1), "high": np.float32(1)}
     about = metadata(run(Path(), seed, algorithm), algorithm)
-    return of_text(f"{body} action = Clip(unclipped, low, high)", about, 7 * memory, **weights, **bounds)
+    return of_text(
+        f"{body} action = Clip(unclipped, low, high)", about, 7 * memory, **weights, **bounds
+    )
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
@@ -94,33 +126,53 @@ def stating(content: bytes, **properties: str) -> bytes:
 def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
     """Write the file of an agent of a family that holds its set point, nearly, and changes no edge."""
     context = {"names": list(family.context_names)}
-    context |= {name: values.tolist() for name, values in zip(("mean", "spread"), family.context_scale, strict=True)}
+    context |= {
+        name: values.tolist()
+        for name, values in zip(("mean", "spread"), family.context_scale, strict=True)
+    }
     parameters = {"family": family.portable(), "context": context, "steps": 1000}
-    about = metadata(Run("mine", FAMILY_ID, family.job(0).scenario, seed, parameters, "train it", folder))
-    weight = np.random.default_rng(seed).uniform(-1e-3, 1e-3, (3, len(about.observation_space.low))).astype(np.float32)
+    about = metadata(
+        Run("mine", FAMILY_ID, family.job(0).scenario, seed, parameters, "train it", folder)
+    )
+    weight = (
+        np.random.default_rng(seed)
+        .uniform(-1e-3, 1e-3, (3, len(about.observation_space.low)))
+        .astype(np.float32)
+    )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{about.label}.onnx"
     body = layer("observation", "head", "action")
-    path.write_bytes(of_text(body, about, head_weight=weight, head_bias=np.float32([0.0, 0.0, -0.5])))
+    path.write_bytes(
+        of_text(body, about, head_weight=weight, head_bias=np.float32([0.0, 0.0, -0.5]))
+    )
     return path
 
 
 def of_load(body: str, **weights: Any) -> bytes:
     """Return a file that acts by ``first``, the first two observations, after nodes that turn it into ``change``."""
     given = {"start": [0], "stop": [2], "axis": [1], "small": np.float32([0.1])}
-    return of_text(f"first = Slice(observation, start, stop, axis) {body} action = Mul(change, small)", **given | weights)
+    return of_text(
+        f"first = Slice(observation, start, stop, axis) {body} action = Mul(change, small)",
+        **given | weights,
+    )
 
 
 AXES, ONES, WIDE = np.array([1]), np.ones(1, np.float32), np.ones((1, 1_000_000), np.float32)
 LOADS: dict[str, tuple[str, dict[str, Any]]] = {
     "plain": ("change = Identity(first)", {}),
     "unbounded": ("change = Mul(first, big)", {"big": 9.9 * ONES}),  # beyond 1 if observations are
-    "sociable": ("mean = ReduceMean(first, axes) change = Sub(first, mean)", {"axes": np.array([0])}),  # acts by the others
+    "sociable": (
+        "mean = ReduceMean(first, axes) change = Sub(first, mean)",
+        {"axes": np.array([0])},
+    ),  # acts by the others
     "counting": (  # acts by an environment's index
         "nothing = Mul(first, zero) ones = Add(nothing, one) place = CumSum(ones, across) change = Softsign(place)",
         {"across": np.array(0), "zero": 0.0 * ONES, "one": ONES},
     ),
-    "few": ("change = ReduceMax(first, axes)", {"axes": np.array([0])}),  # acts once for all environments
+    "few": (
+        "change = ReduceMax(first, axes)",
+        {"axes": np.array([0])},
+    ),  # acts once for all environments
     "swelling": (  # asks for four megabytes per environment, several times at once
         "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) none = Sub(swollen0, swollen1) "
         "column = ReduceMax(none, axes) change = Add(first, column)",

@@ -13,12 +13,20 @@ from turning_env import Family, Scenario
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
 
 ALGORITHMS = {
-    module.ALGORITHM.name: module.ALGORITHM for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, analytic_gradient)
+    module.ALGORITHM.name: module.ALGORITHM
+    for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, analytic_gradient)
 }
 
 _ON_POLICY = {"steps": 2048, "num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
 # So few are remembered that the oldest are overwritten while actions are still random.
-_OFF_POLICY = {"steps": 2048, "num_envs": 8, "random_steps": 1100, "memory": 800, "batch_size": 32, "batches_per_step": 1}
+_OFF_POLICY = {
+    "steps": 2048,
+    "num_envs": 8,
+    "random_steps": 1100,
+    "memory": 800,
+    "batch_size": 32,
+    "batches_per_step": 1,
+}
 PARAMETERS: dict[str, dict[str, Any]] = {
     "ppo": _ON_POLICY,
     "sac": _OFF_POLICY,
@@ -43,7 +51,11 @@ class Interruption(BaseCallback):
 
 
 def small_run(
-    algorithm: Algorithm, runs: Path, scenario: Scenario | Family = SCENARIO, env_id: str = "RoughTurning-v0", **changes: Any
+    algorithm: Algorithm,
+    runs: Path,
+    scenario: Scenario | Family = SCENARIO,
+    env_id: str = "RoughTurning-v0",
+    **changes: Any,
 ) -> Run:
     parameters = PARAMETERS[algorithm.name] | changes
     return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command --runs here", parameters)

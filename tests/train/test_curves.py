@@ -12,9 +12,16 @@ from turning_env import Scenario
 
 
 def a_run(
-    runs: Path, seed: int, rows: list[dict[str, float]], algorithm: str = "ppo", preset: str = "", steps: int = 2048
+    runs: Path,
+    seed: int,
+    rows: list[dict[str, float]],
+    algorithm: str = "ppo",
+    preset: str = "",
+    steps: int = 2048,
 ) -> Path:
-    run = small_run(ALGORITHMS[algorithm], runs, *([Scenario.load(preset)] if preset else []), steps=steps)
+    run = small_run(
+        ALGORITHMS[algorithm], runs, *([Scenario.load(preset)] if preset else []), steps=steps
+    )
     run = replace(run, seed=seed, folder=runs / f"{algorithm}-seed{seed}")
     run.begin()
     with run.learning_curve.open("w", newline="") as file:
@@ -29,7 +36,11 @@ def line(slope: float, start: float = 0.0, end: float = 100.0) -> list[dict[str,
 
 
 def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
-    folders = [a_run(tmp_path, 0, line(-1.0)), a_run(tmp_path, 1, line(-3.0, 10.0, 60.0)), a_run(tmp_path, 2, line(5.0), "sac")]
+    folders = [
+        a_run(tmp_path, 0, line(-1.0)),
+        a_run(tmp_path, 1, line(-3.0, 10.0, 60.0)),
+        a_run(tmp_path, 2, line(5.0), "sac"),
+    ]
     trainings = curves.read(folders)
     assert (trainings.env_id, trainings.scenario.name) == ("RoughTurning-v0", "short")
     found = curves.curves(trainings.trainings)
@@ -37,20 +48,42 @@ def test_seeds_are_averaged_where_their_curves_overlap(tmp_path: Path) -> None:
     curve = found["ppo"]
     assert (curve.steps[0], curve.steps[-1]) == (10.0, 60.0)
     np.testing.assert_allclose(curve.mean, -2.0 * curve.steps, rtol=1e-3)
-    np.testing.assert_allclose(curve.low, -3.0 * curve.steps, rtol=1e-3)  # of two, both resampled alike one time in four
+    np.testing.assert_allclose(
+        curve.low, -3.0 * curve.steps, rtol=1e-3
+    )  # of two, both resampled alike one time in four
     np.testing.assert_allclose(curve.high, -1.0 * curve.steps, rtol=1e-3)
     np.testing.assert_allclose(found["sac"].low, found["sac"].high)
 
 
-def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp_path: Path) -> None:
+def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(
+    tmp_path: Path,
+) -> None:
     file, pictures = tmp_path / curves.FILE, [tmp_path / "runs.svg", tmp_path / "file.svg"]
     folders = [str(a_run(tmp_path, seed, line(-1.0 - seed / 3.0))) for seed in (0, 1)]
     assert curves.main([*folders, "--out", str(file)]) == 0
     for sources, picture in zip((folders, [str(file)]), pictures, strict=True):
-        assert curves.main([*sources, "--out", str(picture), "--level", "predictive=-75", "--level", "a=b=-160.5"]) == 0
+        assert (
+            curves.main(
+                [
+                    *sources,
+                    "--out",
+                    str(picture),
+                    "--level",
+                    "predictive=-75",
+                    "--level",
+                    "a=b=-160.5",
+                ]
+            )
+            == 0
+        )
     assert pictures[0].read_bytes() == pictures[1].read_bytes()
-    assert curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
-    assert curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file)]) == 0
+    assert (
+        curves.main([str(file), str(a_run(tmp_path, 0, line(5.0), "sac")), "--out", str(file)]) == 0
+    )
+    assert (
+        curves.main([str(file), str(a_run(tmp_path / "new", 1, line(7.0))), "--out", str(file)])
+        == 0
+    )
     trainings = curves.Trainings.read(file).trainings
     assert [(name, each.mean_return[-1]) for name, each in trainings.items()] == [
         ("ppo-seed0", -100.0),
@@ -60,7 +93,9 @@ def test_a_file_of_curves_draws_the_same_picture_and_takes_further_trainings(tmp
     assert sum("-seed" in row for row in file.read_text("utf-8").splitlines()) == 3
 
 
-def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_named_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     first = a_run(tmp_path, 0, line(1.0))
     longer = a_run(tmp_path / "longer", 1, line(1.0), steps=4096)
     elsewhere = a_run(tmp_path / "elsewhere", 1, line(1.0), preset="casting")
@@ -70,7 +105,10 @@ def test_mistakes_are_named_and_nothing_is_written(tmp_path: Path, capsys: pytes
     (tmp_path / "other.json").write_text("{}")
     curves.main([str(first), "--out", str(tmp_path / curves.FILE)])
     for arguments, message in (
-        ([first, longer, *never], f"{first} and {longer} are trainings with different hyperparameters"),
+        (
+            [first, longer, *never],
+            f"{first} and {longer} are trainings with different hyperparameters",
+        ),
         ([first, elsewhere, *never], "are trainings on different tasks"),
         ([first, first, *never], "ppo-seed0 is given more than once"),
         ([*[tmp_path / curves.FILE] * 2, *never], "ppo-seed0 is given more than once"),

@@ -10,7 +10,9 @@ from turning_env import RoughTurningVectorEnv, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.vector_env import info_at_end_of_step
 
-OVERLOADING = Scenario.model_validate({"name": "weak", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 300.0}})
+OVERLOADING = Scenario.model_validate(
+    {"name": "weak", "tool": {"wear_criterion": 0.1}, "limits": {"thrust_force": 300.0}}
+)
 FASTER = np.ones((4, 2), np.float32)
 
 
@@ -29,10 +31,14 @@ def test_severe_overload_costs_the_multiplier_in_place_of_its_price() -> None:
         *_, terms = reference.step(FASTER)
         names = ("reward_overload", "severe_overload_time", "engaged_time")
         overload, severe, engaged = (info_at_end_of_step(terms, name) for name in names)
-        np.testing.assert_allclose(rewards, 0.5 * (full_rewards - overload - 7.0 * severe), rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(
+            rewards, 0.5 * (full_rewards - overload - 7.0 * severe), rtol=1e-5, atol=1e-4
+        )
         severe_time, engaged_time = severe_time + severe.sum(), engaged_time + engaged.sum()
         for index in np.flatnonzero(dones):
-            assert infos[index]["episode"] == full_infos[index]["episode"]  # the environment's own return
+            assert (
+                infos[index]["episode"] == full_infos[index]["episode"]
+            )  # the environment's own return
             ends += 1
     assert ends > 3
     assert severe_time > 0.0

@@ -42,17 +42,25 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
             return super().training_rewards(rewards, infos)
 
     num_envs = 16
-    env, commands, random = Reporting(BASE, num_envs), TargetCommands(BASE), np.random.default_rng(1)
+    env, commands, random = (
+        Reporting(BASE, num_envs),
+        TargetCommands(BASE),
+        np.random.default_rng(1),
+    )
     env.seed(5)
     observations = env.reset()
     steps: list[tuple[Any, ...]] = []
     last, ends = np.zeros((len(FIELDS), num_envs)), 0
     for step in range(240):
         if step % 15 == 0:
-            target = torch.tensor(random.uniform([0.2, -0.2], [0.9, 0.6], (num_envs, 2)), dtype=torch.float32)
+            target = torch.tensor(
+                random.uniform([0.2, -0.2], [0.9, 0.6], (num_envs, 2)), dtype=torch.float32
+            )
         seen = torch.from_numpy(observations)
         observations, _, ended, _ = env.step(commands.action(target, seen).numpy())
-        np.testing.assert_array_equal(env.before, last)  # a step starts where the one before has ended
+        np.testing.assert_array_equal(
+            env.before, last
+        )  # a step starts where the one before has ended
         last, ends = np.where(ended, 0.0, env.after), ends + ended.sum()
         steps.append((seen, target, env.before, env.after, env.changed, env.failed, env.overload))
     *tensors, before, after, changed, failed, overload = zip(*steps, strict=True)
@@ -62,13 +70,17 @@ def test_overload_and_life_are_charged_as_the_environment_charges_them() -> None
     log_speed, log_feed = commands.commanded(target, seen)
     given = log_speed, log_feed, *commands.speed_and_feed(seen, ACTUAL), truth
     prices = worth(BASE)
-    unpriced = BASE.model_copy(update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})})
+    unpriced = BASE.model_copy(
+        update={"economics": BASE.economics.model_copy(update={"overload_price": 0.0})}
+    )
     gain, free = ModelGain(BASE, prices), ModelGain(unpriced, prices)
     dear = ModelGain(BASE, prices._replace(life=prices.life + 1000.0))
     charged = (free(*given)[0] - gain(*given)[0]).numpy()
     assert reported.max() > 1.0
     depth, used_life = FIELDS.index("depth_of_cut"), FIELDS.index("used_life")
-    inside = (before[:, depth] > 0) & (after[:, depth] > 0)  # entries and exits are known to a fifth of a step
+    inside = (before[:, depth] > 0) & (
+        after[:, depth] > 0
+    )  # entries and exits are known to a fifth of a step
     np.testing.assert_allclose(charged[inside], reported[inside], atol=0.25)
     assert abs(charged.sum() / reported.sum() - 1.0) < 0.05
     life = (gain(*given)[0] - dear(*given)[0]).sum(0).numpy() / 1000.0

@@ -39,7 +39,9 @@ def test_a_law_does_what_the_controller_does(rule: str) -> None:
     assert simulate(program, OVERRIDES, 11).difference(original) < 0.005
 
 
-@given(st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.floats(0, 1000), min_size=1, max_size=20))
+@given(
+    st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.floats(0, 1000), min_size=1, max_size=20)
+)
 def test_no_law_leaves_the_machines_range(rule: str, loads: list[float]) -> None:
     law, machine = law_program(rule).law, OVERRIDES.machine
     variables = law.variables()
@@ -60,20 +62,27 @@ def test_no_law_leaves_the_machines_range(rule: str, loads: list[float]) -> None
         ({"law": Law()}, "no override law"),
     ],
 )
-def test_a_program_of_another_machine_or_bar_is_refused(changes: dict[str, float | Law], complaint: str) -> None:
+def test_a_program_of_another_machine_or_bar_is_refused(
+    changes: dict[str, float | Law], complaint: str
+) -> None:
     with pytest.raises(NcError, match=complaint):
         simulate(replace(law_program("one_line_law"), **changes), OVERRIDES, 1)  # type: ignore[arg-type]
 
 
 def test_a_law_that_leaves_the_range_or_divides_by_zero_is_refused_in_play() -> None:
     text = write(law_program("one_line_law"))
-    for effect, complaint in (("$AC_OVR=0.5", "sets a feed of 0.002000"), ("$AC_OVR=1.0/$AC_PARAM[0]", "divides by 0")):
+    for effect, complaint in (
+        ("$AC_OVR=0.5", "sets a feed of 0.002000"),
+        ("$AC_OVR=1.0/$AC_PARAM[0]", "divides by 0"),
+    ):
         with pytest.raises(NcError, match=complaint):
             simulate(read(text.replace("SYNFCT(1,$AC_OVR,$AA_LOAD[S1])", effect)), OVERRIDES, 11)
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_law_with_a_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_a_law_with_a_summary(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "folder" / "program.mpf"
     assert export.main(["--nc", "law", "--rule", "iadapts", "--out", str(path), "--json"]) == 0
     captured = capsys.readouterr()

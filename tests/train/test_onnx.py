@@ -27,7 +27,10 @@ def observations(steps: int, num_envs: int = 5) -> NDArray[np.float32]:
 @pytest.mark.parametrize("memory", [False, True])
 def test_a_file_acts_as_the_agent_and_forgets_each_environment_by_itself(memory: bool) -> None:
     file = agent_file.checked(onnx_agents.content(memory))
-    original, exported = ActorPolicy(onnx_agents.actor(memory), 5), OnnxPolicy(session_of(file.content), file.memory_size, 5)
+    original, exported = (
+        ActorPolicy(onnx_agents.actor(memory), 5),
+        OnnxPolicy(session_of(file.content), file.memory_size, 5),
+    )
     for step, observation in enumerate(observations(20)):
         started = np.arange(5) == step % 7
         for each in (original, exported):
@@ -65,7 +68,9 @@ def insert(*nodes: onnx.NodeProto) -> Change:
 
 
 def resized(axis: int, size: int) -> Change:
-    return lambda model: setattr(model.graph.input[0].type.tensor_type.shape.dim[axis], "dim_value", size)
+    return lambda model: setattr(
+        model.graph.input[0].type.tensor_type.shape.dim[axis], "dim_value", size
+    )
 
 
 def bomb(model: onnx.ModelProto) -> None:
@@ -83,37 +88,85 @@ BRANCH = helper.make_graph([], "branch", [], [])
 REFUSED: dict[str, tuple[Change, str]] = {
     "metadata missing": (retold("scenario", None), "metadata scenario: Field required"),
     "metadata unknown": (retold("mood", "good"), "metadata mood: Extra inputs"),
-    "metadata twice": (lambda model: model.metadata_props.add(key="seed", value="1"), "names something twice"),
+    "metadata twice": (
+        lambda model: model.metadata_props.add(key="seed", value="1"),
+        "names something twice",
+    ),
     "metadata no JSON": (retold("seed", "one"), "metadata seed is not JSON"),
     "metadata deep": (retold("parameters", "[" * 100_000), "metadata parameters is not JSON"),
-    "metadata that cannot be written": (retold("parameters", '{"a": "\\ud800"}'), "metadata parameters is not JSON"),
-    "metadata of no number": (retold("parameters", '{"a": NaN}'), "metadata parameters.a.* finite number"),
-    "metadata of another type": (retold("seed", '"1"'), "metadata seed: Input should be a valid integer"),
+    "metadata that cannot be written": (
+        retold("parameters", '{"a": "\\ud800"}'),
+        "metadata parameters is not JSON",
+    ),
+    "metadata of no number": (
+        retold("parameters", '{"a": NaN}'),
+        "metadata parameters.a.* finite number",
+    ),
+    "metadata of another type": (
+        retold("seed", '"1"'),
+        "metadata seed: Input should be a valid integer",
+    ),
     "a seed of 301 digits": (
         retold("seed", "1" + "0" * 300),
         "metadata seed: Input should be less than or equal to 9223372036854775807",
     ),
-    "another format": (retold("format", "rough-turning/agent/9"), "metadata format: .*rough-turning/agent/2"),
+    "another format": (
+        retold("format", "rough-turning/agent/9"),
+        "metadata format: .*rough-turning/agent/2",
+    ),
     "a path for a name": (retold("algorithm", "../ppo"), "metadata algorithm: "),
-    "an unknown id": (retold("env_id", "Pendulum-v1"), "env_id is 'Pendulum-v1', but must be one of RoughTurning-v0"),
-    "an impossible scenario": (retold("scenario", '{"limits": {"power": -1.0}}'), "metadata scenario.limits.power: "),
-    "another space": (retold("action_space", '{"low": [0.0], "high": [1.0]}'), "action_space is not that of"),
-    "another width": (resized(1, 12), "has inputs {'observation': 12}, but must have {'observation': 11}"),
+    "an unknown id": (
+        retold("env_id", "Pendulum-v1"),
+        "env_id is 'Pendulum-v1', but must be one of RoughTurning-v0",
+    ),
+    "an impossible scenario": (
+        retold("scenario", '{"limits": {"power": -1.0}}'),
+        "metadata scenario.limits.power: ",
+    ),
+    "another space": (
+        retold("action_space", '{"low": [0.0], "high": [1.0]}'),
+        "action_space is not that of",
+    ),
+    "another width": (
+        resized(1, 12),
+        "has inputs {'observation': 12}, but must have {'observation': 11}",
+    ),
     "a fixed number of environments": (resized(0, 4), "'observation' must be float32 of shape"),
     "another output": (
         lambda model: setattr(model.graph.output[0], "name", "deed"),
         "has outputs {'deed': 2}, but must have {'action': 2}",
     ),
     "weights elsewhere": (elsewhere, "keeps its weights .* in another file"),
-    "a loop": (insert(helper.make_node("Loop", ["", ""], ["x"], body=BRANCH)), "uses the operator 'Loop'"),
-    "a foreign operator": (insert(helper.make_node("Relu", ["x"], ["y"], domain="evil")), "uses the operator 'Relu'"),
-    "a hidden graph": (insert(helper.make_node("Relu", ["x"], ["y"], body=BRANCH)), "holds a graph of its own"),
-    "a foreign operator set": (lambda model: model.opset_import.add(domain="evil", version=1), "uses operator sets"),
-    "an old operator set": (lambda model: setattr(model.opset_import[0], "version", 7), "uses operator sets"),
+    "a loop": (
+        insert(helper.make_node("Loop", ["", ""], ["x"], body=BRANCH)),
+        "uses the operator 'Loop'",
+    ),
+    "a foreign operator": (
+        insert(helper.make_node("Relu", ["x"], ["y"], domain="evil")),
+        "uses the operator 'Relu'",
+    ),
+    "a hidden graph": (
+        insert(helper.make_node("Relu", ["x"], ["y"], body=BRANCH)),
+        "holds a graph of its own",
+    ),
+    "a foreign operator set": (
+        lambda model: model.opset_import.add(domain="evil", version=1),
+        "uses operator sets",
+    ),
+    "an old operator set": (
+        lambda model: setattr(model.opset_import[0], "version", 7),
+        "uses operator sets",
+    ),
     "functions": (lambda model: model.functions.add(name="f"), "holds functions"),
-    "many nodes": (insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 4_001), "has 4.* nodes, but may have 4000"),
+    "many nodes": (
+        insert(*[helper.make_node("Relu", ["observation"], ["y"])] * 4_001),
+        "has 4.* nodes, but may have 4000",
+    ),
     "a value too large": (bomb, "value 'huge' has more than 1000000 entries per environment"),
-    "a value from nowhere": (insert(helper.make_node("Relu", ["nowhere"], ["y"])), "is not valid ONNX"),
+    "a value from nowhere": (
+        insert(helper.make_node("Relu", ["nowhere"], ["y"])),
+        "is not valid ONNX",
+    ),
     "actions that are no numbers": (unclipped, "which are not 2 actions"),
 }
 
@@ -135,9 +188,12 @@ SANDBOXED = (
 
 @pytest.mark.parametrize(
     ("load", "case"),
-    [(here, case) for case in REFUSED] + [pytest.param(onnx_policy.load, case, marks=pytest.mark.slow) for case in SANDBOXED],
+    [(here, case) for case in REFUSED]
+    + [pytest.param(onnx_policy.load, case, marks=pytest.mark.slow) for case in SANDBOXED],
 )
-def test_other_files_are_refused_with_the_reason(load: Callable[[Path], object], case: str, tmp_path: Path) -> None:
+def test_other_files_are_refused_with_the_reason(
+    load: Callable[[Path], object], case: str, tmp_path: Path
+) -> None:
     change, message = REFUSED[case]
     model = onnx.load_model_from_string(onnx_agents.content())
     change(model)
@@ -160,7 +216,10 @@ def test_loading_raises_one_kind_of_error(name: str, tmp_path: Path) -> None:
 def test_an_agent_plays_other_scenarios_that_mean_the_same(tmp_path: Path) -> None:
     agent = onnx_policy.load(onnx_agents.write(tmp_path))
     agent_file.check_fits(agent, Scenario.load("forging"))
-    with pytest.raises(ValueError, match=r"trained on scenario 'short' with control.action = 'incremental', cannot play"):
+    with pytest.raises(
+        ValueError,
+        match=r"trained on scenario 'short' with control.action = 'incremental', cannot play",
+    ):
         agent_file.check_fits(agent, Scenario.load("override"))
     with pytest.raises(ValueError, match=r"control\.edge_changes"):
         agent_file.check_fits(agent, Scenario.load("shift"))

@@ -42,13 +42,19 @@ def test_it_acts_there_bit_for_bit_as_here(memory: bool) -> None:
         actions[:] = 0.0  # they are the caller's own
 
 
-def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_looked_at_and_tried_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def never(*arguments: object) -> None:
         raise AssertionError("a stranger's file was looked into by this process")
 
     path = onnx_agents.write(tmp_path, memory=True)
     expected = agent_file.read(path)
-    for name in ("onnx.load_model_from_string", "onnx.checker.check_model", "onnxruntime.InferenceSession"):
+    for name in (
+        "onnx.load_model_from_string",
+        "onnx.checker.check_model",
+        "onnxruntime.InferenceSession",
+    ):
         monkeypatch.setattr(name, never)
     agent = onnx_policy.load(path)
     assert (agent.sha256, agent.trained_on) == (expected.digest, expected.metadata.scenario)
@@ -57,7 +63,9 @@ def test_a_file_is_looked_at_and_tried_elsewhere(tmp_path: Path, monkeypatch: py
 
 @pytest.mark.slow
 @linux
-def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_process_holds_no_variables_and_no_files_of_this_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("SECRET", "private seeds")
     policy = guarded(onnx_agents.named("plain"))
     place = Path(f"/proc/{policy.sandbox.process.pid}")
@@ -65,7 +73,10 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
     assert sorted(int(path.name) for path in (place / "fd").iterdir()) == [0, 1, 2]
     # ONNX Runtime could note down how it is used, and tell: a file and a thread more.
     assert len(list((place / "task").iterdir())) == 1
-    limits = {line[:20].strip(): line[26:].split()[0] for line in (place / "limits").read_text().splitlines()}
+    limits = {
+        line[:20].strip(): line[26:].split()[0]
+        for line in (place / "limits").read_text().splitlines()
+    }
     for none in ("Max open files", "Max file size", "Max core file size", "Max processes"):
         assert limits[none] == "0"
     assert limits["Max cpu time"] == str(LIMITS.computing)
@@ -78,7 +89,12 @@ def test_its_process_holds_no_variables_and_no_files_of_this_one(monkeypatch: py
     ("name", "num_envs", "limits", "message"),
     [
         ("toiling", 2, Limits(answer=1.0), "gives no answer within 1 s"),
-        ("toiling", 2, Limits(computing=1), "needs more than the 1 s of processor time that it may have"),
+        (
+            "toiling",
+            2,
+            Limits(computing=1),
+            "needs more than the 1 s of processor time that it may have",
+        ),
         ("swelling", 100, Limits(memory=400), r"lloc|memory"),
     ],
     ids=["time", "processor time", "memory"],
@@ -97,7 +113,9 @@ def test_limits_are_enforced(name: str, num_envs: int, limits: Limits, message: 
         ("few", "gives 1 actions and . memories for . environments"),
     ],
 )
-def test_what_looks_at_other_environments_is_refused(name: str, message: str, tmp_path: Path) -> None:
+def test_what_looks_at_other_environments_is_refused(
+    name: str, message: str, tmp_path: Path
+) -> None:
     (tmp_path / "agent.onnx").write_bytes(onnx_agents.named(name))
     with pytest.raises(ValueError, match=message):
         onnx_policy.load(tmp_path / "agent.onnx")
@@ -107,7 +125,9 @@ def test_what_looks_at_other_environments_is_refused(name: str, message: str, tm
 def test_actions_out_of_bounds_are_refused_while_playing() -> None:
     policy, given = guarded(onnx_agents.named("unbounded"), 2), observations(1, 2)[0]
     policy.act(given)
-    with pytest.raises(ValueError, match=r"acts \[\[.*2.97.*\]\], which are not 2 actions of 2 numbers in -1 to 1"):
+    with pytest.raises(
+        ValueError, match=r"acts \[\[.*2.97.*\]\], which are not 2 actions of 2 numbers in -1 to 1"
+    ):
         policy.act(3.0 * np.ones_like(given))
 
 
@@ -115,8 +135,14 @@ def test_actions_that_differ_for_the_same_observations_are_refused() -> None:
     class Fickle:
         """Not to be had from the operators that are allowed."""
 
-        def run(self, names: None, fed: dict[str, NDArray[np.float32]]) -> list[NDArray[np.float32]]:
-            return [np.random.default_rng().uniform(-1, 1, (len(fed["observation"]), 2)).astype(np.float32)]
+        def run(
+            self, names: None, fed: dict[str, NDArray[np.float32]]
+        ) -> list[NDArray[np.float32]]:
+            return [
+                np.random.default_rng()
+                .uniform(-1, 1, (len(fed["observation"]), 2))
+                .astype(np.float32)
+            ]
 
         def get_outputs(self) -> list[object]:
             return [type("Output", (), {"name": "action"})]
@@ -128,7 +154,11 @@ def test_actions_that_differ_for_the_same_observations_are_refused() -> None:
 @pytest.mark.slow
 def test_wrong_observations_do_not_even_travel() -> None:
     policy = guarded(onnx_agents.named("plain"))
-    for wrong in (np.zeros((NUM_ENVS, 12), np.float32), np.zeros((NUM_ENVS, 11)), np.zeros((1, 11), np.float32)):
+    for wrong in (
+        np.zeros((NUM_ENVS, 12), np.float32),
+        np.zeros((NUM_ENVS, 11)),
+        np.zeros((1, 11), np.float32),
+    ):
         with pytest.raises(ValueError, match=r"must be float32 of shape \(6, 11\)"):
             policy.act(wrong)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="the mask must be bool"):
@@ -151,7 +181,10 @@ LIES = {
     "silence": ("", "its process has ended"),
     "too much": ("send(b'K', 10**9)", "its process has ended"),
     "another kind": ("send(b'Z', 0)", "gives an answer to nothing that was asked"),
-    "no outline": ("send(b'K', 3); wire.sendall(b'{}x')", "tells nothing of itself that can be understood"),
+    "no outline": (
+        "send(b'K', 3); wire.sendall(b'{}x')",
+        "tells nothing of itself that can be understood",
+    ),
     "another outline": (
         'send(b\'K\', 47); wire.sendall(b\'{"properties": {}, "inputs": {}, "outputs": {}}  \')',
         "metadata format: Field required",
@@ -177,5 +210,7 @@ def test_links_pipes_devices_and_folders_are_no_files(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"link\.onnx is a link: give the file itself"):
         onnx_policy.load(tmp_path / "link.onnx")
     for name in (tmp_path / "pipe.onnx", tmp_path / "folder.onnx", Path("/dev/zero")):
-        with pytest.raises((ValueError, OSError), match=r"is not an ordinary file|is a folder with 0 .onnx files"):
+        with pytest.raises(
+            (ValueError, OSError), match=r"is not an ordinary file|is a folder with 0 .onnx files"
+        ):
             onnx_policy.load(name)

@@ -16,14 +16,21 @@ from train.training import train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv
 
 # Of its edges some wear out, some break, and some last till the end.
-MIXED = changed(SCENARIO, tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3}, control={"time_limit": 0.3})
+MIXED = changed(
+    SCENARIO,
+    tool={"edge_strength": 1500.0, "edge_strength_spread": 0.3},
+    control={"time_limit": 0.3},
+)
 NUM_ENVS = 8
 FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
 
 
 @pytest.mark.parametrize("life_price", ["end", "marginal"])
 def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
-    ours, single = ShapedVecEnv(life_price, MIXED, NUM_ENVS, 0.5), RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
+    ours, single = (
+        ShapedVecEnv(life_price, MIXED, NUM_ENVS, 0.5),
+        RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"),
+    )
     ours.seed(5)
     ours.reset()
     single.reset(seed=5)
@@ -39,7 +46,9 @@ def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
             used, broken = (terms["final_info"][name][index] for name in ("used_life", "broken"))
             kinds.add("unfinished" if truncated[index] else "broken" if broken else "worn")
             more = at_end if terminated[index] else ours.potential(used)
-            assert learned[index] == pytest.approx(infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2)
+            assert learned[index] == pytest.approx(
+                infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2
+            )
             learned[index] = 0.0
     assert kinds == {"unfinished", "broken", "worn"}
 
@@ -60,11 +69,15 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
     env.reset(seed=5)
     ended = 0
     for _ in range(300):
-        observations, _, terminated, truncated, infos = env.step(np.full((NUM_ENVS, 2), 0.5, np.float32))
+        observations, _, terminated, truncated, infos = env.step(
+            np.full((NUM_ENVS, 2), 0.5, np.float32)
+        )
         np.testing.assert_allclose(observations[:, -env.hidden], infos["hardness"], rtol=1e-6)
         for i in np.flatnonzero(terminated | truncated):
             ended += 1
-            assert infos["final_obs"][i][-1] == pytest.approx(infos["final_info"]["wear"][i] / MIXED.tool.wear_criterion)
+            assert infos["final_obs"][i][-1] == pytest.approx(
+                infos["final_info"]["wear"][i] / MIXED.tool.wear_criterion
+            )
     assert ended >= NUM_ENVS
     jobs = FamilyVectorEnv(2, FAMILY, autoreset_mode=AutoresetMode.SAME_STEP)
     first, second = HiddenObservation(jobs, MIXED).reset(seed=[3, 4])[0][:, -10:]
@@ -72,10 +85,16 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
 
 
 def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
-    run = small_run(ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, frames=2, hides_context=True)
+    run = small_run(
+        ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, frames=2, hides_context=True
+    )
     train(run, ppo.ALGORITHM)
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
-    seen = np.random.default_rng(0).uniform(0.0, 1.0, (5, 12 + len(FAMILY.context_names))).astype(np.float32)
+    seen = (
+        np.random.default_rng(0)
+        .uniform(0.0, 1.0, (5, 12 + len(FAMILY.context_names)))
+        .astype(np.float32)
+    )
     other, context = seen.copy(), seen.copy()
     other[:, 0], context[:, 12:] = 0.0, 0.0
     expected = agent.make(5).act(seen)
@@ -84,7 +103,9 @@ def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
 
 
 def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
-    run = small_run(ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, belief=True, asymmetric=True)
+    run = small_run(
+        ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, belief=True, asymmetric=True
+    )
     model = ppo.LeanPPO.load(train(run, ppo.ALGORITHM), device="cpu")
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
     policy, seen = agent.make(5), torch.rand(5, *(model.observation_space.shape or ()))
@@ -92,5 +113,7 @@ def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
     other = torch.cat([seen[:, :entries], -seen[:, entries:]], dim=1)
     for observations in (seen, other):
         expected, _ = model.predict(observations.numpy(), deterministic=True)
-        np.testing.assert_allclose(policy.act(observations[:, :entries].numpy()), expected, atol=1e-5)
+        np.testing.assert_allclose(
+            policy.act(observations[:, :entries].numpy()), expected, atol=1e-5
+        )
     assert (model.policy.predict_values(seen) != model.policy.predict_values(other)).all()

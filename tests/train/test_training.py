@@ -26,19 +26,33 @@ PPO = ALGORITHMS["ppo"]
 
 
 NUM_ENVS = 6
-TERMS = {"belief": True, "position": True, "frames": 3, "life_price": "marginal", "asymmetric": True}
+TERMS = {
+    "belief": True,
+    "position": True,
+    "frames": 3,
+    "life_price": "marginal",
+    "asymmetric": True,
+}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("algorithm", "terms"), [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)], ids=[*ALGORITHMS, "ppo_with_terms"]
+    ("algorithm", "terms"),
+    [(each, {}) for each in ALGORITHMS.values()] + [(PPO, TERMS)],
+    ids=[*ALGORITHMS, "ppo_with_terms"],
 )
-def test_an_interrupted_training_gives_the_same_agent(algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path) -> None:
+def test_an_interrupted_training_gives_the_same_agent(
+    algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path
+) -> None:
     whole, cut = (small_run(algorithm, tmp_path / name, **terms) for name in ("whole", "cut"))
     train(whole, algorithm, checkpoint_every=512)
     own = algorithm.callbacks(cut)
     with pytest.raises(KeyboardInterrupt):
-        train(cut, replace(algorithm, callbacks=lambda run: [*own, Interruption(1100)]), checkpoint_every=512)
+        train(
+            cut,
+            replace(algorithm, callbacks=lambda run: [*own, Interruption(1100)]),
+            checkpoint_every=512,
+        )
     assert cut.checkpoint.exists()
     assert not cut.policy.exists()
     train(cut, algorithm, checkpoint_every=512)
@@ -70,13 +84,22 @@ def _bytes(parameters: Any) -> bytes:
 def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
     """The agent in a run's folder acts on plain observations as its model on what it was shown, with memory and resets."""
     loaded = training.load_agent(run.folder)
-    assert (loaded.name, loaded.training_seed, loaded.command) == (f"{run.algorithm}_short", 3, "a command --runs here")
+    assert (loaded.name, loaded.training_seed, loaded.command) == (
+        f"{run.algorithm}_short",
+        3,
+        "a command --runs here",
+    )
     policy, plain = informed(loaded, SCENARIO)(NUM_ENVS), RoughTurningVecEnv(SCENARIO, NUM_ENVS)
     shown = RoughTurningVecEnv(SCENARIO, NUM_ENVS, wrapper=Terms.of(run).shown)
     network = ActorPolicy(algorithm.network(model.policy), NUM_ENVS)
     for each in (plain, shown):
         each.seed(7)
-    observations, seen, state, starts = plain.reset(), shown.reset(), None, np.ones(NUM_ENVS, np.bool_)
+    observations, seen, state, starts = (
+        plain.reset(),
+        shown.reset(),
+        None,
+        np.ones(NUM_ENVS, np.bool_),
+    )
     ends = 0
     for _ in range(120):
         ends += starts.any()
@@ -118,15 +141,32 @@ def test_there_is_an_agent_for_every_id_that_it_plays(algorithm: Algorithm, tmp_
 def test_an_agent_learns_on_a_family_and_its_file_is_scored(tmp_path: Path) -> None:
     for algorithm in (PPO, ALGORITHMS["recurrent_ppo"], ALGORITHMS["sac"]):
         terms = {} if algorithm.name == "recurrent_ppo" else {"frames": 2}
-        run = small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop"), **terms)
-        assert train(run, algorithm) == tmp_path / FAMILY_ID / "shop" / f"{algorithm.name}-seed3" / "policy.zip"
+        run = small_run(
+            algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop"), **terms
+        )
+        assert (
+            train(run, algorithm)
+            == tmp_path / FAMILY_ID / "shop" / f"{algorithm.name}-seed3" / "policy.zip"
+        )
         assert export.main([str(run.folder), "--out", str(tmp_path)]) == 0
         assert score(str(tmp_path / f"{algorithm.name}-seed3.onnx"), FAMILY_ID, seeds=2).ranked > 5
     for algorithm in (ALGORITHMS["analytic_gradient"], ALGORITHMS["lagrangian_ppo"]):
         with pytest.raises(ValueError, match="learns on one scenario, not on the jobs of a family"):
-            train(small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop")), algorithm)
+            train(
+                small_run(algorithm, tmp_path, env_id=FAMILY_ID, scenario=Family.load("shop")),
+                algorithm,
+            )
     with pytest.raises(ValueError, match="position and life_price"):
-        train(small_run(PPO, tmp_path / "other", env_id=FAMILY_ID, scenario=Family.load("shop"), position=True), PPO)
+        train(
+            small_run(
+                PPO,
+                tmp_path / "other",
+                env_id=FAMILY_ID,
+                scenario=Family.load("shop"),
+                position=True,
+            ),
+            PPO,
+        )
 
 
 @pytest.mark.slow
@@ -139,13 +179,19 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
     seeds, split = range(3), training.VALIDATION
     make = informed(agent, [family.job(seed, split).scenario for seed in seeds])
     expected = training.play_agent(run.folder, 1)["return"]
-    np.testing.assert_allclose(play_family(family, split, seeds, make)["return"], expected, rtol=1e-3)
+    np.testing.assert_allclose(
+        play_family(family, split, seeds, make)["return"], expected, rtol=1e-3
+    )
 
 
-def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(tmp_path: Path, capsys) -> None:
+def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(
+    tmp_path: Path, capsys
+) -> None:
     algorithm, few = ALGORITHMS["sac"], {"memory": 100_000, "steps": 64}
     run = small_run(algorithm, tmp_path, **few)
-    with pytest.raises(ValueError, match="frames is 0"):  # leaves nothing behind that the next training would resume
+    with pytest.raises(
+        ValueError, match="frames is 0"
+    ):  # leaves nothing behind that the next training would resume
         train(small_run(algorithm, tmp_path, **few, frames=0), algorithm)
     path = train(run, algorithm)
     before = path.stat()
@@ -159,15 +205,36 @@ def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_al
     assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
 
 
-def test_the_command_trains_with_the_given_hyperparameters(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = ["learning_rate=3e-4", "activation=tanh", "hidden_layers=[8]", "initial_actions=[-0.5]", "discount=0"]
+def test_the_command_trains_with_the_given_hyperparameters(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = [
+        "learning_rate=3e-4",
+        "activation=tanh",
+        "hidden_layers=[8]",
+        "initial_actions=[-0.5]",
+        "discount=0",
+    ]
     given = [word for setting in settings for word in ("--set", setting)]
-    arguments = ["--env", "RoughTurning-Paper-v0", "--steps", "100", "--runs", str(tmp_path), *given]
+    arguments = [
+        "--env",
+        "RoughTurning-Paper-v0",
+        "--steps",
+        "100",
+        "--runs",
+        str(tmp_path),
+        *given,
+    ]
     assert ppo.main(arguments) == 0
     path = Path(capsys.readouterr().out.strip())
     assert path == tmp_path / "RoughTurning-Paper-v0" / "paper" / "ppo-seed0" / "policy.zip"
     policy = training.load_agent(path.parent)
     assert policy.command == f"python -m train.ppo {shlex.join(arguments)}"
-    changed = {"learning_rate": 3e-4, "activation": "tanh", "hidden_layers": [8], "initial_actions": [-0.5]}
+    changed = {
+        "learning_rate": 3e-4,
+        "activation": "tanh",
+        "hidden_layers": [8],
+        "initial_actions": [-0.5],
+    }
     changed |= {"discount": 0.0, "steps": 100}
     assert policy.parameters == hyperparameters("ppo", "RoughTurning-Paper-v0") | changed

@@ -20,13 +20,18 @@ def learning_rate_matters(task: tune.Task, setting: dict[str, Any]) -> Played:
 
 
 def search(folder: Path, trials: int, evaluate: Any = learning_rate_matters) -> tuple[int, Trial]:
-    return tune.search(tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder), trials, evaluate=evaluate)
+    return tune.search(
+        tune.Task("sac", "RoughTurning-v0", SCENARIO, 100, 1, folder), trials, evaluate=evaluate
+    )
 
 
 def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, (setting, played) = search(tmp_path, 12)
     assert 1e-3 <= setting["learning_rate"] <= 1.5e-3  # the first trial is the known setting: 1e-3
-    assert (played.severe_limit, played.mean_return) == (0.04, pytest.approx(1e5 * setting["learning_rate"]))
+    assert (played.severe_limit, played.mean_return) == (
+        0.04,
+        pytest.approx(1e5 * setting["learning_rate"]),
+    )
     told = capsys.readouterr().err
     assert told.count("mean return") + told.count("failed: not finite") == 12
     assert "failed" in told
@@ -34,7 +39,9 @@ def test_the_best_feasible_setting_wins(tmp_path: Path, capsys: pytest.CaptureFi
         search(tmp_path / "other", 3, lambda task, setting: FAILED)
 
 
-def test_an_interrupted_search_finds_what_it_would_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interrupted_search_finds_what_it_would_have(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def interrupted(task: tune.Task, setting: dict[str, Any]) -> Played:
         raise KeyboardInterrupt
 

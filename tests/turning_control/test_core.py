@@ -16,7 +16,13 @@ from turning_env.physics.quantities import action_size
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 STEADY = Readings(
-    spindle_speed=400.0, feed_velocity=100.0, in_feed=True, cutting=True, engaged_time=1.0, power=4.0, thrust_force=700.0
+    spindle_speed=400.0,
+    feed_velocity=100.0,
+    in_feed=True,
+    cutting=True,
+    engaged_time=1.0,
+    power=4.0,
+    thrust_force=700.0,
 )
 
 
@@ -33,12 +39,17 @@ class Scripted(Policy):
 def readings_of(info: dict[str, Any], scenario: Scenario) -> Readings:
     sensed = "servo_current" if scenario.sensors.force == "servo_current" else "thrust_force"
     told = ("spindle_speed", "feed_velocity", "engaged_time", "spindle_heat", "roughness_reference")
-    values = {name: info[name] for name in told} | {name: info[f"measured_{name}"] for name in ("power", sensed)}
+    values = {name: info[name] for name in told} | {
+        name: info[f"measured_{name}"] for name in ("power", sensed)
+    }
     return Readings(in_feed=True, cutting=bool(info["cutting"]), **values)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["rough_turning", "override", "surface", "rough_turning_current", "override_torque", "paper"])
+@pytest.mark.parametrize(
+    "preset",
+    ["rough_turning", "override", "surface", "rough_turning_current", "override_torque", "paper"],
+)
 def test_readings_of_the_simulator_give_its_observations(preset: str) -> None:
     scenario = Scenario.load(preset)
     env = gymnasium.make("RoughTurning-v0", scenario=scenario, disable_env_checker=True)
@@ -63,7 +74,12 @@ def decided(answers: list[Any], *readings: Readings) -> list[Commands]:
 
 
 def noisy(count: int, **changed: Any) -> list[Readings]:
-    return [replace(STEADY, **({"power": 4.0 + 0.01 * (i % 2), "thrust_force": 700.0 + i % 2} | changed)) for i in range(count)]
+    return [
+        replace(
+            STEADY, **({"power": 4.0 + 0.01 * (i % 2), "thrust_force": 700.0 + i % 2} | changed)
+        )
+        for i in range(count)
+    ]
 
 
 def test_wrong_answers_give_the_safe_feed_at_once_and_hold_the_feed_in_the_end() -> None:
@@ -83,22 +99,30 @@ def test_wrong_answers_give_the_safe_feed_at_once_and_hold_the_feed_in_the_end()
         ([STEADY, replace(STEADY, spindle_speed=0.0)], Status.POLICY, Status.OPERATOR),
     ],
 )
-def test_faults_of_sensors_and_spindle(readings: list[Readings], first: Status, last: Status) -> None:
+def test_faults_of_sensors_and_spindle(
+    readings: list[Readings], first: Status, last: Status
+) -> None:
     commands = decided([], *readings)
     assert (commands[0].status, commands[-1].status) == (first, last)
-    assert commands[-1].adaptive_feed == (0.0 if last == Status.OPERATOR else pytest.approx(0.5 * 0.25 / 0.6))
+    assert commands[-1].adaptive_feed == (
+        0.0 if last == Status.OPERATOR else pytest.approx(0.5 * 0.25 / 0.6)
+    )
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "override"])
 @pytest.mark.parametrize("jumps", [("power",), ("thrust_force",), ("power", "thrust_force")])
-def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(preset: str, jumps: tuple[str, ...]) -> None:
+def test_a_load_that_jumps_lowers_the_feed_at_once_and_never_raises_it(
+    preset: str, jumps: tuple[str, ...]
+) -> None:
     scenario = on_control(Scenario.load(preset))
     loads = {"power": 20.0, "thrust_force": 5.0 * scenario.limits.thrust_force}
     controller = Controller(scenario, lambda num_envs: Highest(action_size(scenario)))
     random, feeds = np.random.default_rng(0), []
     for k in range(60):
         noise = 1.0 + 0.01 * random.standard_normal(2)
-        cut = replace(STEADY, spindle_speed=500.0, feed_velocity=125.0, engaged_time=scenario.control.interval)
+        cut = replace(
+            STEADY, spindle_speed=500.0, feed_velocity=125.0, engaged_time=scenario.control.interval
+        )
         cut = replace(cut, power=2.5 * noise[0], thrust_force=500.0 * noise[1])
         if k >= 50:
             cut = replace(cut, **{name: loads[name] * noise[0] for name in jumps})

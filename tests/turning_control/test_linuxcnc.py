@@ -26,7 +26,12 @@ from turning_env import Scenario
 from turning_env.scoring.policy import Actions, Observations
 
 BRIDGE = Path(linuxcnc.__file__).parent / "lathe" / "hal_bridge.py"
-PLAN = {"in": {"load": "float"}, "out": {"adaptive-feed": "float"}, "period": 0.3, "safe": {"adaptive-feed": 0.25}}
+PLAN = {
+    "in": {"load": "float"},
+    "out": {"adaptive-feed": "float"},
+    "period": 0.3,
+    "safe": {"adaptive-feed": 0.25},
+}
 FAKE_HAL = """
 HAL_IN = HAL_OUT = HAL_FLOAT = HAL_BIT = HAL_S32 = HAL_U32 = 0
 
@@ -51,8 +56,13 @@ def bridged(plan: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
     (folder / "hal.py").write_text(FAKE_HAL)
     path = folder / "plan.json"
     path.write_text(json.dumps(plan))
-    command, paths = [sys.executable, str(BRIDGE), "turning", str(path)], os.environ | {"PYTHONPATH": str(folder)}
-    said = subprocess.run(command, env=paths, check=True, capture_output=True, text=True, timeout=60.0).stdout
+    command, paths = (
+        [sys.executable, str(BRIDGE), "turning", str(path)],
+        os.environ | {"PYTHONPATH": str(folder)},
+    )
+    said = subprocess.run(
+        command, env=paths, check=True, capture_output=True, text=True, timeout=60.0
+    ).stdout
     return [(line.split()[0], line.split()[1]) for line in said.splitlines()]
 
 
@@ -62,8 +72,12 @@ def held(pins: list[tuple[str, str]], name: str = "adaptive-feed") -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("then", ["time.sleep(60)", "sys.exit()", "print('{', end='', flush=True); time.sleep(60)"])
-def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(then: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "then", ["time.sleep(60)", "sys.exit()", "print('{', end='', flush=True); time.sleep(60)"]
+)
+def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
+    then: str, tmp_path: Path
+) -> None:
     pins = bridged({**PLAN, "command": [sys.executable, "-c", POLICY.format(then)]}, tmp_path)
     assert held(pins) == ["0.25", "0.9", "0.25"]
     assert not Path(f"/proc/{next(value for pin, value in pins if pin == 'pid')}").exists()
@@ -102,14 +116,22 @@ def answering(lines: list[str], folder: Path, **plan: Any) -> list[tuple[str, st
 
 def outputs(text: str, **changed: Any) -> str:
     """Return an answer with a text in place of the feed, and some values changed."""
-    right = {"time": 7.5, "adaptive-feed": "FEED", "spindle-override": 1.0, "status": 1, "coolant": True}
+    right = {
+        "time": 7.5,
+        "adaptive-feed": "FEED",
+        "spindle-override": 1.0,
+        "status": 1,
+        "coolant": True,
+    }
     return json.dumps(right | changed).replace('"FEED"', text)
 
 
 @pytest.fixture
 def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     """Return the function that reads the outputs of a line, after a request of the time 7.5."""
-    types = {name: 0 for name in ("HAL_IN", "HAL_OUT", "HAL_FLOAT", "HAL_BIT", "HAL_S32", "HAL_U32")}
+    types = {
+        name: 0 for name in ("HAL_IN", "HAL_OUT", "HAL_FLOAT", "HAL_BIT", "HAL_S32", "HAL_U32")
+    }
     monkeypatch.setitem(sys.modules, "hal", SimpleNamespace(**types))
     spec = importlib.util.spec_from_file_location("hal_bridge", BRIDGE)
     assert spec is not None
@@ -119,7 +141,19 @@ def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     return lambda line: bridge.answer_of(line, 7.5, {"out": OUTPUTS, "echo": True})
 
 
-WRONG_FEEDS = ("NaN", "Infinity", "-0.1", "1.01", "true", "null", '"1.0"', "[1.0]", "1e400", "1" + 400 * "0", "1" + 5000 * "0")
+WRONG_FEEDS = (
+    "NaN",
+    "Infinity",
+    "-0.1",
+    "1.01",
+    "true",
+    "null",
+    '"1.0"',
+    "[1.0]",
+    "1e400",
+    "1" + 400 * "0",
+    "1" + 5000 * "0",
+)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +179,12 @@ WRONG_FEEDS = ("NaN", "Infinity", "-0.1", "1.01", "true", "null", '"1.0"', "[1.0
 )
 def test_a_line_that_is_no_answer_is_refused(line: str, answer_of: Callable[[bytes], Any]) -> None:
     assert answer_of(line.encode()) is None
-    assert answer_of(outputs("1.0").encode()) == {"adaptive-feed": 1.0, "spindle-override": 1.0, "status": 1, "coolant": True}
+    assert answer_of(outputs("1.0").encode()) == {
+        "adaptive-feed": 1.0,
+        "spindle-override": 1.0,
+        "status": 1,
+        "coolant": True,
+    }
     assert answer_of(b"\xff" + outputs("1.0").encode()) is None
 
 
@@ -160,7 +199,9 @@ def test_a_line_that_is_no_answer_is_refused(line: str, answer_of: Callable[[byt
         "OLDER\n",
     ],
 )
-def test_a_line_that_is_no_answer_leaves_the_safe_feed_until_the_next_answer(wrong: str, tmp_path: Path) -> None:
+def test_a_line_that_is_no_answer_leaves_the_safe_feed_until_the_next_answer(
+    wrong: str, tmp_path: Path
+) -> None:
     pins = answering(["RIGHT\n", wrong, "RIGHT\n"], tmp_path)
     assert held(pins) == ["0.25", "0.75", "0.25", "0.75", "0.25"]
     assert int(held(pins, "refused")[-1]) >= 1
@@ -169,13 +210,23 @@ def test_a_line_that_is_no_answer_leaves_the_safe_feed_until_the_next_answer(wro
 @pytest.mark.slow
 def test_an_answer_among_other_lines_counts(tmp_path: Path) -> None:
     forged = f'{{"adaptive-feed": 1.0, {VALID}}}\n'
-    assert held(answering(["RIGHT\n", forged + "RIGHT\n" + forged, "RIGHT\n"], tmp_path)) == ["0.25", "0.75", "0.25"]
+    assert held(answering(["RIGHT\n", forged + "RIGHT\n" + forged, "RIGHT\n"], tmp_path)) == [
+        "0.25",
+        "0.75",
+        "0.25",
+    ]
 
 
 @pytest.mark.slow
 def test_without_an_echo_a_second_line_gives_the_safe_feed(tmp_path: Path) -> None:
     one = f'{{"adaptive-feed": 0.5, {VALID}}}\n'
-    assert held(answering([one, one + one, one], tmp_path, echo=False)) == ["0.25", "0.5", "0.25", "0.5", "0.25"]
+    assert held(answering([one, one + one, one], tmp_path, echo=False)) == [
+        "0.25",
+        "0.5",
+        "0.25",
+        "0.5",
+        "0.25",
+    ]
 
 
 @pytest.mark.slow
@@ -211,16 +262,43 @@ def policy(observations):
 @pytest.mark.skipif(sys.platform == "win32", reason="the C library is found otherwise")
 def test_what_a_policy_prints_is_no_answer(tmp_path: Path) -> None:
     (tmp_path / "prints.py").write_text(PRINTS)
-    command = [sys.executable, "-m", "turning_control", "serve", "--policy", "prints:policy", "--scenario", "override"]
+    command = [
+        sys.executable,
+        "-m",
+        "turning_control",
+        "serve",
+        "--policy",
+        "prints:policy",
+        "--scenario",
+        "override",
+    ]
     paths = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
-    pins = {"spindle-speed": 700.0, "feed-velocity": 4.0, "motion-type": 2, "position": 5.0, "power": 4.0, "thrust-force": 700.0}
+    pins = {
+        "spindle-speed": 700.0,
+        "feed-velocity": 4.0,
+        "motion-type": 2,
+        "position": 5.0,
+        "power": 4.0,
+        "thrust-force": 700.0,
+    }
     pins |= {"edge": 0, "in-position": False, "cutting": True}
     requests = [{"time": 100.0 + 0.012 * k, **pins} for k in range(3)]
     text = "\n".join(map(json.dumps, requests))
-    done = subprocess.run(command, input=text, env=paths, check=True, capture_output=True, text=True, timeout=120.0, cwd=tmp_path)
+    done = subprocess.run(
+        command,
+        input=text,
+        env=paths,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+        cwd=tmp_path,
+    )
     ready, *answers = done.stdout.splitlines()
     assert ready == "ready"
-    assert [json.loads(answer)["time"] for answer in answers] == [request["time"] for request in requests]
+    assert [json.loads(answer)["time"] for answer in answers] == [
+        request["time"] for request in requests
+    ]
     assert all(json.loads(answer)["adaptive-feed"] < 0.5 for answer in answers)
     assert done.stderr.count("adaptive-feed") >= 5
 
@@ -258,11 +336,22 @@ def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.Monk
 
 @pytest.mark.slow
 def test_the_figures_of_a_run() -> None:
-    row = {"at_feed": 1.0, "bar": 0.0, "edge": 0.0, "power": 4.0, "delay": 0.006, "adaptive_feed": 0.5, "feed": 0.4, "along": 1.0}
+    row = {
+        "at_feed": 1.0,
+        "bar": 0.0,
+        "edge": 0.0,
+        "power": 4.0,
+        "delay": 0.006,
+        "adaptive_feed": 0.5,
+        "feed": 0.4,
+        "along": 1.0,
+    }
     rows = [row | {"seconds": 11.0, "engaged_time": 10.0, "severe_overload_time": 0.1}] * 2
     assert linuxcnc.figures(rows, 0.25) == pytest.approx((22.0, 4.0, 0.01, 1.0, 0.0, 0.006))
     simulated = linuxcnc.simulated("programmed", Scenario.load("override"), 1, 0)
-    assert "| programmed | simulation | 22.4" in linuxcnc.table({"programmed": (simulated, simulated)})  # docs/linuxcnc.md
+    assert "| programmed | simulation | 22.4" in linuxcnc.table(
+        {"programmed": (simulated, simulated)}
+    )  # docs/linuxcnc.md
 
 
 def running() -> list[str]:
@@ -273,7 +362,16 @@ def running() -> list[str]:
             line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
         except OSError:
             continue
-        if any(name in line for name in ("hal_bridge.py", "panel.py", "turning_control serve", "milltask", "rtapi_app")):
+        if any(
+            name in line
+            for name in (
+                "hal_bridge.py",
+                "panel.py",
+                "turning_control serve",
+                "milltask",
+                "rtapi_app",
+            )
+        ):
             found.append(line)
     return found
 
@@ -283,7 +381,17 @@ needs_linuxcnc = [
     pytest.mark.skipif(shutil.which("linuxcnc") is None, reason=NO_LINUXCNC),
     pytest.mark.skipif("LINUXCNC" not in os.environ, reason=LINUXCNC_ALONE),
 ]
-FAULTS = ["kill", "freeze", "policy", "sensor stuck", "sensor lost", "pause", "e-stop", "feed hold", "spindle stopped"]
+FAULTS = [
+    "kill",
+    "freeze",
+    "policy",
+    "sensor stuck",
+    "sensor lost",
+    "pause",
+    "e-stop",
+    "feed hold",
+    "spindle stopped",
+]
 
 
 def not_a_number(observations: Observations) -> Actions:
@@ -295,9 +403,13 @@ def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: s
     scenario = Scenario.load("override")
     policy = f"{__name__}:not_a_number" if name == "policy" else "programmed"
     rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=5.0, lasts=2.0))
-    safe_time = sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe_feed(scenario)) < 1e-6)
+    safe_time = sum(
+        row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe_feed(scenario)) < 1e-6
+    )
     if name == "kill":
-        assert max(row["along"] for row in rows) > scenario.workpiece.bar_length  # the program goes on at the safe feed
+        assert (
+            max(row["along"] for row in rows) > scenario.workpiece.bar_length
+        )  # the program goes on at the safe feed
         assert safe_time > 10.0
     elif name in ("freeze", "sensor stuck", "sensor lost"):
         assert safe_time > 1.0
@@ -308,7 +420,9 @@ def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: s
     assert running() == []
 
 
-@pytest.mark.parametrize("number", [pytest.param(each, marks=needs_linuxcnc) for each in (signal.SIGTERM, signal.SIGINT)])
+@pytest.mark.parametrize(
+    "number", [pytest.param(each, marks=needs_linuxcnc) for each in (signal.SIGTERM, signal.SIGINT)]
+)
 def test_a_signal_ends_the_demo_with_all_its_processes(number: signal.Signals) -> None:
     command = [sys.executable, "-m", "turning_control", "demo", "--policies", "programmed"]
     demo = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

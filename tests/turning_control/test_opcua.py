@@ -43,7 +43,9 @@ def served(tmp_path: Path) -> Iterator[tuple[str, Path, dict[str, Any]]]:
 
 
 @contextlib.contextmanager
-def serving(tmp_path: Path, protect: Callable[[Any], None]) -> Iterator[tuple[str, Path, dict[str, Any]]]:
+def serving(
+    tmp_path: Path, protect: Callable[[Any], None]
+) -> Iterator[tuple[str, Path, dict[str, Any]]]:
     """Yield the same of a server that ``protect`` sets up."""
     asyncua = pytest.importorskip("asyncua.sync")
     with socket.socket() as free:
@@ -53,7 +55,10 @@ def serving(tmp_path: Path, protect: Callable[[Any], None]) -> Iterator[tuple[st
     server.set_endpoint(url)
     protect(server)
     index = server.register_namespace("lathe")
-    nodes = {name: server.nodes.objects.add_variable(index, name, value) for name, value in {**STEADY, **COMMANDS}.items()}
+    nodes = {
+        name: server.nodes.objects.add_variable(index, name, value)
+        for name, value in {**STEADY, **COMMANDS}.items()
+    }
     for name in COMMANDS:
         nodes[name].set_writable()
     path = tmp_path / "nodes.toml"
@@ -66,11 +71,15 @@ def serving(tmp_path: Path, protect: Callable[[Any], None]) -> Iterator[tuple[st
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # asyncua's own
-def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(served: tuple[str, Path, dict[str, Any]]) -> None:
+def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(
+    served: tuple[str, Path, dict[str, Any]],
+) -> None:
     url, path, nodes = served
     policy = as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
     controller, stop = Controller(Scenario.load("rough_turning"), policy), threading.Event()
-    thread = threading.Thread(target=opcua.drive, args=(controller, url, path, INTERVAL, lambda: not stop.is_set()))
+    thread = threading.Thread(
+        target=opcua.drive, args=(controller, url, path, INTERVAL, lambda: not stop.is_set())
+    )
 
     def status() -> int:
         nodes["power"].write_value(4.0 + 0.1 * np.random.default_rng(time.time_ns()).random())
@@ -84,7 +93,12 @@ def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(served: tu
         alive = nodes["alive"].read_value()
         until(lambda: nodes["alive"].read_value() != alive)
         nodes["spindle_speed"].write_value(0.0)
-        until(lambda: nodes["status"].read_value() == Status.OPERATOR and nodes["adaptive_feed"].read_value() == 0.0)
+        until(
+            lambda: (
+                nodes["status"].read_value() == Status.OPERATOR
+                and nodes["adaptive_feed"].read_value() == 0.0
+            )
+        )
         nodes["spindle_speed"].write_value(400.0)
         nodes["power"].write_value(math.nan)
         until(lambda: nodes["status"].read_value() == Status.SAFE)
@@ -101,10 +115,22 @@ def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(served: tu
     [
         ("[readings]\nload = 'i=1'", "load"),
         ("[readings]\nspindle_speed = 'i=1'", "feed_velocity"),
-        ("\n".join(["[readings]", *(f"{name} = 'i=1'" for name in opcua.NEEDED), "[commands]", "feed = 'i=2'"]), "feed"),
+        (
+            "\n".join(
+                [
+                    "[readings]",
+                    *(f"{name} = 'i=1'" for name in opcua.NEEDED),
+                    "[commands]",
+                    "feed = 'i=2'",
+                ]
+            ),
+            "feed",
+        ),
     ],
 )
-def test_a_file_of_nodes_that_does_not_fit_is_refused(text: str, named: str, tmp_path: Path) -> None:
+def test_a_file_of_nodes_that_does_not_fit_is_refused(
+    text: str, named: str, tmp_path: Path
+) -> None:
     path = tmp_path / "nodes.toml"
     path.write_text(text)
     with pytest.raises(ValueError, match=named):
@@ -122,11 +148,20 @@ def certified(folder: Path, name: str) -> tuple[Path, Path]:
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
-    builder = x509.CertificateBuilder().subject_name(subject).issuer_name(subject).public_key(key.public_key())
+    builder = (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(subject)
+        .public_key(key.public_key())
+    )
     builder = builder.serial_number(x509.random_serial_number())
-    builder = builder.not_valid_before(now - datetime.timedelta(days=1)).not_valid_after(now + datetime.timedelta(days=1))
+    builder = builder.not_valid_before(now - datetime.timedelta(days=1)).not_valid_after(
+        now + datetime.timedelta(days=1)
+    )
     address = x509.UniformResourceIdentifier(f"urn:{name}")
-    builder = builder.add_extension(x509.SubjectAlternativeName([address, x509.DNSName(socket.gethostname())]), critical=False)
+    builder = builder.add_extension(
+        x509.SubjectAlternativeName([address, x509.DNSName(socket.gethostname())]), critical=False
+    )
     pem = serialization.Encoding.PEM
     certificate_path, key_path = folder / f"{name}.pem", folder / f"{name}_key.pem"
     certificate_path.write_bytes(builder.sign(key, hashes.SHA256()).public_bytes(pem))
@@ -142,7 +177,11 @@ class Guarded:
         self.certificate, self.key = certified(folder, "server")
         self.client_certificate, self.client_key = certified(folder, "client")
         self.other_certificate, _ = certified(folder, "other")
-        self.policies = ["Basic256Sha256_Sign", "Basic256Sha256_SignAndEncrypt", "Aes128Sha256RsaOaep_SignAndEncrypt"]
+        self.policies = [
+            "Basic256Sha256_Sign",
+            "Basic256Sha256_SignAndEncrypt",
+            "Aes128Sha256RsaOaep_SignAndEncrypt",
+        ]
         self.tokens = ["UserNameIdentityToken"]
 
     def protect(self, server: Any) -> None:
@@ -150,8 +189,16 @@ class Guarded:
         from asyncua.crypto.permission_rules import User, UserRole
 
         class Users:
-            def get_user(self, iserver: Any, username: Any = None, password: Any = None, certificate: Any = None) -> Any:
-                known = (username, password) == ("turner", "secret") or (username is None and certificate is not None)
+            def get_user(
+                self,
+                iserver: Any,
+                username: Any = None,
+                password: Any = None,
+                certificate: Any = None,
+            ) -> Any:
+                known = (username, password) == ("turner", "secret") or (
+                    username is None and certificate is not None
+                )
                 return User(role=UserRole.User) if known else None
 
         server.load_certificate(str(self.certificate))
@@ -161,7 +208,12 @@ class Guarded:
         server.aio_obj.iserver.set_user_manager(Users())
 
     def security(self, **changed: Any) -> Security:
-        given = {"user": "turner", "password": "secret", "certificate": self.client_certificate, "key": self.client_key}
+        given = {
+            "user": "turner",
+            "password": "secret",
+            "certificate": self.client_certificate,
+            "key": self.client_key,
+        }
         return Security(**(given | {"server_certificate": self.certificate} | changed))
 
 
@@ -169,12 +221,21 @@ def driven(url: str, nodes: Path, security: Security) -> None:
     """Drive a server for three cycles."""
     policy = as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
     cycles = iter([True, True, True, False])
-    opcua.drive(Controller(Scenario.load("rough_turning"), policy), url, nodes, INTERVAL, lambda: next(cycles), security)
+    opcua.drive(
+        Controller(Scenario.load("rough_turning"), policy),
+        url,
+        nodes,
+        INTERVAL,
+        lambda: next(cycles),
+        security,
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
-def test_a_guarded_server_is_driven_with_user_and_certificate_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_guarded_server_is_driven_with_user_and_certificate_only(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     guarded = Guarded(tmp_path)
     with serving(tmp_path, guarded.protect) as (url, nodes, values):
         driven(url, nodes, guarded.security())
@@ -228,7 +289,9 @@ def test_a_certificate_is_never_given_up_for_an_open_connection(
     assert "sent unencrypted" in capsys.readouterr().err
 
 
-def test_what_does_not_belong_together_is_a_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_does_not_belong_together_is_a_mistake(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "client.pem"
     for given in (
         {"certificate": path},
@@ -240,6 +303,15 @@ def test_what_does_not_belong_together_is_a_mistake(tmp_path: Path, monkeypatch:
         with pytest.raises(Mistake):
             Security(**given)  # type: ignore[arg-type]
     monkeypatch.delenv(PASSWORD, raising=False)
-    options = ["--policy", "programmed", "--url", "opc.tcp://127.0.0.1:1", "--nodes", "nodes.toml", "--user", "turner"]
+    options = [
+        "--policy",
+        "programmed",
+        "--url",
+        "opc.tcp://127.0.0.1:1",
+        "--nodes",
+        "nodes.toml",
+        "--user",
+        "turner",
+    ]
     assert main(["opcua", *options]) == 2  # no password, and no terminal to ask
     assert "secret" not in repr(Security(user="turner", password="secret"))

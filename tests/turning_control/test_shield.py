@@ -40,7 +40,9 @@ def test_actions_far_from_the_limits_pass_unchanged(preset: str) -> None:
     assert shield.reasons == ["passed"] * 2
 
 
-@pytest.mark.parametrize("answer", [np.full((2, 2), np.nan), np.zeros((2, 3)), [["a", "b"]] * 2, None])
+@pytest.mark.parametrize(
+    "answer", [np.full((2, 2), np.nan), np.zeros((2, 3)), [["a", "b"]] * 2, None]
+)
 def test_wrong_answers_command_the_safe_feed_and_then_the_operator(answer: Any) -> None:
     scenario = Scenario.load("rough_turning")
     shield = Shield(Constant(answer), scenario, 2)
@@ -58,7 +60,10 @@ def test_wrong_answers_command_the_safe_feed_and_then_the_operator(answer: Any) 
 def test_a_wrong_row_leaves_the_others_alone_and_a_late_answer_none() -> None:
     scenario = Scenario.load("rough_turning")
     policy = Constant(np.array([[-0.5, -0.5], [np.nan, 0.0]], np.float32))
-    shield, impatient = Shield(policy, scenario, 2), Shield(policy, scenario, 2, Settings(deadline=-1.0))
+    shield, impatient = (
+        Shield(policy, scenario, 2),
+        Shield(policy, scenario, 2, Settings(deadline=-1.0)),
+    )
     actions = shield.act(first(scenario, 2))
     np.testing.assert_array_equal(actions[0], np.float32([-0.5, -0.5]))
     assert shield.reasons == ["passed", "not finite"]
@@ -70,8 +75,12 @@ def test_a_wrong_row_leaves_the_others_alone_and_a_late_answer_none() -> None:
 def test_an_override_of_the_highest_feed_is_brought_below_the_limit() -> None:
     scenario = Scenario.load("override")
     high = play(lambda n: Constant(np.ones((n, 1), np.float32)), scenario, [0, 1])
-    held = play(lambda n: Shield(Constant(np.ones((n, 1), np.float32)), scenario, n), scenario, [0, 1])
-    share = [each["severe_overload_time"].sum() / each["engaged_time"].sum() for each in (high, held)]
+    held = play(
+        lambda n: Shield(Constant(np.ones((n, 1), np.float32)), scenario, n), scenario, [0, 1]
+    )
+    share = [
+        each["severe_overload_time"].sum() / each["engaged_time"].sum() for each in (high, held)
+    ]
     assert share[0] > 0.3
     assert share[1] < 0.01
 
@@ -88,8 +97,13 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
         reading = read(observations, scenario)
         actions = shield.act(observations)
         before = reading.commanded_cutting_speed, reading.commanded_feed
-        asked, (speed, feed) = (commanded(each, *before, scenario) for each in (policy.answer, actions))
-        assert (speed * feed <= np.maximum(np.prod(asked, axis=0), scenario.machine.feed_min * speed) * (1 + 1e-5)).all()
+        asked, (speed, feed) = (
+            commanded(each, *before, scenario) for each in (policy.answer, actions)
+        )
+        assert (
+            speed * feed
+            <= np.maximum(np.prod(asked, axis=0), scenario.machine.feed_min * speed) * (1 + 1e-5)
+        ).all()
         changed += sum(reason != "passed" for reason in shield.reasons)
         observations, *_ = env.step(actions)
     assert changed > 20
@@ -109,14 +123,22 @@ def quickly_worn() -> Scenario:
     scenario = Scenario.load("rough_turning")
     wear = scenario.material.wear
     faster = wear.model_copy(update={"coefficient": 1.4 * wear.coefficient})
-    return scenario.model_copy(update={"material": scenario.material.model_copy(update={"wear": faster})})
+    return scenario.model_copy(
+        update={"material": scenario.material.model_copy(update={"wear": faster})}
+    )
 
 
 @pytest.mark.slow
 def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
     scenario, seeds = quickly_worn(), tuning_seeds(8)[4:]
     tried = [switching(50), switching(10)]
-    played = play_guarded(scenario, Adversaries(tried, len(seeds), scenario), seeds * len(tried), Settings(), "adversaries")
+    played = play_guarded(
+        scenario,
+        Adversaries(tried, len(seeds), scenario),
+        seeds * len(tried),
+        Settings(),
+        "adversaries",
+    )
     for k in range(len(tried)):
         figures = played.total(slice(k * len(seeds), (k + 1) * len(seeds)))
         assert figures.severe <= 0.001
@@ -126,10 +148,14 @@ def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
 @pytest.mark.slow
 def test_a_search_reports_the_worst_adversaries_of_its_seeds() -> None:
     brief = Scenario.load("rough_turning")
-    brief = brief.model_copy(update={"control": brief.control.model_copy(update={"time_limit": 1.0})})
+    brief = brief.model_copy(
+        update={"control": brief.control.model_copy(update={"time_limit": 1.0})}
+    )
     budget = Budget(candidates=10, generations=2, episodes=1, worst=3, held_out=2)
     attacks = list(attack("RoughTurning-v0", brief, budget, Settings()))
-    assert [(each.seeds, each.figures.episodes) for each in attacks] == [("tuning", 1)] * 3 + [("held-out", 2)] * 3
+    assert [(each.seeds, each.figures.episodes) for each in attacks] == [("tuning", 1)] * 3 + [
+        ("held-out", 2)
+    ] * 3
     assert [each.adversary for each in attacks[:3]] == [each.adversary for each in attacks[3:]]
     assert sorted(map(badness, attacks[:3]), reverse=True) == list(map(badness, attacks[:3]))
     assert table(attacks).count("RoughTurning-v0") == 6

@@ -23,7 +23,9 @@ def changed(scenario: Any, **sections: dict[str, Any]) -> Scenario:
     return Scenario.model_validate(values)
 
 
-SHORT_LIVED = changed(Scenario(), tool={"wear_criterion": 0.11, "edge_strength": 1000.0}, control={"time_limit": 0.5})
+SHORT_LIVED = changed(
+    Scenario(), tool={"wear_criterion": 0.11, "edge_strength": 1000.0}, control={"time_limit": 0.5}
+)
 """Episodes of at most 30 intervals, which end in all three ways: worn, broken and out of time."""
 
 FAILING: dict[str, dict[str, Any]] = {
@@ -51,7 +53,9 @@ HOT_SPINDLE = changed(
 """A spindle with all that it can have, soon hot, and edge changes in which it cools."""
 
 
-def variants(section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def variants(
+    section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
     """Copies in which one value differs, with its dotted name: ``others`` gives what else a value and its field may be.
 
     The copies are not validated. The name and the nominal model are left as they are.
@@ -77,12 +81,16 @@ def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
     return [value + 1 if value == int(value) else value * 1.01]
 
 
-def fixed_actions(count: int, num_envs: int, scenario: Any = "rough_turning") -> NDArray[np.float32]:
+def fixed_actions(
+    count: int, num_envs: int, scenario: Any = "rough_turning"
+) -> NDArray[np.float32]:
     """Actions of shape (count, num_envs, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
     scenario = Scenario.load(scenario)
     phase = np.arange(count)[:, None] + 17.0 * np.arange(num_envs)
     numbers = range(action_size(scenario))
-    waves = [1.2 * np.sin((0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number) for number in numbers]
+    waves = [
+        1.2 * np.sin((0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number) for number in numbers
+    ]
     if scenario.control.edge_changes == "commanded":
         waves[-1] -= 1.1  # an edge is changed now and then
     return np.stack(waves, axis=2).astype(np.float32)
@@ -95,8 +103,18 @@ def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -
     """
     rows: list[dict[str, Any]] = []
 
-    def note(observation: Any, reward: float, terminated: bool, truncated: bool, info: dict[str, Any]) -> None:
-        rows.append({"observation": observation, "reward": reward, "terminated": terminated, "truncated": truncated, **info})
+    def note(
+        observation: Any, reward: float, terminated: bool, truncated: bool, info: dict[str, Any]
+    ) -> None:
+        rows.append(
+            {
+                "observation": observation,
+                "reward": reward,
+                "terminated": terminated,
+                "truncated": truncated,
+                **info,
+            }
+        )
 
     def start(seed: int | None) -> None:
         observation, info = env.reset(seed=seed)

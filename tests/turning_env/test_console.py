@@ -23,13 +23,25 @@ def raising(error: BaseException) -> Callable[[], int]:
     ("error", "status", "message"),
     [
         (ValueError("--wear is 5"), 2, "error: --wear is 5"),
-        (FileNotFoundError(2, "No such file or directory", "a.csv"), 2, "error: a.csv: No such file or directory"),
-        (ModuleNotFoundError(name="PIL.Image"), 2, "error: PIL is not installed: pip install 'rough-turning[render]'"),
+        (
+            FileNotFoundError(2, "No such file or directory", "a.csv"),
+            2,
+            "error: a.csv: No such file or directory",
+        ),
+        (
+            ModuleNotFoundError(name="PIL.Image"),
+            2,
+            "error: PIL is not installed: pip install 'rough-turning[render]'",
+        ),
         (KeyboardInterrupt(), 130, "stopped; run it again"),
     ],
 )
-def test_exception_becomes_a_line_and_a_status(error: BaseException, status: int, message: str, capsys) -> None:
-    assert exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))() == status
+def test_exception_becomes_a_line_and_a_status(
+    error: BaseException, status: int, message: str, capsys
+) -> None:
+    assert (
+        exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))() == status
+    )
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", f"{message}\n")
 
@@ -40,14 +52,25 @@ def test_text_of_a_file_cannot_command_a_terminal(capsys: pytest.CaptureFixture[
     assert capsys.readouterr().err == "error: bad key \\x1b]0;title\\x07\n  second line\n"
 
 
-def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     @dataclass
     class Pair:
         left: float
         right: tuple[int, ...]
 
     pair, table = Pair(math.inf, (1, 2)), np.array([[1.5, np.nan], [2.0, 3.0]])
-    print_json({"pair": pair, "table": table, "count": np.int64(3), "met": True, "none": None, 3: Path("three")})
+    print_json(
+        {
+            "pair": pair,
+            "table": table,
+            "count": np.int64(3),
+            "met": True,
+            "none": None,
+            3: Path("three"),
+        }
+    )
     given = {"pair": {"left": None, "right": [1, 2]}, "table": [[1.5, None], [2.0, 3.0]]}
     expected = given | {"count": 3, "met": True, "none": None, "3": "three"}
     assert json.loads(capsys.readouterr().out) == expected

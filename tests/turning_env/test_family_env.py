@@ -10,7 +10,10 @@ from gymnasium.vector import AutoresetMode
 from turning_env import FAMILY_ID, Family, FamilyEnv, FamilyVectorEnv, RoughTurningEnv
 from turning_env.observation import layout
 
-BRIEF = Family.load("shop").model_dump(mode="json", exclude_none=True) | {"name": "brief", "jobs": 64}
+BRIEF = Family.load("shop").model_dump(mode="json", exclude_none=True) | {
+    "name": "brief",
+    "jobs": 64,
+}
 BRIEF["planned"] = BRIEF["planned"] | {"control.time_limit": "0.4 + 0.2 * best_life / 20"}
 STEPS = 60
 
@@ -41,7 +44,9 @@ def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mo
         entries = len(layout(plain.scenario))
         assert np.array_equal(observation, played[0][i])
         assert np.array_equal(observation[:entries], plain.reset(seed=7 + i)[0])
-        for action, observations, (rewards, truncated, numbers) in zip(given[:, i], played[1:], ends, strict=True):
+        for action, observations, (rewards, truncated, numbers) in zip(
+            given[:, i], played[1:], ends, strict=True
+        ):
             observation, reward, _, over, info = env.step(action)
             seen, same, *_ = plain.step(action)
             assert (reward, over, reward) == (rewards[i], truncated[i], same)

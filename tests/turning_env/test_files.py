@@ -20,8 +20,12 @@ def test_target_is_replaced_once_it_is_whole(tmp_path: Path) -> None:
     assert list(target.parent.iterdir()) == [target]
 
 
-@pytest.mark.parametrize("error", [OSError("disk full"), ValueError("no such value"), KeyboardInterrupt()])
-def test_failed_write_keeps_the_old_file_and_nothing_else(tmp_path: Path, error: BaseException) -> None:
+@pytest.mark.parametrize(
+    "error", [OSError("disk full"), ValueError("no such value"), KeyboardInterrupt()]
+)
+def test_failed_write_keeps_the_old_file_and_nothing_else(
+    tmp_path: Path, error: BaseException
+) -> None:
     target = tmp_path / "file.txt"
     target.write_text("old")
 
@@ -41,7 +45,11 @@ def test_errors_name_the_target(tmp_path: Path) -> None:
     def fill_the_disk(path: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    for name, write in (("taken", lambda path: path.write_text("text")), ("none", lambda path: None), ("full", fill_the_disk)):
+    for name, write in (
+        ("taken", lambda path: path.write_text("text")),
+        ("none", lambda path: None),
+        ("full", fill_the_disk),
+    ):
         with pytest.raises(OSError) as refusal:  # noqa: PT011
             replace_file(tmp_path / name, write)
         assert refusal.value.filename == str(tmp_path / name)

@@ -24,20 +24,40 @@ EVERY = 20
 ADVICE = f"the model has changed: raise MODEL_VERSION ({MODEL_VERSION}) in turning_env/physics/__init__.py, and {__doc__}"
 
 _RIPPLE = {"depth_ripple": 0.1, "depth_profile": [1.5, 3.0]}
-_SKIN = {"skin_thickness": 0.5, "skin_hardness": 1.4, "skin_wear": 1.5, "hardness_factor": 1.1, "wear_factor": 1.2}
+_SKIN = {
+    "skin_thickness": 0.5,
+    "skin_hardness": 1.4,
+    "skin_wear": 1.5,
+    "hardness_factor": 1.1,
+    "wear_factor": 1.2,
+}
 OTHERS = ("override_current", "override_torque", "practitioner", "rough_turning_current")
 SCENARIOS = {
-    "clock_time": changed(Scenario(), tool={"wear_rule": "clock_time", "wear_criterion": 0.12}, machine={"chip_lag": 1.5}),
-    "skin": changed("shift", mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE),
+    "clock_time": changed(
+        Scenario(),
+        tool={"wear_rule": "clock_time", "wear_criterion": 0.12},
+        machine={"chip_lag": 1.5},
+    ),
+    "skin": changed(
+        "shift", mismatch=_SKIN | {"initial_wear": 0.05, "force_bias": 0.1}, workpiece=_RIPPLE
+    ),
     "breaking": changed(Scenario(), tool={"edge_strength": 700.0}),
-    "breaking_shift": changed("shift", tool={"edge_strength": 800.0}, economics={"unplanned_stop": 1.0}),
+    "breaking_shift": changed(
+        "shift", tool={"edge_strength": 800.0}, economics={"unplanned_stop": 1.0}
+    ),
     "worn_shift": changed("shift", tool={"wear_criterion": 0.1}, control={"time_limit": 20.0}),
     "worn_batch": changed("batch_casting", tool={"wear_criterion": 0.1, "wear_rule": "clock_time"}),
-    "overload": changed(Scenario(), limits={"thrust_force": 500.0, "power": 2.0, "overload_tolerance": 0.3}),
-    "job": changed(Scenario(), workpiece={"bars": 2, "bar_length": 20.0}, tool={"edge_strength": 1e6}),
+    "overload": changed(
+        Scenario(), limits={"thrust_force": 500.0, "power": 2.0, "overload_tolerance": 0.3}
+    ),
+    "job": changed(
+        Scenario(), workpiece={"bars": 2, "bar_length": 20.0}, tool={"edge_strength": 1e6}
+    ),
     "hot_spindle": HOT_SPINDLE,
     "surface_current": changed(
-        Scenario.load("surface"), sensors={"force": "servo_current", "force_noise": 0.1}, surface={"reference_time": 0.1}
+        Scenario.load("surface"),
+        sensors={"force": "servo_current", "force_noise": 0.1},
+        surface={"reference_time": 0.1},
     ),
     "failing_shift": changed("shift", **FAILING),
     "failing_batch": changed("batch_casting", **FAILING),
@@ -48,7 +68,9 @@ SCENARIOS = {
 def trajectory(env: RoughTurningEnv, steps: int, every: int) -> dict[str, Any]:
     """Return every ``every``-th row of a play, and all rows at which an episode ends."""
     record = play(env, SEED, fixed_actions(steps, 1, env.scenario)[:, 0])
-    rows = np.flatnonzero((np.arange(steps + 1) % every == 0) | record["terminated"] | record["truncated"])
+    rows = np.flatnonzero(
+        (np.arange(steps + 1) % every == 0) | record["terminated"] | record["truncated"]
+    )
     return {"rows": rows.tolist()} | {key: values[rows].tolist() for key, values in record.items()}
 
 
@@ -57,7 +79,9 @@ def assert_same(present: dict[str, Any], golden: dict[str, Any]) -> None:
     for key, expected in golden.items():
         # float32 holds no more than seven digits, and may be rounded the other way.
         tolerance = 2e-7 if key == "observation" else 1e-9
-        same = np.allclose(np.array(present[key], float), np.array(expected, float), rtol=tolerance, atol=tolerance)
+        same = np.allclose(
+            np.array(present[key], float), np.array(expected, float), rtol=tolerance, atol=tolerance
+        )
         assert same, f"{key}: {ADVICE}"
 
 

@@ -27,6 +27,10 @@ def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixtur
     code += "for env_id, preset in t.IDS.items():\n    env = t.RoughTurningEnv(preset); env.reset(seed=0)\n"
     code += "    env.step(env.action_space.sample()); Fields(t.Scenario.load(preset)).along((0, 0), 0, np.zeros(3))\n"
     again = subprocess.run(
-        [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert again.stderr == ""

@@ -8,7 +8,9 @@ import pytest
 from tests.turning_env.playing import UNDISTURBED, changed, infos, play
 from turning_env import RoughTurningEnv, Scenario, read
 
-SPREADS = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+SPREADS = {
+    f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")
+}
 OVERRIDE = changed(
     Scenario.load("override"),
     workpiece=SPREADS | {"depth_ripple": 0.0},
@@ -35,7 +37,9 @@ def test_roughness_follows_the_force_and_its_deviation_is_charged():
     assert info["thrust_force"] == pytest.approx(2850 * 0.2, rel=1e-3)
     assert info["roughness"] == pytest.approx(0.2401 * math.exp(0.0034 * info["thrust_force"]))
     reference = told[299]["roughness_reference"]
-    assert info["roughness_deviation"] == pytest.approx(0.01 * abs(info["roughness"] / reference - 1), rel=0.01)
+    assert info["roughness_deviation"] == pytest.approx(
+        0.01 * abs(info["roughness"] / reference - 1), rel=0.01
+    )
     assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
 
 
@@ -43,9 +47,16 @@ def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
     told = infos(SURFACE, [[0.0]] * 1500)
     references = np.array([info["roughness_reference"] for info in told])
     changes = np.flatnonzero(np.diff(references)) + 1
-    assert changes.tolist() == [374, 749, 1124, 1499]  # told with the interval before: 3.75 s are 375 intervals
+    assert changes.tolist() == [
+        374,
+        749,
+        1124,
+        1499,
+    ]  # told with the interval before: 3.75 s are 375 intervals
     assert told[-1]["truncated"]
-    many = np.array([infos(SURFACE, [[0.0]], seed)[0]["roughness_reference"] for seed in range(150)])
+    many = np.array(
+        [infos(SURFACE, [[0.0]], seed)[0]["roughness_reference"] for seed in range(150)]
+    )
     assert 1.0 <= many.min() < 1.05
     assert 3.0 < many.max() <= 3.1
     assert np.median(many) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.1)  # even on a log scale
@@ -67,7 +78,9 @@ def test_a_worn_edge_is_changed_unannounced_which_takes_longer():
     soft = changed(SHIFT, tool={"wear_criterion": 0.12})
     told = infos(soft, [[1, 1, -1]] * 100)
     first = next(info for info in told if info["stopped_time"])
-    assert first["stopped_time"] == pytest.approx(60 * (soft.economics.edge_change_time + soft.economics.unplanned_stop))
+    assert first["stopped_time"] == pytest.approx(
+        60 * (soft.economics.edge_change_time + soft.economics.unplanned_stop)
+    )
     assert first["edges_broken"] == 0
     assert not first["terminated"]
     assert first["used_life"] == 0
@@ -92,19 +105,26 @@ def test_inspection_tells_the_wear_of_the_edge_that_was_taken_out():
 def part(passes, allowance, speed=0.0, feed=0.0):
     """The action that turns a part in so many passes with a path for an allowance [mm]."""
     number = 2.0 * (passes - 0.5) / BATCH.control.passes_max - 1.0
-    return [number, allowance / BATCH.workpiece.depth_of_cut - 1.0] + [speed, feed] * BATCH.control.passes_max
+    return [number, allowance / BATCH.workpiece.depth_of_cut - 1.0] + [
+        speed,
+        feed,
+    ] * BATCH.control.passes_max
 
 
 @pytest.mark.parametrize(("passes", "allowance"), [(1, 0.0), (2, 3.0), (3, 10.0), (4, 5.0)])
 def test_whatever_the_path_the_part_is_turned_whole(passes, allowance):
     told = infos(BATCH, [part(passes, allowance)] * 3, seed=5)
     expected = infos(BATCH, [part(1, 5.0)] * 3, seed=5)
-    assert [info["removed"] for info in told] == pytest.approx([info["removed"] for info in expected], rel=2e-3)
+    assert [info["removed"] for info in told] == pytest.approx(
+        [info["removed"] for info in expected], rel=2e-3
+    )
     assert [info["passes"] for info in told] == [passes] * 3
     # Every pass runs the whole way, in metal or not, and returns.
     velocity = told[0]["feed_velocity"]
     pitch = BATCH.workpiece.bar_length + BATCH.workpiece.approach
-    assert told[0]["time"] == pytest.approx(60 * passes * (pitch / velocity + BATCH.machine.return_time))
+    assert told[0]["time"] == pytest.approx(
+        60 * passes * (pitch / velocity + BATCH.machine.return_time)
+    )
 
 
 def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
@@ -112,20 +132,27 @@ def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
     record = play(RoughTurningEnv(uniform), 3, np.array([part(1, 5.0)] * 19, np.float32))
     lengths = math.pi * uniform.workpiece.diameter * uniform.workpiece.bar_length / 1000
     assert record["probed_depth"][:-1] == pytest.approx(record["removed"][1:] / lengths, rel=1e-9)
-    assert read(record["observation"], uniform).probed_depth == pytest.approx(record["probed_depth"], rel=1e-6)
+    assert read(record["observation"], uniform).probed_depth == pytest.approx(
+        record["probed_depth"], rel=1e-6
+    )
     blind = changed(BATCH, sensors={"probe": False})
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
 
 
 @pytest.mark.parametrize("name", ["radial_force", "torque", "roughness"])
 def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force(name):
-    loose = {other: {"coefficient": 1e-9, "feed": 1.0} for other in ("radial_force", "torque", "roughness")}
+    loose = {
+        other: {"coefficient": 1e-9, "feed": 1.0}
+        for other in ("radial_force", "torque", "roughness")
+    }
     law = {"coefficient": 3.0, "feed": 0.5, "depth_of_cut": 0.8, "reference_depth_of_cut": 1.0}
     free = changed(UNDISTURBED, limits={"thrust_force": 1e5})
     bound = changed(free, limits=loose | {name: law | {"most": 1.5}})
     (alone,), (charged,) = (infos(scenario, [[0.0, 0.0]]) for scenario in (free, bound))
     assert alone["cost_force"] == 0.0
-    assert charged["cost_force"] == pytest.approx(3.0 * charged["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0, rel=1e-6)
+    assert charged["cost_force"] == pytest.approx(
+        3.0 * charged["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0, rel=1e-6
+    )
     assert charged["severe_overload_time"] == pytest.approx(charged["engaged_time"])
     for same in ("thrust_force", "power", "wear", "removed", "cost_power"):
         assert charged[same] == alone[same]

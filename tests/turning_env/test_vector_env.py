@@ -25,7 +25,10 @@ def assert_same_infos(ours, theirs):
         mask = slice(None) if key.startswith("_") else theirs["_" + key]
         ours_chosen, expected_chosen = ours[key][mask], expected[mask]
         if expected.dtype == object:
-            ours_chosen, expected_chosen = np.stack(list(ours_chosen)), np.stack(list(expected_chosen))
+            ours_chosen, expected_chosen = (
+                np.stack(list(ours_chosen)),
+                np.stack(list(expected_chosen)),
+            )
         assert ours_chosen.tobytes() == expected_chosen.tobytes(), key
 
 
@@ -42,7 +45,8 @@ MORTAL.append(pytest.param(changed(Scenario(), **FAILING), AutoresetMode.SAME_ST
 
 
 @pytest.mark.parametrize(
-    ("scenario", "mode", "num_envs"), [*MORTAL, *((preset, AutoresetMode.NEXT_STEP, 3) for preset in presets())]
+    ("scenario", "mode", "num_envs"),
+    [*MORTAL, *((preset, AutoresetMode.NEXT_STEP, 3) for preset in presets())],
 )
 def test_it_is_single_environments_side_by_side(scenario, mode, num_envs):
     """Bit for bit what Gymnasium makes of single environments, through several episodes per environment."""
@@ -65,7 +69,9 @@ def test_it_is_single_environments_side_by_side(scenario, mode, num_envs):
 def test_seeds_may_be_given_one_by_one():
     env, singles = RoughTurningVectorEnv(3), RoughTurningEnv()
     _, infos = env.reset(seed=[7, 7, 9])
-    assert infos["wear_factor"].tolist() == [singles.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)]
+    assert infos["wear_factor"].tolist() == [
+        singles.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)
+    ]
     _, infos = env.reset(seed=[None, 1, None])
     expected = []
     for seed, again in ((7, None), (1, 1), (9, None)):
@@ -76,7 +82,12 @@ def test_seeds_may_be_given_one_by_one():
 
 @pytest.mark.parametrize(
     ("mask", "error"),
-    [([1, 0, 1], ValueError), ([True, False], ValueError), ("all", ValueError), ([True, False, True], ResetNeeded)],
+    [
+        ([1, 0, 1], ValueError),
+        ([True, False], ValueError),
+        ("all", ValueError),
+        ([True, False, True], ResetNeeded),
+    ],
 )
 def test_bad_reset_masks_are_refused(mask, error):
     env = RoughTurningVectorEnv(3)
@@ -107,22 +118,32 @@ def test_bad_seeds_are_refused_and_nothing_moves(seed, said):
 
 
 def test_bad_arguments_are_refused():
-    with pytest.raises(ValueError, match=r"max_episode_steps is 9, but must be 3600: set control.time_limit instead"):
+    with pytest.raises(
+        ValueError,
+        match=r"max_episode_steps is 9, but must be 3600: set control.time_limit instead",
+    ):
         gymnasium.make_vec("RoughTurning-v0", max_episode_steps=9)
     with pytest.raises(ValueError, match=r"no option 'reset_masks'; did you mean reset_mask\?"):
         RoughTurningVectorEnv(2).reset(options={"reset_masks": np.ones(2, bool)})
     with pytest.raises(ValueError, match="num_envs is 0, but must be at least 1"):
         RoughTurningVectorEnv(0)
-    with pytest.raises(ValueError, match="rendered_envs is 3, but must be None or 1 to num_envs, which is 2"):
+    with pytest.raises(
+        ValueError, match="rendered_envs is 3, but must be None or 1 to num_envs, which is 2"
+    ):
         RoughTurningVectorEnv(2, render_mode="rgb_array", rendered_envs=3)
-    with pytest.raises(ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"):
+    with pytest.raises(
+        ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"
+    ):
         RoughTurningVectorEnv(1, render_mode="human")
     with pytest.raises(ValueError, match="Sometimes"):
         RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
 
 
 def test_batches_step_side_by_side_in_threads_of_ones_own():
-    alone, halves = RoughTurningVectorEnv(64, SHORT_LIVED), [RoughTurningVectorEnv(32, SHORT_LIVED) for _ in range(2)]
+    alone, halves = (
+        RoughTurningVectorEnv(64, SHORT_LIVED),
+        [RoughTurningVectorEnv(32, SHORT_LIVED) for _ in range(2)],
+    )
     alone.reset(seed=3)
     for k, half in enumerate(halves):
         half.reset(seed=3 + 32 * k)

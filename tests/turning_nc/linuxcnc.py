@@ -30,14 +30,40 @@ class Canonical:
 
 _WORDS: dict[str, list[tuple[str, Any]]] = {
     "fanuc": [
-        *((r"\([^)]*\)", ""), (r"\bG98\b", "G94"), (r"\bG99\b", "G95"), (r"^(N\d+ )?G50 S\d+$", ""), (r"\bT(\d+)\b", r"T\1 M6")),
-        *((r"\bG4 P(\d+)$", lambda found: f"G4 P{int(found[1]) / 1000}"), (r"^G28.*", HOME), (r"^%$", "")),
+        *(
+            (r"\([^)]*\)", ""),
+            (r"\bG98\b", "G94"),
+            (r"\bG99\b", "G95"),
+            (r"^(N\d+ )?G50 S\d+$", ""),
+            (r"\bT(\d+)\b", r"T\1 M6"),
+        ),
+        *(
+            (r"\bG4 P(\d+)$", lambda found: f"G4 P{int(found[1]) / 1000}"),
+            (r"^G28.*", HOME),
+            (r"^%$", ""),
+        ),
     ],
     "sinumerik": [
-        *((r";.*", ""), (r"^%_N_\w+_MPF$", ""), (r"^%_N_L(\d+)_SPF$", r"O\1"), (r"\bRET\b|\bM17\b", "M99")),
+        *(
+            (r";.*", ""),
+            (r"^%_N_\w+_MPF$", ""),
+            (r"^%_N_L(\d+)_SPF$", r"O\1"),
+            (r"\bRET\b|\bM17\b", "M99"),
+        ),
         (r"\bL(\d+)(?: P(\d+))?$", lambda found: f"M98 P{found[1]} L{found[2] or 1}"),
-        *((r'MSG\("[^"]*"\)', ""), (r"\bG4 F", "G4 P"), (r'T="[^"]*"', "T1"), (r"\bT(\d+)( D\d+)?( M6)?", r"T\1 M6")),
-        *((r" LIMS=\d+", ""), (r"CR=", "R"), (r"^(N\d+) G26 S\d+$", r"\1"), (r"G71\b|G710", "G21"), (r"G70\b|G700", "G20")),
+        *(
+            (r'MSG\("[^"]*"\)', ""),
+            (r"\bG4 F", "G4 P"),
+            (r'T="[^"]*"', "T1"),
+            (r"\bT(\d+)( D\d+)?( M6)?", r"T\1 M6"),
+        ),
+        *(
+            (r" LIMS=\d+", ""),
+            (r"CR=", "R"),
+            (r"^(N\d+) G26 S\d+$", r"\1"),
+            (r"G71\b|G710", "G21"),
+            (r"G70\b|G700", "G20"),
+        ),
         *((r"DIAMON", "G7"), (r"DIAMOF", "G8")),
     ],
 }
@@ -69,7 +95,12 @@ def canonical(program: str, folder: Path) -> list[Canonical]:
     tools = [1, 2, 3, 4, 5, 101, 202, 303, 404]
     (folder / "tool.tbl").write_text("".join(f"T{tool} P{tool} X0 Z0 D0\n" for tool in tools))
     finished = subprocess.run(
-        ["rs274", "-g", "-t", "tool.tbl", "program.ngc"], cwd=folder, capture_output=True, text=True, timeout=60, check=False
+        ["rs274", "-g", "-t", "tool.tbl", "program.ngc"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert finished.returncode == 0, finished.stdout[-400:] + finished.stderr[-400:]
     return _moves(finished.stdout)
@@ -105,8 +136,22 @@ def _moves(output: str) -> list[Canonical]:
                 centre, clockwise = None, False
                 here = values[2] * scale, values[0] * scale
                 if name == "ARC_FEED":
-                    here, centre = (values[0] * scale, values[1] * scale), (values[2] * scale, values[3] * scale)
+                    here, centre = (
+                        (values[0] * scale, values[1] * scale),
+                        (values[2] * scale, values[3] * scale),
+                    )
                     clockwise = values[4] < 0
                 turning = speed * (FOOT if limit and scale == INCH else 1.0)
-                moves.append(Canonical("feed", here, centre, clockwise, lead or feed, per_turn or lead > 0.0, turning, limit))
+                moves.append(
+                    Canonical(
+                        "feed",
+                        here,
+                        centre,
+                        clockwise,
+                        lead or feed,
+                        per_turn or lead > 0.0,
+                        turning,
+                        limit,
+                    )
+                )
     return moves

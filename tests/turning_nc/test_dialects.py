@@ -31,7 +31,12 @@ def without_places(text: str, go_on: bool = False) -> list[tuple[object, ...]]:
     """Return what the moves of a program do, without places in its text."""
 
     def of(move: Move) -> tuple[object, ...]:
-        settings = move.feed.value, move.speed.value, move.constant_cutting_speed, move.max_spindle_speed
+        settings = (
+            move.feed.value,
+            move.speed.value,
+            move.constant_cutting_speed,
+            move.max_spindle_speed,
+        )
         return move.kind, move.path.end, move.line, move.tool, *settings, move.spindle_on, move.time
 
     return [of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
@@ -50,7 +55,9 @@ SPELLINGS: dict[str, Callable[[str], str]] = {
     "CR": lambda text: text.replace("\n", "\r"),
     "CRLF": lambda text: text.replace("\n", "\r\n"),
     "mixed ends": with_mixed_ends,
-    "a blank after addresses": lambda text: re.sub(r"(?m)\b([XZFGT])(?=-?\d)(?!.*[\"=])", r"\1 ", text),
+    "a blank after addresses": lambda text: re.sub(
+        r"(?m)\b([XZFGT])(?=-?\d)(?!.*[\"=])", r"\1 ", text
+    ),
     "a blank after the sign": lambda text: text.replace("-", "- "),
     "a blank before the sign": lambda text: text.replace("Z-", "Z\t- "),
     "small letters": str.lower,
@@ -84,10 +91,14 @@ def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
     for end in ("\n", "\r", "\r\n"):
         text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("\n", end)
         made = moves(text)
-        situation = Situation(Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60")))
+        situation = Situation(
+            Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60"))
+        )
         adapted[end] = adapt(situation).text
         assert adapted[end] != text
-    assert adapted["\r"].replace("\r", "\n") == adapted["\r\n"].replace("\r\n", "\n") == adapted["\n"]
+    assert (
+        adapted["\r"].replace("\r", "\n") == adapted["\r\n"].replace("\r\n", "\n") == adapted["\n"]
+    )
 
 
 # Dialects.
@@ -141,11 +152,16 @@ def test_only_words_that_are_not_understood_are_left_out(clean: str, word: str, 
     with pytest.raises(NcError, match=r"not understood.*\n  line \d"):
         moves(text)
     played = without_places(text, go_on=True)
-    extra = text.count("\n", 0, text.index(words) + len(words)) - clean.count("\n", 0, clean.index(word) + len(word))
+    extra = text.count("\n", 0, text.index(words) + len(words)) - clean.count(
+        "\n", 0, clean.index(word) + len(word)
+    )
     if extra and "M30" not in words:
         played = [(*values[:2], values[2] - extra, *values[3:]) for values in played]
     assert played == without_places(clean)
-    assert any(note.partition(": ")[2].startswith("left out") for note in run(divide(text), Reading(go_on=True)).notes)
+    assert any(
+        note.partition(": ")[2].startswith("left out")
+        for note in run(divide(text), Reading(go_on=True)).notes
+    )
 
 
 def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
@@ -157,7 +173,9 @@ def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
 
 def test_the_contour_of_a_cycle_that_is_left_out_is_not_cut() -> None:
     roughing = "G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\nN1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"  # turns back
-    ends = [values[1] for values in without_places(BAR + roughing + "G1 X58. Z-5. F0.1", go_on=True)]
+    ends = [
+        values[1] for values in without_places(BAR + roughing + "G1 X58. Z-5. F0.1", go_on=True)
+    ]
     assert ends == [(2.0, 31.0), (-5.0, 29.0)]
 
 
@@ -209,13 +227,25 @@ def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
     assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
     assert made[0].kind == "dwell"
     last = made[-1]
-    assert (last.tool, last.speed.value, last.feed.value, last.spindle_on) == ("T0303", 800.0, 0.3, True)
-    assert moves(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.").moves[-1].kind == "dwell"  # the program ends
+    assert (last.tool, last.speed.value, last.feed.value, last.spindle_on) == (
+        "T0303",
+        800.0,
+        0.3,
+        True,
+    )
+    assert (
+        moves(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.").moves[-1].kind == "dwell"
+    )  # the program ends
 
 
 def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
     made = moves("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.").moves
-    assert [(move.kind, move.time) for move in made] == [("dwell", 1.0), ("dwell", 0.5), ("rapid", 0.0), ("feed", 0.0)]
+    assert [(move.kind, move.time) for move in made] == [
+        ("dwell", 1.0),
+        ("dwell", 0.5),
+        ("rapid", 0.0),
+        ("feed", 0.0),
+    ]
     assert made[-1].speed.value == 800.0
     with pytest.raises(NcError, match="beside G4"):
         moves(f"{BAR}G1 X56. F0.2\nG4 P500 Z-40.")
@@ -230,7 +260,9 @@ def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
         ("F0.3 G4 F1.5 S800 M3", 1.5, 800.0, 0.3),
     ],
 )
-def test_sinumerik_dwells_for_the_word_after_g4(block: str, seconds: float, speed: float, feed: float) -> None:
+def test_sinumerik_dwells_for_the_word_after_g4(
+    block: str, seconds: float, speed: float, feed: float
+) -> None:
     made = moves(f"DIAMON G71 G90 G95 G97 F0.2\n{block}\nG0 X62 Z2\nG1 Z-9").moves
     assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
     assert (made[-1].speed.value, made[-1].feed.value) == (speed, feed)
@@ -260,14 +292,30 @@ OTHERS = {
         "V12=50",
         "RTS",
     ],
-    "LinuxCNC": ["O<bore> CALL [5]", "o100 endsub", "O100 WHILE [#1 LT 3]", "o<a b> sub", "O#5 repeat [3]", "o7 elseif [#1]"],
-    "SINUMERIK": ["%MPF1005", "%SPF 12", "N40 G2 X60 Z-25 B5", "G03X20Z-5B+2.5", "N5 @714", "N10 G58 X0 Z45\nN15 G92 S3000"],
+    "LinuxCNC": [
+        "O<bore> CALL [5]",
+        "o100 endsub",
+        "O100 WHILE [#1 LT 3]",
+        "o<a b> sub",
+        "O#5 repeat [3]",
+        "o7 elseif [#1]",
+    ],
+    "SINUMERIK": [
+        "%MPF1005",
+        "%SPF 12",
+        "N40 G2 X60 Z-25 B5",
+        "G03X20Z-5B+2.5",
+        "N5 @714",
+        "N10 G58 X0 Z45\nN15 G92 S3000",
+    ],
     "Heidenhain": ["0 BEGIN PGM WELLE MM"],
     "Mazatrol": ["PNO. 3"],
 }
 
 
-@pytest.mark.parametrize(("control", "line"), [(control, line) for control, lines in OTHERS.items() for line in lines])
+@pytest.mark.parametrize(
+    ("control", "line"), [(control, line) for control, lines in OTHERS.items() for line in lines]
+)
 def test_programs_of_other_controls_are_named_with_their_line(control: str, line: str) -> None:
     for end in ("\n", "\r"):
         with pytest.raises(NcError, match=f"line 3: .*{control}"):
@@ -285,11 +333,22 @@ def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
     text = BAR + CUT.replace("M30", f"{sign}\nM30")
     made = run(divide(text), Reading(go_on=True))
     assert any("Mazak" in note for note in made.notes)
-    assert [move.path.end for move in made.moves] == [move.path.end for move in moves(BAR + CUT).moves]
+    assert [move.path.end for move in made.moves] == [
+        move.path.end for move in moves(BAR + CUT).moves
+    ]
 
 
 @pytest.mark.parametrize(
-    "line", ["T0303 M8", "T03", "T10203", "G2 X60. Z-25. R5. B0.", "G3 X60. Z-5. I0. K-2. B0", "G58", "N5 G71 U2. R1."]
+    "line",
+    [
+        "T0303 M8",
+        "T03",
+        "T10203",
+        "G2 X60. Z-25. R5. B0.",
+        "G3 X60. Z-5. I0. K-2. B0",
+        "G58",
+        "N5 G71 U2. R1.",
+    ],
 )
 def test_words_of_fanuc_show_no_other_control(line: str) -> None:
     assert divide(f"G21\n{line}\n").dialect.name == "fanuc"
@@ -324,7 +383,15 @@ IN_A = {
     "peck": "G0 X0.\nG74 R1.\nG74 Z-9. Q4000 F0.1\n",
     "pitch": "G32 Z-25. F2.\n",
 }
-TO_B = {"G90": "G77", "G92": "G78", "G94": "G79", "G32": "G33", "G98": "G94", "G99": "G95", "G50": "G92"}
+TO_B = {
+    "G90": "G77",
+    "G92": "G78",
+    "G94": "G79",
+    "G32": "G33",
+    "G98": "G94",
+    "G99": "G95",
+    "G50": "G92",
+}
 TO_C = {
     "G90": "G20",
     "G92": "G21",
@@ -346,8 +413,12 @@ def in_system(text: str, codes: dict[str, str]) -> str:
 
 @pytest.mark.parametrize("name", IN_A)
 @pytest.mark.parametrize(("dialect", "codes"), [("fanuc-b", TO_B), ("fanuc-c", TO_C)])
-def test_systems_b_and_c_make_the_cuts_of_system_a(name: str, dialect: str, codes: dict[str, str]) -> None:
-    text = f"G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n{IN_A[name]}G1 X64.\nM30\n"
+def test_systems_b_and_c_make_the_cuts_of_system_a(
+    name: str, dialect: str, codes: dict[str, str]
+) -> None:
+    text = (
+        f"G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n{IN_A[name]}G1 X64.\nM30\n"
+    )
     other = in_system(text, codes)
     played = run(divide(other, DIALECTS[dialect])).moves
     expected = moves(text).moves

@@ -54,8 +54,25 @@ def test_numbers_beyond_all_measure_are_refused_with_their_line(block: str) -> N
 
 
 EXPRESSIONS = (
-    *("ABS[]", "ABS[1]ABS[2]", "SQRT[-1]", "LN[0]", "EXP[1000]", "EXP[700]*EXP[700]", "EXP[700]*EXP[700]-EXP[700]*EXP[700]"),
-    *("1/0", "5 MOD 0", "ACOS[2]", "ROUND[EXP[700]*EXP[700]]", "1,2", NINES, "[" * 300 + "1" + "]" * 300, "-" * 5000 + "1"),
+    *(
+        "ABS[]",
+        "ABS[1]ABS[2]",
+        "SQRT[-1]",
+        "LN[0]",
+        "EXP[1000]",
+        "EXP[700]*EXP[700]",
+        "EXP[700]*EXP[700]-EXP[700]*EXP[700]",
+    ),
+    *(
+        "1/0",
+        "5 MOD 0",
+        "ACOS[2]",
+        "ROUND[EXP[700]*EXP[700]]",
+        "1,2",
+        NINES,
+        "[" * 300 + "1" + "]" * 300,
+        "-" * 5000 + "1",
+    ),
     *("9+" * 20_000 + "9", "TAN", "ABS", "SIN[1,2]", "#1", "[1", "1]"),
 )
 
@@ -134,7 +151,16 @@ def test_files_of_the_wrong_kind_end_in_one_error_that_names_them(
 
 @pytest.mark.parametrize(
     "stock",
-    ["bar:0x10", "bar:10x0", f"bar:{NINES}x10", f"bar:10x10+{NINES}", "tube:10x10x10", "bar:-5x10", "bar:1e3x10", "bar:nanx10"],
+    [
+        "bar:0x10",
+        "bar:10x0",
+        f"bar:{NINES}x10",
+        f"bar:10x10+{NINES}",
+        "tube:10x10x10",
+        "bar:-5x10",
+        "bar:1e3x10",
+        "bar:nanx10",
+    ],
 )
 def test_stocks_without_a_size_are_refused(stock: str) -> None:
     with pytest.raises(NcError, match="stock"):
@@ -186,7 +212,11 @@ def test_the_time_of_reading_grows_with_the_text_alone(text: str) -> None:
 def test_a_condition_of_many_blanks_is_refused_at_once() -> None:
     begin = time.process_time()
     with pytest.raises(NcError, match="line 2: 'ID=1 WHENEVER"):
-        moves(f"R1=1\nID=1 WHENEVER {BLANKS}X\n" + f"ID=1 WHENEVER {BLANKS}X\n" * 20 + "G1 X5 F0.1 S100 M3")
+        moves(
+            f"R1=1\nID=1 WHENEVER {BLANKS}X\n"
+            + f"ID=1 WHENEVER {BLANKS}X\n" * 20
+            + "G1 X5 F0.1 S100 M3"
+        )
     assert time.process_time() - begin < MAX_READING
 
 

@@ -61,7 +61,9 @@ def test_nothing_is_turned_inside_without_a_hole() -> None:
     assert remove(made, read_stock("bar:60x60"), {"T0101": "inside"}).tools["T0101"] == "inside"
 
 
-@pytest.mark.parametrize("drill", ["X0. Z2.\nG1 Z-40. F0.1\nG0 Z5.", "X-18. Z2.\nG1 Z-40. F0.1\nG0 Z5."])
+@pytest.mark.parametrize(
+    "drill", ["X0. Z2.\nG1 Z-40. F0.1\nG0 Z5.", "X-18. Z2.\nG1 Z-40. F0.1\nG0 Z5."]
+)
 def test_a_tool_after_a_drill_may_turn_inside(drill: str) -> None:
     made = moves(f"{HEAD}G0 {drill}\n{NEXT}{BORING}M30")
     assert remove(made, read_stock("bar:60x60")).tools["T0202"] == "inside"

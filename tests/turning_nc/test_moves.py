@@ -66,13 +66,20 @@ def test_both_dialects_are_told_from_the_text() -> None:
 
 @pytest.mark.parametrize(
     ("text", "notes"),
-    [(ISO, ("line 3: X is taken as a diameter, as usual (assumption); --radius sets a radius",)), (SIEMENS, ())],
+    [
+        (ISO, ("line 3: X is taken as a diameter, as usual (assumption); --radius sets a radius",)),
+        (SIEMENS, ()),
+    ],
 )
-def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: str, notes: tuple[str, ...]) -> None:
+def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(
+    text: str, notes: tuple[str, ...]
+) -> None:
     made = moves(text)
     assert made.notes == notes
     assert made.moves[-1].path.end[0] == 1.0
-    assert [move.path for move in moves(text.replace("\n", "\r\n")).moves] == [move.path for move in made.moves]
+    assert [move.path for move in moves(text.replace("\n", "\r\n")).moves] == [
+        move.path for move in made.moves
+    ]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +120,9 @@ def test_programs_and_their_sub_programs_are_run_with_any_ends_of_lines(text: st
         (SIEMENS, "N50 L5", "N50 ID=1 DO $AC_OVR=$AC_SECRET", 6, "cannot be read"),
     ],
 )
-def test_what_is_not_understood_is_named_with_its_line(text: str, old: str, new: str, line: int, named: str) -> None:
+def test_what_is_not_understood_is_named_with_its_line(
+    text: str, old: str, new: str, line: int, named: str
+) -> None:
     assert old in text
     with pytest.raises(NcError) as refused:
         moves(text.replace(old, new, 1))
@@ -126,7 +135,12 @@ def test_all_lines_that_are_not_understood_are_named_at_once_or_left_out() -> No
     with pytest.raises(NcError, match=r"(?s)^(?!.*no feed).*line 7: .*line 10: .*line 11: "):
         moves(text.replace("N50 G1", "N50 G65 G1"))  # it also sets the feed
     made = run(divide(text), Reading(go_on=True))
-    assert [note.split(":")[0] for note in made.notes] == ["line 3", "line 10", "line 11", "line 12"]
+    assert [note.split(":")[0] for note in made.notes] == [
+        "line 3",
+        "line 10",
+        "line 11",
+        "line 12",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -161,7 +175,11 @@ def test_damaged_programs_are_read_or_refused() -> None:
 
 
 def test_the_same_word_means_what_its_dialect_says() -> None:
-    for units, feed in (("G21 G99\nG20", 0.254), ("DIAMON G70 G95", 0.01), ("DIAMON G700 G95", 0.254)):  # G70: lengths alone
+    for units, feed in (
+        ("G21 G99\nG20", 0.254),
+        ("DIAMON G70 G95", 0.01),
+        ("DIAMON G700 G95", 0.254),
+    ):  # G70: lengths alone
         last = moves(f"{units}\nG97 S500 M3\nG0 X2. Z0.\nG1 Z-1. F0.01").moves[-1]
         assert (last.path.end, last.feed.value) == ((-25.4, 25.4), pytest.approx(feed))
 
@@ -192,7 +210,11 @@ ROUNDED = [(-19.0, 10.0), (-20.0, 11.0), (-20.0, 29.0), (-21.0, 30.0), (-30.0, 3
         (f"{DREH}Z-20 CHR=2\nX60", BROKEN, 0.0),
         (f"{DREH}Z-20 CHF={math.sqrt(8.0):.9f}\nX60", BROKEN, 0.0),
         (f"{DREH}Z-20 RND=2\nX60", BROKEN, 2.0),
-        (f"{DREH}RNDM=1\nZ-20\nX60\nRNDM=0\nZ-30", ROUNDED, 1.0),  # the second corner stands before RNDM=0
+        (
+            f"{DREH}RNDM=1\nZ-20\nX60\nRNDM=0\nZ-30",
+            ROUNDED,
+            1.0,
+        ),  # the second corner stands before RNDM=0
     ],
 )
 def test_corners_are_broken(text: str, ends: list[tuple[float, float]], radius: float) -> None:
@@ -217,7 +239,8 @@ SET_BELOW = "G90 G95 G71 DIAMON\nG97 S500 M4\nL5 P3\nG1 X20 Z=R9 F0.1\nM30\n%_N_
 
 
 @pytest.mark.parametrize(
-    ("text", "end", "feed"), [(HASH, (-36.0, 23.0), 0.2), (COMPUTED, (-11.0, 12.5), 0.25), (SET_BELOW, (-7.0, 10.0), 0.1)]
+    ("text", "end", "feed"),
+    [(HASH, (-36.0, 23.0), 0.2), (COMPUTED, (-11.0, 12.5), 0.25), (SET_BELOW, (-7.0, 10.0), 0.1)],
 )
 def test_variables_are_computed(text: str, end: tuple[float, float], feed: float) -> None:
     last = moves(text).moves[-1]
@@ -225,21 +248,34 @@ def test_variables_are_computed(text: str, end: tuple[float, float], feed: float
     assert (last.feed.span is None) == (text != SET_BELOW)  # only a plain number can be changed
 
 
-POCKETS = "G1 Z-10.\nX44. Z-20.\nZ-30.\nX70. Z-40.\nZ-45.\nX60. Z-55.\nG2 X80. Z-65. R10.\nG1 Z-80.\n"
+POCKETS = (
+    "G1 Z-10.\nX44. Z-20.\nZ-30.\nX70. Z-40.\nZ-45.\nX60. Z-55.\nG2 X80. Z-65. R10.\nG1 Z-80.\n"
+)
 STEPS = "G1 Z-30.\nG2 X60. Z-35. R5.\nG1 Z-60.\nX80. Z-80.\n"
 
 
 @pytest.mark.skipif(not INSTALLED, reason=NO_LINUXCNC)
 @pytest.mark.parametrize("contour", [STEPS, POCKETS])
 def test_passes_of_g71_are_those_of_linuxcnc(contour: str, tmp_path: Path) -> None:
-    theirs = canonical(f"{START}O100 sub\nG0 X50.\n{contour}X102.\nO100 endsub\n{SET_UP}G71 Q100 I2.5 R0.5 D0\nM30\n", tmp_path)
+    theirs = canonical(
+        f"{START}O100 sub\nG0 X50.\n{contour}X102.\nO100 endsub\n{SET_UP}G71 Q100 I2.5 R0.5 D0\nM30\n",
+        tmp_path,
+    )
     ours = moves(f"G99\n{SET_UP}G71 U2.5 R0.5\nG71 P1 Q2\nN1 G0 X50.\n{contour}N2 X102.\nM30")
     ends = [move.end for move in theirs if move.kind == "feed"]
-    cuts = [move.path for move in ours.moves if move.kind == "feed" and move.cycle_pass and move.path.length > 3.0]
+    cuts = [
+        move.path
+        for move in ours.moves
+        if move.kind == "feed" and move.cycle_pass and move.path.length > 3.0
+    ]
     assert len(cuts) > 10
-    assert all(min(math.dist(cut.end, end) for end in ends) < 0.02 for cut in cuts)  # arcs are chords here
+    assert all(
+        min(math.dist(cut.end, end) for end in ends) < 0.02 for cut in cuts
+    )  # arcs are chords here
     first_ends = [end for end in ends if end != (-80.0, 51.0)]  # theirs begins with a pass in air
-    assert all(min(math.dist(move.path.end, end) for move in ours.moves) < 0.02 for end in first_ends)
+    assert all(
+        min(math.dist(move.path.end, end) for move in ours.moves) < 0.02 for end in first_ends
+    )
 
 
 @pytest.mark.parametrize(
@@ -268,29 +304,49 @@ def test_pockets_are_cut_to_the_contour(text: str) -> None:
 def test_passes_of_g76_are_those_of_linuxcnc(tmp_path: Path) -> None:
     start = "G8 G90 G18 G21 G95\nT101 M6\nG97 S600 M3\nG0 X16. Z6.\n"
     theirs = canonical(f"{start}G76 P1.5 Z-34. I-1. J0.3 R2 K0.92 Q0 H2 L0 E0\nM30\n", tmp_path)
-    ours = moves(f"{TURN}G97 S600\nG0 X32. Z6.\nG76 P020000 Q20 R0.\nG76 X28.16 Z-34. P920 Q300 F1.5\nM30")
+    ours = moves(
+        f"{TURN}G97 S600\nG0 X32. Z6.\nG76 P020000 Q20 R0.\nG76 X28.16 Z-34. P920 Q300 F1.5\nM30"
+    )
     threads = [move for move in ours.moves if move.kind == "thread"]
     expected = [move for move in theirs if move.kind == "feed"]
-    assert [move.path.end for move in threads] == [pytest.approx(move.end, abs=1e-3) for move in expected]
-    assert {(move.feed.value, move.speed.value) for move in threads} == {(move.feed, move.speed) for move in expected}
+    assert [move.path.end for move in threads] == [
+        pytest.approx(move.end, abs=1e-3) for move in expected
+    ]
+    assert {(move.feed.value, move.speed.value) for move in threads} == {
+        (move.feed, move.speed) for move in expected
+    }
 
 
 def test_threads_leave_their_allowance_and_taper_and_their_lead_is_never_adapted() -> None:
     first = f"{TURN}G97 S600\nG0 X32. Z6.\nG76 P010060 Q50 R0.1\n"
     made = moves(f"{first}G76 X28. Z-34. R-2. P1000 Q400 F2.\nG1 X50.\nM30")
     cuts = [move.path for move in made.moves if move.kind == "thread"]
-    assert [round(path.end[1], 3) for path in cuts] == [14.6, 14.434, 14.307, 14.2, 14.106, 14.1, 14.0]
+    assert [round(path.end[1], 3) for path in cuts] == [
+        14.6,
+        14.434,
+        14.307,
+        14.2,
+        14.106,
+        14.1,
+        14.0,
+    ]
     assert all(path.end[1] - path.start[1] == pytest.approx(2.0) for path in cuts)
     assert cuts[-1].start[0] == pytest.approx(6.0 - math.tan(math.radians(30.0)))
-    last = moves(f"{first}G76 X28. Z-34. P1000 Q400 F2.\nG32 Z-40. F1.5\nG1 X50. Z-45.\nM30").moves[-1]
+    last = moves(f"{first}G76 X28. Z-34. P1000 Q400 F2.\nG32 Z-40. F1.5\nG1 X50. Z-45.\nM30").moves[
+        -1
+    ]
     assert (last.feed.value, last.feed.span) == (1.5, None)  # as on the control, F stays in force
 
 
-@pytest.mark.parametrize(("variant", "roots"), [(1, (14.55, 14.1, 14.0, 14.0)), (3, (14.364, 14.1, 14.0, 14.0))])
+@pytest.mark.parametrize(
+    ("variant", "roots"), [(1, (14.55, 14.1, 14.0, 14.0)), (3, (14.364, 14.1, 14.0, 14.0))]
+)
 def test_cycle97_cuts_its_passes(variant: int, roots: tuple[float, ...]) -> None:
     made = moves(f"{DREH}CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,30,0,2,1,{variant},1)\nG1 X50\nM30")
     cuts = [move for move in made.moves if move.kind == "thread"]
-    assert [move.path.end for move in cuts] == [pytest.approx((-34.0, root), abs=1e-3) for root in roots]
+    assert [move.path.end for move in cuts] == [
+        pytest.approx((-34.0, root), abs=1e-3) for root in roots
+    ]
     assert {move.feed.value for move in cuts} == {1.5}
     assert made.moves[-1].feed.value == 0.2
 
@@ -299,27 +355,51 @@ def test_cycle97_cuts_its_passes(variant: int, roots: tuple[float, ...]) -> None
 
 BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
 LOOP = "#1=56.\nWHILE [#1 GE 48.] DO1\nG0 X#1\nG1 Z-40. F0.2\nG0 X62.\nZ2.\n#1=#1-4.\nEND1"
-JUMP = (
-    "#1=3\nN5 #2=#1*10.\nG0 X[#2+20.]\nG1 Z-#1 F0.2\nIF [#1 LE 1] THEN #3=7\n#1=#1-1\nIF [#1 GT 0] GOTO 5\nGOTO 9\nG1 X0.\nN9 M30"
-)
+JUMP = "#1=3\nN5 #2=#1*10.\nG0 X[#2+20.]\nG1 Z-#1 F0.2\nIF [#1 LE 1] THEN #3=7\n#1=#1-1\nIF [#1 GT 0] GOTO 5\nGOTO 9\nG1 X0.\nN9 M30"
 AGAIN = "R1=2\nANF: G1 Z=-R1\nR1=R1-1\nIF R1>0 GOTOB ANF\nWHILE R1<2\nG1 X=20-R1\nR1=R1+1\nENDWHILE\nM30"
 AT_20 = "DIAMON G90 G95 G97 S500 F0.2\nG0 X20 Z0\n"
 CUTS: dict[str, list[tuple[float, float]]] = {
-    f"{BAR}G90 X56. Z-40. F0.25\nX52.\nG0 X70.": [(-40.0, 28.0), (-40.0, 31.0), (-40.0, 26.0), (-40.0, 31.0)],
+    f"{BAR}G90 X56. Z-40. F0.25\nX52.\nG0 X70.": [
+        (-40.0, 28.0),
+        (-40.0, 31.0),
+        (-40.0, 26.0),
+        (-40.0, 31.0),
+    ],
     f"{BAR}G90 X50. Z-40. R-2. F0.25": [(-40.0, 25.0), (-40.0, 31.0)],
     f"{BAR}G94 X0. Z1. F0.2\nZ0.": [(1.0, 0.0), (2.0, 0.0), (0.0, 0.0), (2.0, 0.0)],
     f"{BAR}G92 X56. Z-25. F2.\nX55.": [(-25.0, 28.0), (-25.0, 27.5)],
-    f"{BAR}G76 X58. Z-30. K1. D0.5 F1.5": [(-30.0, 29.5), (-30.0, 29.5 - 0.5 * (2**0.5 - 1)), (-30.0, 29.134), (-30.0, 29.0)],
-    f"{BAR}G0 Z-10.\nG75 R1.\nG75 X56. Z-14. P2000 Q4000 F0.1": [(-10.0, 29.0), (-10.0, 28.0), (-14.0, 29.0), (-14.0, 28.0)],
+    f"{BAR}G76 X58. Z-30. K1. D0.5 F1.5": [
+        (-30.0, 29.5),
+        (-30.0, 29.5 - 0.5 * (2**0.5 - 1)),
+        (-30.0, 29.134),
+        (-30.0, 29.0),
+    ],
+    f"{BAR}G0 Z-10.\nG75 R1.\nG75 X56. Z-14. P2000 Q4000 F0.1": [
+        (-10.0, 29.0),
+        (-10.0, 28.0),
+        (-14.0, 29.0),
+        (-14.0, 28.0),
+    ],
     f"{BAR}G0 X0.\nG74 Z-5. Q9000 F0.1\nG83 Z-8. Q2. F0.1": [(-5.0, 0.0), (-8.0, 0.0)],
     f"{BAR}{LOOP}": [(-40.0, 28.0), (-40.0, 26.0), (-40.0, 24.0)],
     f"{BAR}{JUMP}": [(-3.0, 25.0), (-2.0, 20.0), (-1.0, 15.0)],
-    f"DIAMON G71 G95 G97 S500 F0.2 M3\nG0 X20 Z0\n{AGAIN}": [(-2.0, 10.0), (-1.0, 10.0), (-1.0, 9.5)],
+    f"DIAMON G71 G95 G97 S500 F0.2 M3\nG0 X20 Z0\n{AGAIN}": [
+        (-2.0, 10.0),
+        (-1.0, 10.0),
+        (-1.0, 9.5),
+    ],
     f"{BAR}G1 X56. F0.25\n/2 Z-10.\n/Z-12.": [(2.0, 28.0), (-10.0, 28.0), (-12.0, 28.0)],
-    "\ufeff%\nG21 G91 G28 X0. Z0.\nG90\nG99 G97 S500 M3\nG0 X62. Z2.\nG1 Z-5. F0.2 (A (NESTED) COMMENT\nM30%": [(-5.0, 31.0)],
+    "\ufeff%\nG21 G91 G28 X0. Z0.\nG90\nG99 G97 S500 M3\nG0 X62. Z2.\nG1 Z-5. F0.2 (A (NESTED) COMMENT\nM30%": [
+        (-5.0, 31.0)
+    ],
     "G50 X200. Z100.\nG21 G99 G97 S500 M3\nG1 U-80. F0.2": [(100.0, 60.0)],
     "TRANS Z100\nDIAMON G71 G95 G97 S500 M3\nG0 X30 Z5\nG33 Z-25 K1.5 SF=0": [(-25.0, 15.0)],
-    f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R9.\nZ-12.": [(0.0, 30.0), (5.0, 25.0), (-10.0, 26.0), (-12.0, 26.0)],
+    f"{BAR}G1 X60. Z0. F0.2\nX50. ,A135.\nG2 X52. Z-10. R9.\nZ-12.": [
+        (0.0, 30.0),
+        (5.0, 25.0),
+        (-10.0, 26.0),
+        (-12.0, 26.0),
+    ],
     f"{AT_20}G1 X=IC(2) Z=IC(-3)": [(-3.0, 11.0)],
     f"{AT_20}G91 G1 X2 Z-3": [(-3.0, 11.0)],
     f"{AT_20}DIAM90 G91 G1 X2 Z-3": [(-3.0, 12.0)],
@@ -331,7 +411,9 @@ CUTS: dict[str, list[tuple[float, float]]] = {
 @pytest.mark.parametrize("text", CUTS)
 def test_everyday_words_make_the_cuts_of_a_control(text: str) -> None:
     made = [move.path for move in moves(text).moves if move.kind in ("feed", "thread")]
-    assert [path.end for path in made if path.end != path.start] == [pytest.approx(end, abs=1e-3) for end in CUTS[text]]
+    assert [path.end for path in made if path.end != path.start] == [
+        pytest.approx(end, abs=1e-3) for end in CUTS[text]
+    ]
 
 
 PROFILE = "N10 G0 X{first}\nG1 Z-20.\nX{last}\n{more}N20 {leave}\nG0 X100."
@@ -359,7 +441,9 @@ def roughing(start: str = "62.", cycle: str = "U0.4 W0.1", **changed: str) -> st
 def test_the_side_is_that_of_the_control(text: str, side: str) -> None:
     made = moves(text)
     assert [each.name for each in made.sides.values()] == [side]
-    levels = [abs(move.path.end[1]) for move in made.moves if move.cycle_pass == 1 and move.kind == "feed"]
+    levels = [
+        abs(move.path.end[1]) for move in made.moves if move.cycle_pass == 1 and move.kind == "feed"
+    ]
     assert (levels[0] > 20.0) == (side == "outside")
 
 
@@ -367,7 +451,9 @@ def test_a_given_side_wins_and_a_contradiction_names_it() -> None:
     wrong = roughing("18.", "U0.4 W0.1", first="50.", last="20.")
     with pytest.raises(NcError, match=r"line 6: .*--side 6=outside"):
         moves(wrong)
-    assert [side.name for side in run(divide(wrong), Reading(sides={6: "inside"})).sides.values()] == ["inside"]
+    assert [
+        side.name for side in run(divide(wrong), Reading(sides={6: "inside"})).sides.values()
+    ] == ["inside"]
     with pytest.raises(NcError, match="line 5"):
         run(divide(wrong), Reading(sides={5: "inside"}))
 
@@ -388,7 +474,13 @@ def test_cycles_of_programs_with_decimal_points_count_steps() -> None:
 
 @pytest.mark.parametrize(
     ("line", "control"),
-    [("NAT01", "Okuma"), ("G85 NLAP1", "Okuma"), ("O100 IF [#1 GT 2]", "LinuxCNC"), ("%00042", "Fagor"), ("UNO. 1", "Mazatrol")],
+    [
+        ("NAT01", "Okuma"),
+        ("G85 NLAP1", "Okuma"),
+        ("O100 IF [#1 GT 2]", "LinuxCNC"),
+        ("%00042", "Fagor"),
+        ("UNO. 1", "Mazatrol"),
+    ],
 )
 def test_controls_that_are_not_read_are_named(line: str, control: str) -> None:
     with pytest.raises(NcError, match=f"line 2: .*{control}"):
@@ -398,6 +490,11 @@ def test_controls_that_are_not_read_are_named(line: str, control: str) -> None:
 
 
 def test_notes_stand_once_with_their_lines() -> None:
-    made = moves(BAR + "G1 Z-5. F0.2 M77\nZ-6. M77\n" + "/Z-7.\n" * 7 + "G75 R0.5\nG75 X20. P1000\nG75 X10. P2000")
+    made = moves(
+        BAR
+        + "G1 Z-5. F0.2 M77\nZ-6. M77\n"
+        + "/Z-7.\n" * 7
+        + "G75 R0.5\nG75 X20. P1000\nG75 X10. P2000"
+    )
     lines = ["line 1", "lines 4, 5", "lines 6, 7, 8, 9, 10, ... (7 lines)", "lines 14, 15"]
     assert [note.partition(":")[0] for note in made.notes] == lines

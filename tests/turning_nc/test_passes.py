@@ -40,14 +40,29 @@ def test_a_contour_that_ends_low_is_roughed_level_by_level() -> None:
     removal = remove(made, read_stock("bar:40x60"), {"T0101": "copying"})
     situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
     table = rows(situation, play(situation, change_wear(situation)))
-    assert max(row["depth"] for row in table) < 1.3  # 1 mm, and what a slope of 27 degrees leaves beside it
+    assert (
+        max(row["depth"] for row in table) < 1.3
+    )  # 1 mm, and what a slope of 27 degrees leaves beside it
     assert removal.rapids == {}
-    long_cuts = [move.path for move in made.moves if move.kind == "feed" and move.path.end[0] == -50.0]
-    assert [2.0 * path.end[1] for path in long_cuts] == [40.0, 38.0, 36.0, 34.0, 32.0, 30.0, 28.0, 26.0]
+    long_cuts = [
+        move.path for move in made.moves if move.kind == "feed" and move.path.end[0] == -50.0
+    ]
+    assert [2.0 * path.end[1] for path in long_cuts] == [
+        40.0,
+        38.0,
+        36.0,
+        34.0,
+        32.0,
+        30.0,
+        28.0,
+        26.0,
+    ]
     assert all(path.start[1] == path.end[1] for path in long_cuts)
     cylinders = 20.0 * (20.0**2 - 18.0**2) + 20.0 * (20.0**2 - 13.0**2)
     cone = 10.0 * (20.0**2 - (18.0**2 + 18.0 * 13.0 + 13.0**2) / 3.0)
-    assert volume(removal.stock) - volume(removal.part) == pytest.approx(math.pi * (cylinders + cone), rel=5e-3)
+    assert volume(removal.stock) - volume(removal.part) == pytest.approx(
+        math.pi * (cylinders + cone), rel=5e-3
+    )
 
 
 @dataclass(frozen=True)
@@ -57,7 +72,9 @@ class Job:
     cycle: str
     inside: bool
     depth: float
-    contour: Sequence[tuple[float, float]]  # distances along, from 0 to 60 mm; heights, from 5 to 25 mm
+    contour: Sequence[
+        tuple[float, float]
+    ]  # distances along, from 0 to 60 mm; heights, from 5 to 25 mm
 
     def point(self, along: float, height: float) -> tuple[float, float]:
         """Return X (diameter) and Z."""
@@ -83,10 +100,21 @@ class Job:
         points = [self.words(*point) for point in self.contour]
         if self.cycle in ("G71", "G72"):
             first = "Z" if self.cycle == "G72" else "X"
-            entry = next(word for word in self.words(-2.0, self.contour[0][1]).split() if word[0] == first)
+            entry = next(
+                word for word in self.words(-2.0, self.contour[0][1]).split() if word[0] == first
+            )
             depth = f"{'W' if self.cycle == 'G72' else 'U'}{self.depth:.3f}"
-            lines = ["G21 G99 G97 S500 M3 F0.2", f"G0 {start}", f"{self.cycle} {depth} R0.5", f"{self.cycle} P1 Q2 U0. W0."]
-            lines += [f"N1 G0 {entry}", *(f"G1 {words}" for words in points[:-1]), f"N2 G1 {points[-1]}"]
+            lines = [
+                "G21 G99 G97 S500 M3 F0.2",
+                f"G0 {start}",
+                f"{self.cycle} {depth} R0.5",
+                f"{self.cycle} P1 Q2 U0. W0.",
+            ]
+            lines += [
+                f"N1 G0 {entry}",
+                *(f"G1 {words}" for words in points[:-1]),
+                f"N2 G1 {points[-1]}",
+            ]
             return "\n".join(lines)
         kind = 2 if self.cycle == "facing" else 3 if self.inside else 1
         call = f'CYCLE95("C",{self.depth},0,0,0,0.2,0.1,0.1,{kind},,,0.5)'
@@ -111,7 +139,9 @@ def random_job(seed: int) -> Job:
     return Job(cycle, inside, rng.choice([0.7, 1.0, 2.5, 4.0]), contour)
 
 
-def cut(job: Job, made: Sequence[Move]) -> tuple[float, float, NDArray[np.float64], NDArray[np.float64]]:
+def cut(
+    job: Job, made: Sequence[Move]
+) -> tuple[float, float, NDArray[np.float64], NDArray[np.float64]]:
     """Return the deepest cut, the deepest rapid move in metal, and the places and heights of the metal that stays [mm]."""
     along = np.linspace(0.0123, 59.9871, 1500)
     top = 25.0 if job.cycle in ("G71", "G72") else max(height for _, height in job.contour)
@@ -139,4 +169,6 @@ def test_passes_are_as_deep_as_programmed_and_leave_the_contour(block: int) -> N
         assert rapid < 1e-3, job.text
         places, heights = np.array(job.contour).T
         clear = abs(along[:, np.newaxis] - places).min(axis=1) > 0.05  # of walls
-        assert metal[clear] == pytest.approx(np.interp(along, places, heights)[clear], abs=2e-3), job.text
+        assert metal[clear] == pytest.approx(np.interp(along, places, heights)[clear], abs=2e-3), (
+            job.text
+        )

@@ -72,21 +72,33 @@ def test_a_program_is_written_as_it_should_look() -> None:
         ("G01 Z-20.500", "G01 X99.000 Z-20.500", 11, "towards the chuck"),
         ("Z-20.500", "Z-10.0\nG01 Z-20.500", 12, "one block, that of line 11"),
         ("G01 Z-20.500", "G02 Z-20.500", 11, "needs a centre or a radius"),
-        ("Z-20.500", "Z-20.5001", 11, "Z-20.5001 is finer than the control's resolution, which is 3 decimals"),
+        (
+            "Z-20.500",
+            "Z-20.5001",
+            11,
+            "Z-20.5001 is finer than the control's resolution, which is 3 decimals",
+        ),
         ("Z-20.500", "Z-20.500 I5", 11, "I5 has no meaning"),
         ("N120 G00 X120", "N120 G00 X101", 13, "keep to X120.0"),
         ("N150 M30\n", "", 14, "must end with M30"),
         ("G95 ", "G94 ", 11, "no feed"),
         ("G96", "G97", 11, "G95 and G96"),
         (" LIMS=636.6", "", 11, "with LIMS"),
-        ("FCTDEF(1,1.0,120.0", "FCTDEF(1,121.0,120.0", 5, "the lower limit of polynomial 1 is 121.0"),
+        (
+            "FCTDEF(1,1.0,120.0",
+            "FCTDEF(1,121.0,120.0",
+            5,
+            "the lower limit of polynomial 1 is 121.0",
+        ),
         ("SYNFCT(1", "SYNFCT(2", 6, "polynomial 2 is not defined"),
         ("ID=2", "ID=1", 7, "ID=1 must precede ID=1"),
         ("$AC_PARAM[1]+1.0", "$AN_SECRET+1.0", 7, "$AN_SECRET cannot be read"),
         ("DO $AC_PARAM[0]", "DO M8 $AC_PARAM[0]", 7, "cannot be written"),
     ],
 )
-def test_a_damaged_program_is_refused_with_its_line(old: str, new: str, line: int, complaint: str) -> None:
+def test_a_damaged_program_is_refused_with_its_line(
+    old: str, new: str, line: int, complaint: str
+) -> None:
     assert old in TEXT
     with pytest.raises(NcError) as refused:
         read(TEXT.replace(old, new, 1))
@@ -117,6 +129,19 @@ EXPRESSIONS = {
 def test_expressions_compute_product_before_sum_from_the_left() -> None:
     variables = {"$AC_PARAM[0]": 7.0, "#100": 4.0, "R1": 5.0}
     assert {text: parse(text).value(variables) for text in EXPRESSIONS} == EXPRESSIONS
-    for text in ("", "1+", "2**3", "7//2", "()", "1(2)", "(1,2)", "1e3", "R1R2", "print", "(" * 300, "1 2"):
+    for text in (
+        "",
+        "1+",
+        "2**3",
+        "7//2",
+        "()",
+        "1(2)",
+        "(1,2)",
+        "1e3",
+        "R1R2",
+        "print",
+        "(" * 300,
+        "1 2",
+    ):
         with pytest.raises(ValueError, match=r"expression|neither"):
             parse(text)

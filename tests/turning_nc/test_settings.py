@@ -15,10 +15,14 @@ from turning_nc.stock import guessed_stock, read_stock, remove
 from turning_nc.words import NcError, divide
 
 
-def warnings(made: Moves, stock: str = "bar:60x60", tools: dict[str, str] | None = None) -> set[str]:
+def warnings(
+    made: Moves, stock: str = "bar:60x60", tools: dict[str, str] | None = None
+) -> set[str]:
     """Return the names of what is implausible."""
     polygon = read_stock(stock) if stock else guessed_stock(made)[0]
-    situation = Situation(Scenario.load("rough_turning"), Machine(), made, remove(made, polygon, tools or {}))
+    situation = Situation(
+        Scenario.load("rough_turning"), Machine(), made, remove(made, polygon, tools or {})
+    )
     return set(implausible(situation, play(situation, 0.1)))
 
 
@@ -33,11 +37,17 @@ IN_STEPS += "G1 U2000 W-1000"
 
 def test_numbers_without_a_point_count_steps_if_the_user_says_so() -> None:
     made, expected = run(divide(IN_STEPS), Reading(steps=True)).moves, moves(WITH_POINTS).moves
-    assert [(move.kind, move.time) for move in made] == [(move.kind, move.time) for move in expected]
+    assert [(move.kind, move.time) for move in made] == [
+        (move.kind, move.time) for move in expected
+    ]
     for ours, theirs in zip(made, expected, strict=True):
         assert ours.path.end == pytest.approx(theirs.path.end)
-    assert run(divide(WITH_POINTS), Reading(steps=True)).moves == expected  # numbers with a point stay
-    inch = run(divide("G20 G99 G97 S800 M3\nG0 X24000 Z1000\nG1 Z-15000 F.01"), Reading(steps=True)).moves[-1]
+    assert (
+        run(divide(WITH_POINTS), Reading(steps=True)).moves == expected
+    )  # numbers with a point stay
+    inch = run(
+        divide("G20 G99 G97 S800 M3\nG0 X24000 Z1000\nG1 Z-15000 F.01"), Reading(steps=True)
+    ).moves[-1]
     assert inch.path.end == pytest.approx((-1.5 * 25.4, 1.2 * 25.4))
 
 
@@ -45,7 +55,9 @@ def test_numbers_that_look_like_steps_are_warned_of() -> None:
     assert warnings(moves(CYLINDER)) == {"steps", "nothing cut"}
     assert "steps" in warnings(moves(CYLINDER), stock="")
     assert warnings(run(divide(CYLINDER), Reading(steps=True))) == set()
-    assert warnings(moves("G21 G99 G97 S800 M3\nG0 X1000 Z1000\nX62 Z2\nG1 X56 F0.25\nZ-40")) == set()  # only a rapid move
+    assert (
+        warnings(moves("G21 G99 G97 S800 M3\nG0 X1000 Z1000\nX62 Z2\nG1 X56 F0.25\nZ-40")) == set()
+    )  # only a rapid move
     assert "steps" not in warnings(moves(f"{BAR}G1 X56. F0.25\nZ-40."))
     with pytest.raises(NcError, match="--steps"):
         moves(CYLINDER.replace("Z-40000", "Z-400000"))
@@ -53,7 +65,9 @@ def test_numbers_that_look_like_steps_are_warned_of() -> None:
 
 def test_a_program_that_cuts_nothing_is_warned_of() -> None:
     assert warnings(moves(f"{BAR}G1 X62. F0.25\nZ-40.")) == {"nothing cut"}
-    assert warnings(moves(f"{BAR}G0 X0.\nG83 Z-15. Q5. F0.1")) == set()  # a drill's metal is not computed
+    assert (
+        warnings(moves(f"{BAR}G0 X0.\nG83 Z-15. Q5. F0.1")) == set()
+    )  # a drill's metal is not computed
 
 
 # X as a radius.
@@ -61,24 +75,45 @@ def test_a_program_that_cuts_nothing_is_warned_of() -> None:
 IN_RADII = "G21 G18 G99\nG97 S1000 M3\nG0 X32. Z2.\nG1 X20. Z0. F0.2\nG3 X22. Z-2. I0. K-2.\nG1 Z-20.\nG0 X40. Z20."
 
 
-def test_an_arc_that_closes_with_radii_has_a_hint_and_an_option(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
+def test_an_arc_that_closes_with_radii_has_a_hint_and_an_option(
+    capsys: pytest.CaptureFixture[str], tmp_path
+) -> None:
     with pytest.raises(NcError, match=r"line 5: .*--radius"):
         moves(IN_RADII)
     made = run(divide(IN_RADII), Reading(radius=True)).moves
-    assert [move.path.end for move in made if move.kind == "feed"] == [(0.0, 20.0), (-2.0, 22.0), (-20.0, 22.0)]
+    assert [move.path.end for move in made if move.kind == "feed"] == [
+        (0.0, 20.0),
+        (-2.0, 22.0),
+        (-20.0, 22.0),
+    ]
     with pytest.raises(NcError) as refused:
         moves(IN_RADII.replace("K-2.", "K-3."))
     assert "--radius" not in str(refused.value)
     path = tmp_path / "radii.nc"
     path.write_text(IN_RADII)
-    assert main(["program", str(path), "--scenario", "rough_turning", "--stock", "bar:48x40", "--radius"]) == 0
+    assert (
+        main(
+            [
+                "program",
+                str(path),
+                "--scenario",
+                "rough_turning",
+                "--stock",
+                "bar:48x40",
+                "--radius",
+            ]
+        )
+        == 0
+    )
     assert "44" in capsys.readouterr().out
 
 
 def test_what_the_program_states_of_x_goes_before_the_option() -> None:
     stated = "DIAMON G71 G90 G95 G97 S500 M3 F0.2\nG0 X20 Z2\nG1 Z-5"
     assert run(divide(stated), Reading(radius=True)).moves[-1].path.end == (-5.0, 10.0)
-    assert run(divide(stated.replace("DIAMON", "G18 LIMS=3000")), Reading(radius=True)).moves[-1].path.end == (-5.0, 20.0)
+    assert run(divide(stated.replace("DIAMON", "G18 LIMS=3000")), Reading(radius=True)).moves[
+        -1
+    ].path.end == (-5.0, 20.0)
     stated = "G7 G21 G95 G97 S500 M3 F0.2\nG0 X20 Z2\nG1 Z-5"
     assert run(divide(stated), Reading(radius=True)).moves[-1].path.end == (-5.0, 10.0)
 
@@ -101,7 +136,9 @@ HUB = "G0 X64. Z-15.\n{side} G1 X30. F0.1\nZ-1.\nX28. Z0.\nG40 G0 X64. Z2."
         (CONE, 42, "bar:60x60", {"T0101": "copying"}),
     ],
 )
-def test_a_nose_radius_that_is_compensated_to_the_wrong_side_is_warned_of(cut: str, right: int, stock: str, tools) -> None:
+def test_a_nose_radius_that_is_compensated_to_the_wrong_side_is_warned_of(
+    cut: str, right: int, stock: str, tools
+) -> None:
     names = {}
     for side in (40, 41, 42):
         situation = situated(BAR + cut.format(side=f"G{side}"), stock, tools)

@@ -30,7 +30,11 @@ def test_rendering_every_step_changes_neither_the_episode_nor_later_frames(scena
     for env, methods in ((always, ("step", "reset")), (at_first, ("reset",))):
         for name in methods:
             method = getattr(env, name)
-            setattr(env, name, lambda *given, m=method, e=env, **named: (m(*given, **named), e.render())[0])
+            setattr(
+                env,
+                name,
+                lambda *given, m=method, e=env, **named: (m(*given, **named), e.render())[0],
+            )
     told = play(RoughTurningEnv(scenario), 5, actions)
     assert_same_bytes(play(always, 5, actions), told)
     assert_same_bytes(play(at_first, 5, actions), told)
@@ -43,7 +47,9 @@ def test_rendering_every_step_changes_neither_the_episode_nor_later_frames(scena
 
 def test_render_modes_are_gymnasium_s():
     assert RoughTurningEnv.metadata["render_modes"] == ["human", "rgb_array"]
-    with pytest.raises(ValueError, match="render_mode is 'ansi', but must be None or one of 'human', 'rgb_array'"):
+    with pytest.raises(
+        ValueError, match="render_mode is 'ansi', but must be None or one of 'human', 'rgb_array'"
+    ):
         RoughTurningEnv(render_mode="ansi")
     with pytest.raises(ResetNeeded, match="reset"):
         RoughTurningEnv(render_mode="rgb_array").render()

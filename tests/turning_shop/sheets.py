@@ -17,7 +17,9 @@ SETTINGS = (
 """Cutting speed [m/min], feed [mm/rev] and depth of cut [mm] of each edge."""
 
 
-def forces(fresh_share: float, wears: Sequence[float], header: str = "edge;vc;f;ap;VB;Fc;Ff;Fp") -> str:
+def forces(
+    fresh_share: float, wears: Sequence[float], header: str = "edge;vc;f;ap;VB;Fc;Ff;Fp"
+) -> str:
     """Return a sheet with forces that are not 0 at a fresh edge: F0 (1 + b VB), where 1 / ``fresh_share`` = 1 + 0.3 b."""
     rng = np.random.default_rng(3)
     slope = (1.0 / fresh_share - 1.0) / 0.3
@@ -26,8 +28,17 @@ def forces(fresh_share: float, wears: Sequence[float], header: str = "edge;vc;f;
         for wear in wears:
             main = 1800 * feed**0.74 * depth * (1 + 0.4 * wear)
             thrust = 900 * feed**0.6 * depth * (1 + slope * wear)
-            numbers = np.array([main, 0.8 * thrust, 0.6 * thrust]) * np.exp(0.01 * rng.standard_normal(3))
-            rows.append(";".join([f"{edge};{speed};{feed};{depth};{wear:g}", *(f"{number:.1f}" for number in numbers)]))
+            numbers = np.array([main, 0.8 * thrust, 0.6 * thrust]) * np.exp(
+                0.01 * rng.standard_normal(3)
+            )
+            rows.append(
+                ";".join(
+                    [
+                        f"{edge};{speed};{feed};{depth};{wear:g}",
+                        *(f"{number:.1f}" for number in numbers),
+                    ]
+                )
+            )
     return "\n".join(rows) + "\n"
 
 
@@ -39,7 +50,18 @@ def wear_curves(scatter: float = 0.03) -> str:
         life = 18.0 * (200 / speed) ** 4 * (0.3 / feed) ** 1.2
         for share in (0.15, 0.4, 0.7, 1.0):
             wear = 0.3 * share**0.55 * np.exp(scatter * rng.standard_normal())
-            thrust = 3400 * feed**0.72 * depth * wear**0.45 * np.exp(scatter * rng.standard_normal())
-            power = 0.045 * speed * feed**0.74 * depth * wear**0.13 * np.exp(0.3 * scatter * rng.standard_normal())
-            rows.append(f"{edge};{speed};{feed};{depth};{share * life:.2f};{wear:.3f};{thrust:.0f};{power:.2f}")
+            thrust = (
+                3400 * feed**0.72 * depth * wear**0.45 * np.exp(scatter * rng.standard_normal())
+            )
+            power = (
+                0.045
+                * speed
+                * feed**0.74
+                * depth
+                * wear**0.13
+                * np.exp(0.3 * scatter * rng.standard_normal())
+            )
+            rows.append(
+                f"{edge};{speed};{feed};{depth};{share * life:.2f};{wear:.3f};{thrust:.0f};{power:.2f}"
+            )
     return "\n".join(rows) + "\n"

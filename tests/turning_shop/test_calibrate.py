@@ -28,33 +28,51 @@ def test_values_of_a_base_file_are_kept() -> None:
         'base = "paper"\nname = "old"\n[limits]\npower = 11.0\n[material.power]\nfeed = 0.9\n[material.wear]\nfeed = 0.9\n'
     )
     Path("wear.csv").write_text(
-        "cutting_speed,feed,depth_of_cut,time,wear\n" + "".join(f"100,0.3,2.5,{t},{0.1 * t**0.3}\n" for t in (1, 2, 4, 8))
+        "cutting_speed,feed,depth_of_cut,time,wear\n"
+        + "".join(f"100,0.3,2.5,{t},{0.1 * t**0.3}\n" for t in (1, 2, 4, 8))
     )
     assert calibrate("--base", "machine.toml", measurements="wear.csv") == 0
     made, base = Scenario.load("my_tool.toml"), Scenario.load("machine.toml")
     assert made.material.wear.time == pytest.approx(0.3)
     assert made.material.wear.feed == 0.9  # never varies
     assert made.material.power == base.material.power
-    assert (made.limits.power, made.limits.thrust_force) == (11.0, 1e6)  # a limit that no file states, of a law not measured
-    assert made.model_copy(update={"material": base.material, "name": "old", "limits": base.limits}) == base
-    assert "# The law of power is the base's: there is no column power" in Path("my_tool.toml").read_text()
+    assert (made.limits.power, made.limits.thrust_force) == (
+        11.0,
+        1e6,
+    )  # a limit that no file states, of a law not measured
+    assert (
+        made.model_copy(update={"material": base.material, "name": "old", "limits": base.limits})
+        == base
+    )
+    assert (
+        "# The law of power is the base's: there is no column power"
+        in Path("my_tool.toml").read_text()
+    )
 
 
 def test_spread_of_edges_is_written() -> None:
     lines = ["cutting_speed,feed,depth_of_cut,time,wear,edge"]
     for edge, factor in enumerate((0.9, 1.0, 1.1, 1.05, 0.95)):
-        lines += [f"100,0.3,2.5,{time},{0.1 * factor * time**0.25:.4f},E{edge}" for time in (1, 3, 9)]
+        lines += [
+            f"100,0.3,2.5,{time},{0.1 * factor * time**0.25:.4f},E{edge}" for time in (1, 3, 9)
+        ]
     Path("wear.csv").write_text("\n".join(lines))
     Path("base.toml").write_text("[tool]\nwear_criterion = 0.4\n")
     assert calibrate("--base", "base.toml", measurements="wear.csv") == 0
     made = Scenario.load("my_tool.toml")
-    assert made.tool.wear_factor_spread == pytest.approx(0.079, abs=0.001)  # of the factors' logarithms
+    assert made.tool.wear_factor_spread == pytest.approx(
+        0.079, abs=0.001
+    )  # of the factors' logarithms
     assert made.tool.wear_criterion == 0.4
-    assert calibrate("--base", "my_tool.toml", "--overwrite", measurements="wear.csv") == 2  # not on itself
+    assert (
+        calibrate("--base", "my_tool.toml", "--overwrite", measurements="wear.csv") == 2
+    )  # not on itself
 
 
 @pytest.mark.parametrize("speeds", [(220, 220, 220), (219, 220, 221)])
-def test_a_sheet_that_cannot_tell_the_exponent_of_speed_gets_the_catalogues(speeds: tuple[float, ...]) -> None:
+def test_a_sheet_that_cannot_tell_the_exponent_of_speed_gets_the_catalogues(
+    speeds: tuple[float, ...],
+) -> None:
     scatter = itertools.cycle((1.05, 0.97, 1.02, 0.96))
     settings = itertools.product((0.2, 0.3, 0.4), speeds, (5, 10, 20))
     rows = [f"{v},{f},2,{t},{0.06 * f**0.5 * t**0.5 * next(scatter):.5f}" for f, v, t in settings]
@@ -73,7 +91,9 @@ rows = st.tuples(*[st.sampled_from(["", "0.999", "1", "1.0001", "2", "4"])] * 9)
 @pytest.mark.slow
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(table=st.lists(rows, max_size=12))
-def test_poor_rows_give_a_scenario_or_an_error(table: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_poor_rows_give_a_scenario_or_an_error(
+    table: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     Path("cuts.csv").write_text("\n".join([NAMES, *table]))
     Path("my_tool.toml").unlink(missing_ok=True)
     if calibrate("--force", measurements="cuts.csv") == 0:

@@ -17,22 +17,40 @@ from turning_shop.measurements import Measurements, read_measurements
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "cuts.csv"
 BASE = Scenario()
-LAW = PowerLaw(coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5)
+LAW = PowerLaw(
+    coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5
+)
 
 
-RANGES = {"cutting_speed": (50, 200), "feed": (0.1, 0.6), "depth_of_cut": (1, 4), "wear": (0.05, 0.3), "hardness": (0.8, 1.2)}
+RANGES = {
+    "cutting_speed": (50, 200),
+    "feed": (0.1, 0.6),
+    "depth_of_cut": (1, 4),
+    "wear": (0.05, 0.3),
+    "hardness": (0.8, 1.2),
+}
 
 
 def table(**columns: object) -> Measurements:
-    arrays = dict(zip(columns, np.broadcast_arrays(*(np.asarray(values, float) for values in columns.values())), strict=True))
+    arrays = dict(
+        zip(
+            columns,
+            np.broadcast_arrays(*(np.asarray(values, float) for values in columns.values())),
+            strict=True,
+        )
+    )
     return Measurements(arrays, np.arange(2, 2 + len(next(iter(arrays.values())))))
 
 
-def cuts(law: PowerLaw, count: int = 40, scatter: float = 0.0, seed: int = 0, **fixed: float) -> Measurements:
+def cuts(
+    law: PowerLaw, count: int = 40, scatter: float = 0.0, seed: int = 0, **fixed: float
+) -> Measurements:
     """Measurements of a power by a law of speed, feed, depth, wear and hardness, all of which vary unless fixed."""
     random = np.random.default_rng(seed)
     factors = {name: np.full(count, fixed.get(name, np.nan)) for name in RANGES}
-    factors |= {name: random.uniform(*ends, count) for name, ends in RANGES.items() if name not in fixed}
+    factors |= {
+        name: random.uniform(*ends, count) for name, ends in RANGES.items() if name not in fixed
+    }
     return table(**factors, power=law(**factors) * np.exp(scatter * random.standard_normal(count)))
 
 
@@ -60,31 +78,54 @@ all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["powe
 
 
 @settings(max_examples=15)
-@given(values=all_exponents, log_coefficient=st.floats(-3, 3), reference=st.floats(0.5, 5), seed=st.integers(0, 1000))
-def test_any_law_is_recovered(values: dict[str, float], log_coefficient: float, reference: float, seed: int) -> None:
-    law = PowerLaw(coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values)
-    found = fit("power", cuts(law, 12, seed=seed), PowerLaw(coefficient=1.0, reference_depth_of_cut=reference))
+@given(
+    values=all_exponents,
+    log_coefficient=st.floats(-3, 3),
+    reference=st.floats(0.5, 5),
+    seed=st.integers(0, 1000),
+)
+def test_any_law_is_recovered(
+    values: dict[str, float], log_coefficient: float, reference: float, seed: int
+) -> None:
+    law = PowerLaw(
+        coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values
+    )
+    found = fit(
+        "power",
+        cuts(law, 12, seed=seed),
+        PowerLaw(coefficient=1.0, reference_depth_of_cut=reference),
+    )
     assert not found.assumed
     for name, estimate in found.estimates.items():
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
 
 
 @settings(max_examples=10)
-@given(first=st.sampled_from(("cutting_speed", "feed")), slope=st.sampled_from((-1.5, 0.5, 2.0)), assumed=exponents)
-def test_of_factors_that_vary_together_one_is_assumed(first: str, slope: float, assumed: float) -> None:
+@given(
+    first=st.sampled_from(("cutting_speed", "feed")),
+    slope=st.sampled_from((-1.5, 0.5, 2.0)),
+    assumed=exponents,
+)
+def test_of_factors_that_vary_together_one_is_assumed(
+    first: str, slope: float, assumed: float
+) -> None:
     measured = cuts(LAW, 30)
     measured.columns["depth_of_cut"] = (measured.columns[first] / 10) ** slope
     measured.columns["power"] = LAW(**{name: measured.columns[name] for name in FACTORS["power"]})
     found = fit("power", measured, PowerLaw(coefficient=1.0, depth_of_cut=assumed))
     assert found.assumed == {"depth_of_cut": f"depth_of_cut varies only together with {first}"}
     # An error of the assumption goes to the exponent of the other factor; the law still reproduces the rows.
-    assert getattr(found.law, first) == pytest.approx(getattr(LAW, first) + slope * (0.9 - assumed), abs=1e-6)
+    assert getattr(found.law, first) == pytest.approx(
+        getattr(LAW, first) + slope * (0.9 - assumed), abs=1e-6
+    )
     assert found.predicted == pytest.approx(found.measured, rel=1e-6)
 
 
 def test_too_few_rows_are_refused_with_the_number_needed() -> None:
     for count, needed in ((1, 2), (2, 7), (6, 7)):
-        with pytest.raises(WorkshopError, match=rf"^power: {count} rows? with .* but {needed} are needed"):
+        with pytest.raises(
+            WorkshopError, match=rf"^power: {count} rows? with .* but {needed} are needed"
+        ):
             fit("power", cuts(LAW, count, 0.1), LAW)
     assert fit("power", cuts(LAW, 7, 0.1), LAW).degrees == 1
 
@@ -95,8 +136,12 @@ def with_edges(spread: float, seed: int) -> Measurements:
     low, high = (60, 0.1, 1, 0.85), (190, 0.6, 4, 1.15)
     settings = np.repeat(random.uniform(low, high, (12, 4)), 4, axis=0)
     names = ("cutting_speed", "feed", "depth_of_cut", "hardness")
-    factors = dict(zip(names, settings.T, strict=True)) | {"time": np.tile((1.0, 3.0, 6.0, 10.0), 12)}
-    log_factor = np.repeat(spread * random.standard_normal(12), 4) + 0.03 * random.standard_normal(48)
+    factors = dict(zip(names, settings.T, strict=True)) | {
+        "time": np.tile((1.0, 3.0, 6.0, 10.0), 12)
+    }
+    log_factor = np.repeat(spread * random.standard_normal(12), 4) + 0.03 * random.standard_normal(
+        48
+    )
     measured = table(**factors, wear=BASE.material.wear(**factors) * np.exp(log_factor))
     return replace(measured, edges=np.repeat(random.permutation(12), 4))
 
@@ -107,8 +152,14 @@ TRIALS = 100
 @pytest.mark.slow
 def test_unnamed_edges_that_differ_are_noticed_and_chance_is_not() -> None:
     def noticed(spread: float) -> int:
-        warnings = [calibrate(replace(with_edges(spread, seed), edges=None), BASE, force=True).warnings for seed in range(TRIALS)]
-        return sum(any("wear: rows at the same settings deviate together" in text for text in each) for each in warnings)
+        warnings = [
+            calibrate(replace(with_edges(spread, seed), edges=None), BASE, force=True).warnings
+            for seed in range(TRIALS)
+        ]
+        return sum(
+            any("wear: rows at the same settings deviate together" in text for text in each)
+            for each in warnings
+        )
 
     assert noticed(0.1) > 0.95 * TRIALS
     assert noticed(0.0) <= 0.05 * TRIALS
@@ -136,10 +187,18 @@ def test_law_without_rows_stays_the_bases() -> None:
     found = calibrate(measured, BASE)
     assert found.material.power.hardness == pytest.approx(0.75)
     assert found.material.wear == BASE.material.wear
-    assert found.kept == {"wear": "there is no column time", "thrust_force": "there is no column thrust_force"}
+    assert found.kept == {
+        "wear": "there is no column time",
+        "thrust_force": "there is no column thrust_force",
+    }
     measured.columns["thrust_force"] = np.full(40, np.nan)
-    assert "no row has all of thrust_force, cutting_speed" in calibrate(measured, BASE).kept["thrust_force"]
-    with pytest.raises(WorkshopError, match="no law can be fitted: wear: there is no column wear, time"):
+    assert (
+        "no row has all of thrust_force, cutting_speed"
+        in calibrate(measured, BASE).kept["thrust_force"]
+    )
+    with pytest.raises(
+        WorkshopError, match="no law can be fitted: wear: there is no column wear, time"
+    ):
         calibrate(table(cutting_speed=[1.0, 2.0], feed=0.3, depth_of_cut=2.0), BASE)
 
 

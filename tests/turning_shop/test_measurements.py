@@ -26,21 +26,42 @@ def reading(folder: Path, content: str | bytes) -> Path:
     [
         ("", "is empty: a header and rows"),
         (HEADER, "has a header but no rows"),
-        ("feed,power\n1,2\n", "no column cutting_speed, depth_of_cut; it has 'feed', 'power', and the columns understood are"),
+        (
+            "feed,power\n1,2\n",
+            "no column cutting_speed, depth_of_cut; it has 'feed', 'power', and the columns understood are",
+        ),
         ("a;b;c\n1;2;3\n", "no column cutting_speed, feed, depth_of_cut; it has 'a;b;c'"),
-        (GOOD.replace("feed", "f [mm/min]"), "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev"),
+        (
+            GOOD.replace("feed", "f [mm/min]"),
+            "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev",
+        ),
         (GOOD.replace("wear", "ap"), "more than one column depth_of_cut: 'depth_of_cut' and 'ap'"),
         (
             GOOD.replace(",", ";") + "100;0,3;2.5;0,2;4,5\n",
             "line 2, column feed: '0.3' has a point, but other cells have decimal commas",
         ),
-        (GOOD.replace("power", "P [W]") + "100,0.3,2.5,0.2,2e7\n", r"P .W.: 2e7, which is 2e\+04 kW, is outside"),
-        (GOOD + "fast,0.3,2.5,0.2,4.5\n", "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min"),
-        (GOOD + '100,"0,3",2.5,0.2,4.5\n', "line 3, column feed: '0,3' has a comma: write decimals with a point"),
-        (GOOD + "100,-0.3,2.5,0.2,4.5\n", "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev"),
+        (
+            GOOD.replace("power", "P [W]") + "100,0.3,2.5,0.2,2e7\n",
+            r"P .W.: 2e7, which is 2e\+04 kW, is outside",
+        ),
+        (
+            GOOD + "fast,0.3,2.5,0.2,4.5\n",
+            "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min",
+        ),
+        (
+            GOOD + '100,"0,3",2.5,0.2,4.5\n',
+            "line 3, column feed: '0,3' has a comma: write decimals with a point",
+        ),
+        (
+            GOOD + "100,-0.3,2.5,0.2,4.5\n",
+            "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev",
+        ),
         (GOOD + "100,0.3,2.5,inf,4.5\n", "line 3, column wear: 'inf' is not a number"),
         (GOOD + "\n\n100,0.3,2.5,0.2\n", "line 5 has 4 cells, but the header has 5"),
-        ("cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n", "hardness: 260 is outside .*: 1 is nominal"),
+        (
+            "cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n",
+            "hardness: 260 is outside .*: 1 is nominal",
+        ),
         (b"\xff\0" + GOOD.encode(), "is not text: save the sheet as CSV, in UTF-8"),
         (HEADER + '"100', "is not CSV"),
     ],
@@ -65,16 +86,22 @@ def test_spreadsheets_are_read(tmp_path: Path) -> None:
     assert found.columns["feed"].tolist() == [0.3, 0.4]
     assert np.isnan(found.columns["wear"]).tolist() == [True, False]
     assert found.lines.tolist() == [3, 5]
-    assert len(read_measurements(reading(tmp_path, GOOD.replace("\n", "\r"))).lines) == 1  # old line ends
+    assert (
+        len(read_measurements(reading(tmp_path, GOOD.replace("\n", "\r"))).lines) == 1
+    )  # old line ends
 
 
-GERMAN = "Schneide;vc [m/min];f in mm/U;Schnitttiefe (mm);Zeit [s];VB_um;Leistung (W);Härte;Bemerkung"
+GERMAN = (
+    "Schneide;vc [m/min];f in mm/U;Schnitttiefe (mm);Zeit [s];VB_um;Leistung (W);Härte;Bemerkung"
+)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separator: str) -> None:
-    text = f"{GERMAN}\nA;100;0,3;2,5;90;200;4500;1,1;gut\nA;1,2e2;,4;3;120;250;5e3;1,0;\n".replace(";", separator)
+    text = f"{GERMAN}\nA;100;0,3;2,5;90;200;4500;1,1;gut\nA;1,2e2;,4;3;120;250;5e3;1,0;\n".replace(
+        ";", separator
+    )
     found = read_measurements(reading(tmp_path, text.encode(encoding)))
     assert {name: column.tolist() for name, column in found.columns.items()} == {
         "cutting_speed": [100.0, pytest.approx(120)],
@@ -94,16 +121,54 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
 @pytest.mark.parametrize(
     ("header", "column"),
     [
-        *(("Vc", "cutting_speed"), ("v_c [m/s]", "cutting_speed"), ("Schnittgeschwindigkeit m/min", "cutting_speed")),
-        *(("fn", "feed"), ("Vorschub [mm/U]", "feed"), ("f, mm/rev", "feed"), ("vf [mm/min]", None), ("n [1/min]", None)),
-        *(("Feed rate (mm/rev)", "feed"), ("VBmax [mm]", "wear"), ("Tool No.", "edge"), ("Machining time, min", "time")),
-        *(("a_p", "depth_of_cut"), ("ap mm", "depth_of_cut"), ("DOC (ap) [mm]", "depth_of_cut"), ("DOC [inch]", "depth_of_cut")),
+        *(
+            ("Vc", "cutting_speed"),
+            ("v_c [m/s]", "cutting_speed"),
+            ("Schnittgeschwindigkeit m/min", "cutting_speed"),
+        ),
+        *(
+            ("fn", "feed"),
+            ("Vorschub [mm/U]", "feed"),
+            ("f, mm/rev", "feed"),
+            ("vf [mm/min]", None),
+            ("n [1/min]", None),
+        ),
+        *(
+            ("Feed rate (mm/rev)", "feed"),
+            ("VBmax [mm]", "wear"),
+            ("Tool No.", "edge"),
+            ("Machining time, min", "time"),
+        ),
+        *(
+            ("a_p", "depth_of_cut"),
+            ("ap mm", "depth_of_cut"),
+            ("DOC (ap) [mm]", "depth_of_cut"),
+            ("DOC [inch]", "depth_of_cut"),
+        ),
         *(("t [min]", "time"), ("VB", "wear"), ("flank wear [µm]", "wear"), ("Verschleiß", "wear")),
-        *(("Ff [kN]", "feed_force"), ("P_kW", "power"), ("Spindelleistung in kW", "power"), ("Fc", "main_force")),
-        *(("SFM", "cutting_speed"), ("IPR", "feed"), ("HP", "power"), ("thrust force", "thrust_force"), ("note, of mine", None)),
+        *(
+            ("Ff [kN]", "feed_force"),
+            ("P_kW", "power"),
+            ("Spindelleistung in kW", "power"),
+            ("Fc", "main_force"),
+        ),
+        *(
+            ("SFM", "cutting_speed"),
+            ("IPR", "feed"),
+            ("HP", "power"),
+            ("thrust force", "thrust_force"),
+            ("note, of mine", None),
+        ),
         *(("Passivkraft", "back_force"), ("Insert", "edge"), ("Härte [%]", "hardness"), ("", None)),
         *(("Vorschub f [mm/U]", "feed"), ("Zeit (t)", "time"), ("Zeit f", None)),
-        *(("f in mm", "feed"), ("f [in]", "feed"), ("mm", None), ("Insert #", "edge"), ("Platte Nr.", "edge"), ("P Nr.", None)),
+        *(
+            ("f in mm", "feed"),
+            ("f [in]", "feed"),
+            ("mm", None),
+            ("Insert #", "edge"),
+            ("Platte Nr.", "edge"),
+            ("P Nr.", None),
+        ),
     ],
 )
 def test_headers_name_columns(header: str, column: str | None) -> None:
@@ -116,7 +181,12 @@ def test_workbooks_are_read(tmp_path: Path) -> None:
     with pytest.raises(WorkshopError, match=r"openpyxl|no workbook"):
         read_measurements(path)
     book = pytest.importorskip("openpyxl").Workbook()
-    for row in (["vc", "f", "ap", "P [W]", None], [100, 0.3, 2.5, 4500, None], [None] * 5, [120, "0.4", 3, None, None]):
+    for row in (
+        ["vc", "f", "ap", "P [W]", None],
+        [100, 0.3, 2.5, 4500, None],
+        [None] * 5,
+        [120, "0.4", 3, None, None],
+    ):
         book.active.append(row)
     book.save(path)
     found = read_measurements(path)
@@ -143,9 +213,18 @@ def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path)
     assert found.columns["cutting_speed"] == pytest.approx([152.4, 167.64, 182.88])
     assert found.columns["feed"] == pytest.approx([0.3048, 0.3048, 0.4064])
     assert found.columns["wear"] == pytest.approx([0.1, np.nan, 0.2], nan_ok=True)
-    assert found.columns["thrust_force"] == pytest.approx([50 * 4.4482216, np.nan, 100 * 4.4482216], nan_ok=True)
-    assert found.columns["power"][[0, 2]] == pytest.approx(np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3)
-    for note in ("header in line 3", "units in line 4", "without 3 rows of means", "resultant of feed_force and back_force"):
+    assert found.columns["thrust_force"] == pytest.approx(
+        [50 * 4.4482216, np.nan, 100 * 4.4482216], nan_ok=True
+    )
+    assert found.columns["power"][[0, 2]] == pytest.approx(
+        np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3
+    )
+    for note in (
+        "header in line 3",
+        "units in line 4",
+        "without 3 rows of means",
+        "resultant of feed_force and back_force",
+    ):
         assert any(note in reading for reading in found.readings)
     alone = read_measurements(reading(tmp_path, GOOD.replace("power", "Fp")))
     assert "thrust_force" not in alone.columns
@@ -183,7 +262,12 @@ def test_edges_have_any_name(tmp_path: Path) -> None:
     assert len(set(edges)) == 5
     assert read_measurements(reading(tmp_path, GOOD)).edges is None
     with pytest.raises(WorkshopError, match="more than one column edge"):
-        read_measurements(reading(tmp_path, content.replace("feed", "edge").replace("edge,cutting", "edge,feed,cutting")))
+        read_measurements(
+            reading(
+                tmp_path,
+                content.replace("feed", "edge").replace("edge,cutting", "edge,feed,cutting"),
+            )
+        )
 
 
 FORCES = "150;0.2;2;0.1;900;300;400;1030\n200;0.3;2;0.2;1300;450;600;1500\n"
@@ -224,7 +308,9 @@ def test_forces_along_axes_are_asked_for(tmp_path: Path) -> None:
         ("F [N]", (1030, 1500), "ignored"),
     ],
 )
-def test_symbols_of_several_quantities(tmp_path: Path, header: str, numbers: tuple[float, float], column: str | None) -> None:
+def test_symbols_of_several_quantities(
+    tmp_path: Path, header: str, numbers: tuple[float, float], column: str | None
+) -> None:
     rows = "".join(f"150;0.{k + 2};2;0.{k + 1};{number}\n" for k, number in enumerate(numbers))
     sheet = reading(tmp_path, f"vc;f;ap;VB;{header}\n{rows}")
     if column is None:
@@ -238,6 +324,11 @@ def test_symbols_of_several_quantities(tmp_path: Path, header: str, numbers: tup
 
 def test_of_two_columns_of_one_name_the_user_says_which(tmp_path: Path) -> None:
     sheet = reading(tmp_path, "Vc;vc;f;ap;VB;P\n100;150;0.3;2;0.1;4\n100;160;0.3;2;0.2;4\n")
-    with pytest.raises(WorkshopError, match=r"more than one column cutting_speed.*--columns cutting_speed="):
+    with pytest.raises(
+        WorkshopError, match=r"more than one column cutting_speed.*--columns cutting_speed="
+    ):
         read_measurements(sheet)
-    assert read_measurements(sheet, {"cutting_speed": "vc"}).columns["cutting_speed"].tolist() == [150, 160]
+    assert read_measurements(sheet, {"cutting_speed": "vc"}).columns["cutting_speed"].tolist() == [
+        150,
+        160,
+    ]

@@ -32,8 +32,21 @@ insert_price = 12.0
 """
 SETTINGS: list[dict[str, float]] = [
     {"cutting_speed": 61.3, "feed": 0.55, "wear": 0.11, "hardness": 1.22, "edges_per_insert": 8},
-    {"cutting_speed": 187.0, "feed": 0.2, "depth_of_cut": 1.3, "machine_rate": 95.5, "edge_change_time": 0.7},
-    {"cutting_speed": 90.0, "depth_of_cut": 4.7, "hardness": 0.8, "wear": 0.3, "operator_rate": 0, "insert_price": 21},
+    {
+        "cutting_speed": 187.0,
+        "feed": 0.2,
+        "depth_of_cut": 1.3,
+        "machine_rate": 95.5,
+        "edge_change_time": 0.7,
+    },
+    {
+        "cutting_speed": 90.0,
+        "depth_of_cut": 4.7,
+        "hardness": 0.8,
+        "wear": 0.3,
+        "operator_rate": 0,
+        "insert_price": 21,
+    },
 ]
 
 
@@ -43,7 +56,19 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
     folder = tmp_path_factory.mktemp("tool")
     (folder / "machine.toml").write_text(MACHINE)
     sheet = str(ROOT / "docs" / "examples" / "cuts.csv")
-    assert main(["calibrate", sheet, "--base", str(folder / "machine.toml"), "--out", str(folder / "tool.toml")]) == 0
+    assert (
+        main(
+            [
+                "calibrate",
+                sheet,
+                "--base",
+                str(folder / "machine.toml"),
+                "--out",
+                str(folder / "tool.toml"),
+            ]
+        )
+        == 0
+    )
     return load(folder / "tool.toml")[0]
 
 
@@ -57,24 +82,42 @@ def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
     return show
 
 
-def of_python(scenario: Scenario, at: dict[str, float]) -> tuple[dict[str, float], dict[str, tuple[float, float]], bool]:
+def of_python(
+    scenario: Scenario, at: dict[str, float]
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], bool]:
     """Return the values, intervals and mark of extrapolation that belong to settings of the page."""
     values = scenario.model_dump()
     values["economics"] |= {name: at[name] for name in values["economics"] if name in at}
     values["workpiece"]["depth_of_cut"] = at["depth_of_cut"]
     evidence, scenario = load(scenario.file or "rough_turning")[1], Scenario.model_validate(values)
     found = plan(scenario, evidence, at["cutting_speed"], at["feed"], at["wear"], at["hardness"])
-    names = ("thrust_force", "thrust_force_share", "power", "power_share", "tool_life", "removal_rate", "spindle_speed")
+    names = (
+        "thrust_force",
+        "thrust_force_share",
+        "power",
+        "power_share",
+        "tool_life",
+        "removal_rate",
+        "spindle_speed",
+    )
     numbers = {name: float(getattr(found.cuts, name)) for name in names}
-    numbers |= {name: float(getattr(found, name)) for name in ("parts", "minutes", "cycle_time", "mean_removal_rate", "cost")}
+    numbers |= {
+        name: float(getattr(found, name))
+        for name in ("parts", "minutes", "cycle_time", "mean_removal_rate", "cost")
+    }
     known = found.prediction
-    intervals = {name: (float(known.low[name]), float(known.high[name])) for name in ("thrust_force", "power", "tool_life")}
+    intervals = {
+        name: (float(known.low[name]), float(known.high[name]))
+        for name in ("thrust_force", "power", "tool_life")
+    }
     intervals["cost"] = float(found.cost_low), float(found.cost_high)
     return numbers, intervals, bool(known.extrapolated)
 
 
 @pytest.mark.parametrize("settings", SETTINGS)
-def test_the_numbers_are_those_of_python(settings: dict[str, float], scenario: Scenario, show: Show) -> None:
+def test_the_numbers_are_those_of_python(
+    settings: dict[str, float], scenario: Scenario, show: Show
+) -> None:
     page = show(scenario)
     for name, value in settings.items():
         page.locator(f"#{name}").fill(str(value))
@@ -98,14 +141,20 @@ def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, show: Show) 
     assert page.evaluate("cheapest().cost") == pytest.approx(least.cost, rel=1e-6)
     assert page.evaluate("results(settings).values.cost") == pytest.approx(least.cost, rel=1e-6)
     page.get_by_role("button", name="most metal").click()
-    assert page.evaluate("results(settings).values.minutes") == pytest.approx(metal.minutes, rel=1e-6)
+    assert page.evaluate("results(settings).values.minutes") == pytest.approx(
+        metal.minutes, rel=1e-6
+    )
     page.get_by_role("button", name="choose it").click()
     assert page.evaluate("settings.feed - cheapest().feed") == 0
 
 
 def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) -> None:
     page = show(scenario.model_copy(update={"name": "<i>plain</i>"}))
-    assert page.get_by_role("listitem").all_inner_texts() == list(load(scenario.file or "")[1].warnings) != []
+    assert (
+        page.get_by_role("listitem").all_inner_texts()
+        == list(load(scenario.file or "")[1].warnings)
+        != []
+    )
     expect(page.get_by_role("status")).to_contain_text("</b>$ a part")
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
 

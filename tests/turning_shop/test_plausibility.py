@@ -33,7 +33,10 @@ def sheet() -> dict[str, np.ndarray]:
 
 
 def text(columns: dict[str, np.ndarray], header: str = "", separator: str = ",") -> str:
-    rows = [separator.join(f"{value:.6g}" for value in row) for row in np.column_stack(list(columns.values()))]
+    rows = [
+        separator.join(f"{value:.6g}" for value in row)
+        for row in np.column_stack(list(columns.values()))
+    ]
     return "\n".join([header or separator.join(columns), *rows]) + "\n"
 
 
@@ -47,8 +50,12 @@ def times(factor: float, *names: str, lines: tuple[int, ...] = ()) -> str:
 
 def by_law(name: str, law: Callable[..., np.ndarray]) -> str:
     """Return the sheet with a column by a law of speed in 100 m/min, feed, depth and time; without the other responses."""
-    columns = {each: values for each, values in sheet().items() if each not in ("thrust_force", "power")}
-    columns[name] = law(columns["cutting_speed"] / 100, columns["feed"], columns["depth_of_cut"], columns["time"])
+    columns = {
+        each: values for each, values in sheet().items() if each not in ("thrust_force", "power")
+    }
+    columns[name] = law(
+        columns["cutting_speed"] / 100, columns["feed"], columns["depth_of_cut"], columns["time"]
+    )
     return text(columns)
 
 
@@ -72,28 +79,48 @@ WRONG = [
     (by_law("wear", lambda v, f, d, t: 0.1 * t**0.2 / v), ("wear: falls with cutting_speed",)),
     (by_law("wear", lambda v, f, d, t: 0.012 * t**0.9 * v**0.8), ("Taylor exponent",)),
     (by_law("power", lambda v, f, d, t: 1.2 * v * d * f**-0.2), ("power: falls with feed",)),
-    (by_law("thrust_force", lambda v, f, d, t: 900 / d), ("thrust_force: falls with depth_of_cut",)),
+    (
+        by_law("thrust_force", lambda v, f, d, t: 900 / d),
+        ("thrust_force: falls with depth_of_cut",),
+    ),
 ]
 
 
 @pytest.mark.parametrize(("content", "words"), WRONG, ids=range(len(WRONG)))
-def test_wrong_sheets_are_refused(tmp_path: Path, capsys: Any, content: str, words: tuple[str, ...]) -> None:
+def test_wrong_sheets_are_refused(
+    tmp_path: Path, capsys: Any, content: str, words: tuple[str, ...]
+) -> None:
     (tmp_path / "cuts.csv").write_text(content)
-    assert main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(tmp_path / "made.toml")]) == 1
+    assert (
+        main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(tmp_path / "made.toml")]) == 1
+    )
     printed = capsys.readouterr()
     assert not printed.out
     assert [word for word in words if word not in printed.err] == []
     assert not (tmp_path / "made.toml").exists()
 
 
-def test_a_good_sheet_is_plausible_however_it_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_good_sheet_is_plausible_however_it_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     columns = sheet()
     for name, factor in (("time", 60.0), ("wear", 1000.0), ("power", 1000.0)):
         columns[name] *= factor
     header = "vc [m/min];fn [mm/U];ap;t [s];VB [µm];thrust force;P [W]"
     for content in (text(sheet()), text(columns, header, ";").replace(".", ",")):
         (tmp_path / "cuts.csv").write_text(content, "cp1252")
-        assert main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(tmp_path / "made.toml"), "--overwrite"]) == 0
+        assert (
+            main(
+                [
+                    "calibrate",
+                    str(tmp_path / "cuts.csv"),
+                    "--out",
+                    str(tmp_path / "made.toml"),
+                    "--overwrite",
+                ]
+            )
+            == 0
+        )
         assert "implausible" not in capsys.readouterr().err
 
 
@@ -103,34 +130,58 @@ def measured(**columns: np.ndarray) -> Measurements:
 
 def test_the_robust_law_is_that_of_the_other_rows() -> None:
     wrong = measured()
-    wrong.columns["cutting_speed"][3] *= 10.0  # far out, so that it draws a law of least squares to its row
+    wrong.columns["cutting_speed"][3] *= (
+        10.0  # far out, so that it draws a law of least squares to its row
+    )
     wrong.columns["power"][8] *= 0.01
     with pytest.raises(Implausible) as error:
         calibrate(wrong, Scenario())
-    assert all(any(f"line {line}" in problem for problem in error.value.problems) for line in (5, 10))
+    assert all(
+        any(f"line {line}" in problem for problem in error.value.problems) for line in (5, 10)
+    )
     forced = calibrate(wrong, Scenario(), force=True)
     assert abs(forced.material.power.cutting_speed - MATERIAL.power.cutting_speed) > 0.2
     assert forced.problems
 
 
 def test_an_unusual_edge_is_no_typing_error() -> None:
-    columns = {name: values for name, values in sheet().items() if name not in ("thrust_force", "power")}
+    columns = {
+        name: values for name, values in sheet().items() if name not in ("thrust_force", "power")
+    }
     for name in ("cutting_speed", "feed", "depth_of_cut"):
         columns[name][:4] = columns[name][0]
     columns["time"][:4] = (2.0, 4.0, 8.0, 14.0)
-    columns["wear"][:4] = 2.5 * MATERIAL.wear(**{name: values[:4] for name, values in columns.items() if name != "wear"})
+    columns["wear"][:4] = 2.5 * MATERIAL.wear(
+        **{name: values[:4] for name, values in columns.items() if name != "wear"}
+    )
     found = calibrate(replace(measured(), columns=columns), Scenario())
     assert any("lines 2 to 5" in warning for warning in found.warnings)
 
 
-def test_warnings_travel_with_the_file_and_are_no_part_of_its_identity(tmp_path: Path, capsys: Any) -> None:
+def test_warnings_travel_with_the_file_and_are_no_part_of_its_identity(
+    tmp_path: Path, capsys: Any
+) -> None:
     (tmp_path / "cuts.csv").write_text(times(1000, "power"))
     made, child = tmp_path / "made.toml", tmp_path / "child.toml"
     assert main(["calibrate", str(tmp_path / "cuts.csv"), "--out", str(made), "--force"]) == 0
     child.write_text('base = "made.toml"\n[limits]\npower = 9.0\n')
     for source in (made, child):
         capsys.readouterr()
-        assert main(["whatif", str(source), "--cutting-speed", "100", "--feed", "0.25", "--wear", "0.15"]) == 0
+        assert (
+            main(
+                [
+                    "whatif",
+                    str(source),
+                    "--cutting-speed",
+                    "100",
+                    "--feed",
+                    "0.25",
+                    "--wear",
+                    "0.15",
+                ]
+            )
+            == 0
+        )
         assert "power looks like W" in capsys.readouterr().err
     scenario = Scenario.load(made)
     made.write_text(made.read_text().partition("[calibration]")[0])

@@ -26,7 +26,9 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_forces_near_a_fresh_edge_are_a_misfit_of_the_form(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_forces_near_a_fresh_edge_are_a_misfit_of_the_form(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sheet = written(tmp_path, forces(0.4, NEAR_ZERO))
     assert main(["calibrate", str(sheet), "--out", str(tmp_path / "made.toml")]) == 0
     assert "implausible" not in capsys.readouterr().err
@@ -40,20 +42,28 @@ def test_forces_near_a_fresh_edge_are_a_misfit_of_the_form(tmp_path: Path, capsy
         cut = what_if(scenario, 190, 0.25, 1.5, wear=wear)
         assert cut.thrust_force == pytest.approx(900 * 0.25**0.6 * 1.5 * (1 + 5 * wear), rel=0.06)
     near = what_if(scenario, 190, 0.25, 1.5, wear=0.01)
-    assert predict(scenario, evidence, near, of_wear=True).extrapolated  # and says where it does not
+    assert predict(
+        scenario, evidence, near, of_wear=True
+    ).extrapolated  # and says where it does not
 
 
-def test_typing_errors_are_still_typing_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_typing_errors_are_still_typing_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     lines = forces(0.4, (0.1, 0.15, 0.2, 0.25, 0.3, 0.35)).splitlines()
     *settings, main_force, feed_force, back_force = lines[9].split(";")
-    lines[9] = ";".join([*settings, main_force, f"{10 * float(feed_force)}", f"{10 * float(back_force)}"])
+    lines[9] = ";".join(
+        [*settings, main_force, f"{10 * float(feed_force)}", f"{10 * float(back_force)}"]
+    )
     sheet = written(tmp_path, "\n".join(lines))
     assert main(["calibrate", str(sheet), "--out", str(tmp_path / "made.toml")]) == 1
     assert "line 10: thrust_force" in capsys.readouterr().err
 
 
 def test_fresh_edges_tell_the_exponents(tmp_path: Path) -> None:
-    with_fresh = calibrate(read_measurements(written(tmp_path, forces(0.5, (0.0, 0.1, 0.2, 0.3)))), BASE)
+    with_fresh = calibrate(
+        read_measurements(written(tmp_path, forces(0.5, (0.0, 0.1, 0.2, 0.3)))), BASE
+    )
     for name, feed in (("thrust_force", 0.6), ("power", 0.74)):
         found = with_fresh.fits[name]
         assert found.fresh.sum() == 8
@@ -61,10 +71,14 @@ def test_fresh_edges_tell_the_exponents(tmp_path: Path) -> None:
         assert found.law.depth_of_cut == pytest.approx(1.0, abs=0.05)
     without = calibrate(read_measurements(written(tmp_path, forces(0.5, (0.1, 0.2, 0.3)))), BASE)
     assert with_fresh.material.power.wear == pytest.approx(without.material.power.wear, abs=0.02)
-    assert with_fresh.fits["power"].degrees == without.fits["power"].degrees + 7  # 8 rows and a level
+    assert (
+        with_fresh.fits["power"].degrees == without.fits["power"].degrees + 7
+    )  # 8 rows and a level
 
 
-def test_a_sheet_of_fresh_edges_gives_laws_that_hold_for_them_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sheet_of_fresh_edges_gives_laws_that_hold_for_them_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     sheet = written(tmp_path, forces(0.5, (0.0,)))
     assert main(["calibrate", str(sheet), "--out", str(tmp_path / "made.toml")]) == 0
     said = re.search(r"kc1.1 (\d+) N/mm2, mc (\S+) at", capsys.readouterr().out)
@@ -117,12 +131,16 @@ def test_copies_do_not_narrow_intervals(tmp_path: Path) -> None:
     assert any("48 rows repeat others" in warning for warning in thrice.warnings)
 
 
-def test_one_edge_does_not_tell_how_edges_differ(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_edge_does_not_tell_how_edges_differ(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rows = [f"1;200;0.3;2;{time};{0.06 * time**0.5:.4f}" for time in (2, 4, 8, 12, 16)]
     sheet = written(tmp_path, "\n".join(["edge;vc;f;ap;time;VB", *rows]))
     assert main(["calibrate", str(sheet), "--out", str(tmp_path / "made.toml")]) == 0
     scenario, evidence = load(tmp_path / "made.toml")
     cut = what_if(scenario, 200, 0.3, 2, time=8)
     found = predict(scenario, evidence, cut, of_wear=False)
-    assert found.high["wear"] / found.low["wear"] > np.exp(2 * 1.96 * scenario.tool.wear_factor_spread)
+    assert found.high["wear"] / found.low["wear"] > np.exp(
+        2 * 1.96 * scenario.tool.wear_factor_spread
+    )
     assert any("too few edges" in warning for warning in evidence.warnings)

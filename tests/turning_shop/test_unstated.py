@@ -62,7 +62,11 @@ power = 6.0
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrated tool on a machine of the user's own, and a file that states how bars vary and when edges break."""
     folder = tmp_path_factory.mktemp("shop")
-    for name, text in (("machine.toml", MACHINE), ("cuts.csv", wear_curves()), ("varied.toml", VARIED)):
+    for name, text in (
+        ("machine.toml", MACHINE),
+        ("cuts.csv", wear_curves()),
+        ("varied.toml", VARIED),
+    ):
         (folder / name).write_text(text, "utf-8")
     command = ["calibrate", str(folder / "cuts.csv"), "--base", str(folder / "machine.toml")]
     assert main([*command, "--out", str(folder / "tool.toml")]) == 0
@@ -71,14 +75,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_the_files_do_not_state_is_off_and_said(folder: Path) -> None:
     scenario, evidence = load(folder / "tool.toml")
-    assert (scenario.limits.power, scenario.limits.thrust_force) == tuple(NO_LIMIT[name] for name in ("power", "thrust_force"))
+    assert (scenario.limits.power, scenario.limits.thrust_force) == tuple(
+        NO_LIMIT[name] for name in ("power", "thrust_force")
+    )
     assert scenario.tool.edge_strength == NO_STRENGTH
     said = "\n".join(evidence.warnings)
     for name in BARS_VARY:
         section, field = name.split(".")
         assert getattr(getattr(scenario, section), field) == 0.0
         assert name in said
-    for name in ("limits.power", "tool.edge_strength", "machine.return_time 0.1 min", "workpiece.approach 3 mm"):
+    for name in (
+        "limits.power",
+        "tool.edge_strength",
+        "machine.return_time 0.1 min",
+        "workpiece.approach 3 mm",
+    ):
         assert name in said
     for stated in ("diameter", "cutting_speed", "insert_price", "currency", "wear_factor_spread"):
         assert stated not in said
@@ -91,11 +102,17 @@ def test_what_the_files_state_stays(folder: Path) -> None:
     assert scenario.limits.power == 6.0
     said = "\n".join(evidence.warnings)
     assert "edge_strength is off" not in said
-    for assumed in ("tool.edge_strength_spread 0.12", "economics.breakage_downtime 10 min", "limits.overload_allowance 0.05"):
+    for assumed in (
+        "tool.edge_strength_spread 0.12",
+        "economics.breakage_downtime 10 min",
+        "limits.overload_allowance 0.05",
+    ):
         assert assumed in said
 
 
-@pytest.mark.parametrize("preset", ["practitioner", "harder_lot", "override_torque", "small_diameter"])
+@pytest.mark.parametrize(
+    "preset", ["practitioner", "harder_lot", "override_torque", "small_diameter"]
+)
 def test_effects_of_a_preset_are_off_in_a_file_on_it(tmp_path: Path, preset: str) -> None:
     (tmp_path / "own.toml").write_text(f'base = "{preset}"\n')
     scenario, neutral = load(tmp_path / "own.toml")[0], Scenario()
@@ -106,7 +123,9 @@ def test_effects_of_a_preset_are_off_in_a_file_on_it(tmp_path: Path, preset: str
 
 
 def test_effects_that_advice_does_not_know_are_named(tmp_path: Path) -> None:
-    (tmp_path / "own.toml").write_text("[edge_failure]\ncollapse_temperature = 900.0\n[swarf]\ntangle_rate = 0.5\n")
+    (tmp_path / "own.toml").write_text(
+        "[edge_failure]\ncollapse_temperature = 900.0\n[swarf]\ntangle_rate = 0.5\n"
+    )
     warnings = "\n".join(load(tmp_path / "own.toml")[1].warnings)
     assert "only the simulation" in warnings
     assert "edge_failure.collapse_temperature" in warnings
@@ -115,7 +134,9 @@ def test_effects_that_advice_does_not_know_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["tool.toml", "varied.toml"])
-def test_headline_and_simulation_agree_everywhere(folder: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_headline_and_simulation_agree_everywhere(
+    folder: Path, name: str, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     monkeypatch.chdir(folder)
     page = folder / f"{name}.html"
     capsys.readouterr()
@@ -129,7 +150,10 @@ def test_headline_and_simulation_agree_everywhere(folder: Path, name: str, monke
 
     text = page.read_text("utf-8")
     shown = [
-        html.unescape(line) for line in re.findall("<p>(.*?)</p>", text.partition('class="advice"')[2].partition("</div>")[0])
+        html.unescape(line)
+        for line in re.findall(
+            "<p>(.*?)</p>", text.partition('class="advice"')[2].partition("</div>")[0]
+        )
     ]
     count = len(result["headline"])
     assert shown[:count] == result["headline"]
@@ -137,7 +161,10 @@ def test_headline_and_simulation_agree_everywhere(folder: Path, name: str, monke
     scenario, evidence = load(name)
     advice = advise(scenario, evidence)
     assert list(headline(scenario, evidence, advice)) == result["headline"]
-    drawn = "\n".join(each.get_text() for each in draw_sheet(scenario, evidence, advice, shown[count:]).findobj(Text))
+    drawn = "\n".join(
+        each.get_text()
+        for each in draw_sheet(scenario, evidence, advice, shown[count:]).findobj(Text)
+    )
     for sentence in shown:
         assert sentence in " ".join(drawn.split())
 
@@ -148,7 +175,9 @@ def test_a_broken_edge_is_on_sheet_and_page(tmp_path: Path) -> None:
     advice = advise(scenario, Evidence())
     said = list(play_all(scenario, advice[0].plan, [], 2).headline())
     assert "2 of 2 simulated edges broke" in said[1]
-    drawn = "\n".join(each.get_text() for each in draw_sheet(scenario, Evidence(), advice, said).findobj(Text))
+    drawn = "\n".join(
+        each.get_text() for each in draw_sheet(scenario, Evidence(), advice, said).findobj(Text)
+    )
     assert said[1] in drawn
 
 
@@ -156,12 +185,18 @@ def test_a_strength_that_is_stated_bounds_the_thrust(folder: Path) -> None:
     scenario, evidence = load(folder / "varied.toml")
     scenario = scenario.model_copy(update={"limits": scenario.limits.model_copy(update=NO_LIMIT)})
     best, *_ = advise(scenario, evidence)
-    assert best.plan.cuts.thrust_force < scenario.tool.edge_strength * np.exp(-2 * scenario.tool.edge_strength_spread)
+    assert best.plan.cuts.thrust_force < scenario.tool.edge_strength * np.exp(
+        -2 * scenario.tool.edge_strength_spread
+    )
     assert any(bound.limit.startswith("tool.edge_strength, 3000 N") for bound in best.bounds)
     assert any("tool.edge_strength" in line for line in headline(scenario, evidence, [best]))
-    episodes = play(as_factory(constant(scenario, best.plan)), clocked(scenario, best.plan), range(64))
+    episodes = play(
+        as_factory(constant(scenario, best.plan)), clocked(scenario, best.plan), range(64)
+    )
     assert episodes["edges_broken"].mean() < 0.05
-    weak = scenario.model_copy(update={"tool": scenario.tool.model_copy(update={"edge_strength": 50.0})})
+    weak = scenario.model_copy(
+        update={"tool": scenario.tool.model_copy(update={"edge_strength": 50.0})}
+    )
     with pytest.raises(WorkshopError, match=r"tool\.edge_strength, 50 N"):
         advise(weak, evidence)
 
@@ -170,18 +205,28 @@ def test_limits_are_kept_on_bars_that_vary(folder: Path) -> None:
     scenario, evidence = load(folder / "varied.toml")
     unbreakable = scenario.tool.model_copy(update={"edge_strength": NO_STRENGTH})
     for power in (4.0, 6.0):
-        limited = scenario.model_copy(update={"limits": scenario.limits.model_copy(update={"power": power}), "tool": unbreakable})
+        limited = scenario.model_copy(
+            update={
+                "limits": scenario.limits.model_copy(update={"power": power}),
+                "tool": unbreakable,
+            }
+        )
         assert 0.7 < allowed_loads(limited).overload_factors["power"] < 1.0
         best = advise(limited, evidence)[0].plan
         episodes = play(as_factory(constant(limited, best)), clocked(limited, best), range(24))
-        assert episodes["severe_overload_time"].sum() <= limited.limits.overload_allowance * episodes["engaged_time"].sum()
+        assert (
+            episodes["severe_overload_time"].sum()
+            <= limited.limits.overload_allowance * episodes["engaged_time"].sum()
+        )
         assert best.cuts.power < power
 
 
 PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S180 M3\nG0 X85. Z5.\nG1 Z-200. F0.4\nG0 X100.\nZ5.\nM30\n"
 
 
-def test_the_strength_of_edges_bounds_programs_too(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_the_strength_of_edges_bounds_programs_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     pytest.importorskip("shapely")
     monkeypatch.chdir(folder)
     Path("part.nc").write_text(PROGRAM)
@@ -189,12 +234,31 @@ def test_the_strength_of_edges_bounds_programs_too(folder: Path, monkeypatch: py
     loads = {}
     for name in ("tool.toml", "strong.toml"):
         capsys.readouterr()
-        assert main(["program", "part.nc", "--scenario", name, "--stock", "bar:90x220", "--wear", "0.3", "--json"]) == 0
+        assert (
+            main(
+                [
+                    "program",
+                    "part.nc",
+                    "--scenario",
+                    name,
+                    "--stock",
+                    "bar:90x220",
+                    "--wear",
+                    "0.3",
+                    "--json",
+                ]
+            )
+            == 0
+        )
         result = json.loads(capsys.readouterr().out)
         loads[name] = result["totals"]["max_load"]
-        assert any("tool.edge_strength" in note for note in result["notes"]) == (name == "strong.toml")
+        assert any("tool.edge_strength" in note for note in result["notes"]) == (
+            name == "strong.toml"
+        )
     force = what_if(load("tool.toml")[0], 180, 0.4, wear=0.3).thrust_force
-    assert loads["strong.toml"] == pytest.approx(force / allowed_loads(load("strong.toml")[0]).thrust_force, rel=0.02)
+    assert loads["strong.toml"] == pytest.approx(
+        force / allowed_loads(load("strong.toml")[0]).thrust_force, rel=0.02
+    )
     assert loads["strong.toml"] > 1.0
 
 
@@ -212,7 +276,21 @@ def test_the_nose_radius_limits_the_feed_of_every_command(
         assert all(each["feed"] <= radius / 2 for each in result["advice"])
         assert any("tool.nose_radius" in bound["limit"] for bound in result["advice"][0]["bounds"])
         assert not any("needs a nose radius" in line for line in result["headline"])
-        assert main(["whatif", *words, "--cutting-speed", "150", "--feed", f"{radius / 2 + 0.01:g}", "--wear", "0.1"]) == 0
+        assert (
+            main(
+                [
+                    "whatif",
+                    *words,
+                    "--cutting-speed",
+                    "150",
+                    "--feed",
+                    f"{radius / 2 + 0.01:g}",
+                    "--wear",
+                    "0.1",
+                ]
+            )
+            == 0
+        )
         assert "nose_radius" in capsys.readouterr().err
     scenario = load("nose.toml")[0]
     assert feed_range(scenario) == (0.1, radius / 2)
@@ -231,17 +309,23 @@ def test_the_nose_radius_limits_the_feed_of_every_command(
         ("feed_min = 0.05\nfeed_max = 0.2\n[spindle]\nmax_speed = 300.0\n", 94.2478, 0.2),
     ],
 )
-def test_a_machines_range_alone_is_enough(tmp_path: Path, machine: str, speed: float, feed: float) -> None:
+def test_a_machines_range_alone_is_enough(
+    tmp_path: Path, machine: str, speed: float, feed: float
+) -> None:
     (tmp_path / "machine.toml").write_text(f'base = "rough_turning"\n[machine]\n{machine}')
     (tmp_path / "tool.toml").write_text('base = "machine.toml"\n[tool]\nwear_criterion = 0.25\n')
     for name in ("machine.toml", "tool.toml"):
         start = Scenario.load(tmp_path / name).control
-        assert (start.initial_cutting_speed, start.initial_feed) == pytest.approx((speed, feed), rel=1e-5)
+        assert (start.initial_cutting_speed, start.initial_feed) == pytest.approx(
+            (speed, feed), rel=1e-5
+        )
 
 
 def test_a_start_that_is_stated_is_not_moved(tmp_path: Path) -> None:
     (tmp_path / "start.toml").write_text("[control]\ninitial_cutting_speed = 100.0\n")
-    (tmp_path / "fast.toml").write_text('base = "start.toml"\n[machine]\ncutting_speed_min = 150.0\n')
+    (tmp_path / "fast.toml").write_text(
+        'base = "start.toml"\n[machine]\ncutting_speed_min = 150.0\n'
+    )
     with pytest.raises(ScenarioError, match=r"initial_cutting_speed is 100"):
         Scenario.load(tmp_path / "fast.toml")
     with pytest.raises(ScenarioError, match=r"initial_feed is 0\.9"):
@@ -249,7 +333,12 @@ def test_a_start_that_is_stated_is_not_moved(tmp_path: Path) -> None:
 
 
 def test_the_tool_life_of_the_preset_does_not_depend_on_the_start(tmp_path: Path) -> None:
-    (tmp_path / "fast.toml").write_text("[machine]\ncutting_speed_min = 180.0\ncutting_speed_max = 400.0\n")
+    (tmp_path / "fast.toml").write_text(
+        "[machine]\ncutting_speed_min = 180.0\ncutting_speed_max = 400.0\n"
+    )
     (tmp_path / "usual.toml").write_text("[workpiece]\ndiameter = 80.0\n")
-    lives = [what_if(load(tmp_path / name)[0], 190, 0.3, wear=0.2).tool_life for name in ("fast.toml", "usual.toml")]
+    lives = [
+        what_if(load(tmp_path / name)[0], 190, 0.3, wear=0.2).tool_life
+        for name in ("fast.toml", "usual.toml")
+    ]
     assert lives[0] == pytest.approx(lives[1])

@@ -23,7 +23,12 @@ BASE = Scenario()
 def test_the_environment_says_the_same() -> None:
     scenario = Scenario.load("paper")
     machine = scenario.machine
-    action = [2 * (150 - machine.cutting_speed_min) / (machine.cutting_speed_max - machine.cutting_speed_min) - 1]
+    action = [
+        2
+        * (150 - machine.cutting_speed_min)
+        / (machine.cutting_speed_max - machine.cutting_speed_min)
+        - 1
+    ]
     action += [2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1]
     for minutes, info in enumerate(infos(scenario, [np.array(action, np.float32)] * 3), 1):
         cuts = what_if(scenario, 150, 0.3, time=minutes)
@@ -33,8 +38,15 @@ def test_the_environment_says_the_same() -> None:
 
 
 @settings(max_examples=15)
-@given(speed=st.floats(50, 200), feed=st.floats(0.06, 0.6), depth=st.floats(0.5, 5), hardness=st.floats(0.7, 1.4))
-def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth: float, hardness: float) -> None:
+@given(
+    speed=st.floats(50, 200),
+    feed=st.floats(0.06, 0.6),
+    depth=st.floats(0.5, 5),
+    hardness=st.floats(0.7, 1.4),
+)
+def test_time_and_wear_are_two_sides_of_one_law(
+    speed: float, feed: float, depth: float, hardness: float
+) -> None:
     worn = what_if(BASE, speed, feed, depth, hardness, wear=0.2)
     again = what_if(BASE, speed, feed, depth, hardness, time=worn.time)
     for name, value in worn._asdict().items():
@@ -43,7 +55,19 @@ def test_time_and_wear_are_two_sides_of_one_law(speed: float, feed: float, depth
     assert finished.wear_share == pytest.approx(1.0)
 
 
-WHATIF = ["whatif", "rough_turning", "--cutting-speed", "120", "150", "165", "180", "--feed", "0.2", "0.3", "0.4"]
+WHATIF = [
+    "whatif",
+    "rough_turning",
+    "--cutting-speed",
+    "120",
+    "150",
+    "165",
+    "180",
+    "--feed",
+    "0.2",
+    "0.3",
+    "0.4",
+]
 
 
 def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,7 +83,22 @@ def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["whatif", "rough_turning", "--cutting-speed", "60", "200", "--feed", "0.6", "--time", "200"]) == 0
+    assert (
+        main(
+            [
+                "whatif",
+                "rough_turning",
+                "--cutting-speed",
+                "60",
+                "200",
+                "--feed",
+                "0.6",
+                "--time",
+                "200",
+            ]
+        )
+        == 0
+    )
     heading, units, slow, fast = capsys.readouterr().out.splitlines()
     assert heading.split()[:3] == ["speed", "feed", "depth"]
     assert units.split()[:3] == ["m/min", "mm/rev", "mm"]
@@ -74,14 +113,25 @@ def test_the_map_marks_where_most_metal_is_removed_and_labels_rates() -> None:
     cuts = what_if(BASE, speed, feed, wear=0.2)
     assert cuts.within_limits
     assert max(cuts.power_share, cuts.thrust_force_share) > 0.99
-    assert any(text.get_text().startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in left.texts)
+    assert any(
+        text.get_text().startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in left.texts
+    )
     rates = [float(label.get_text()) for label in right.get_yticklabels()]
     edge = what_if(BASE, BASE.machine.cutting_speed_max, right.get_yticks(), wear=0.2)
     assert edge.removal_rate == pytest.approx(rates, rel=1e-3)
     law = {"coefficient": 1.0, "terms": (), "covariance": [[0.01]], "degrees": 5, "scatter": 0.1}
     for low, star in ((speed, ""), (1.1 * speed, " *")):
-        evidence = Evidence(laws={"wear": LawEvidence.model_validate(law | {"measured": {"cutting_speed": [low, 300.0]}})})
-        assert any(text.get_text().endswith(f"min{star}") for text in draw_map(BASE, evidence, 0.2).axes[0].texts)
+        evidence = Evidence(
+            laws={
+                "wear": LawEvidence.model_validate(
+                    law | {"measured": {"cutting_speed": [low, 300.0]}}
+                )
+            }
+        )
+        assert any(
+            text.get_text().endswith(f"min{star}")
+            for text in draw_map(BASE, evidence, 0.2).axes[0].texts
+        )
 
 
 @pytest.mark.slow

@@ -12,7 +12,9 @@ from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_shop.headers import COLUMNS, EDGE
 
-PAGE = "\n".join((ROOT / "docs" / page).read_text("utf-8") for page in ("your_own_machine.md", "advice.md"))
+PAGE = "\n".join(
+    (ROOT / "docs" / page).read_text("utf-8") for page in ("your_own_machine.md", "advice.md")
+)
 PROMPT = ["python", "-m", "turning_env"]
 NUMBER = r"-?\d+(?:\.\d+)?"
 
@@ -25,7 +27,9 @@ def same(quoted: str, printed: str) -> bool:
 
 
 @pytest.mark.slow
-def test_the_tutorial_works_from_first_to_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+def test_the_tutorial_works_from_first_to_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
     shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples")
     monkeypatch.chdir(tmp_path)
     for block in blocks(PAGE):
@@ -40,7 +44,11 @@ def test_the_tutorial_works_from_first_to_last(tmp_path: Path, monkeypatch: pyte
     printed = capsys.readouterr().out.splitlines()
     quoted = [line[4:] for line in PAGE.splitlines() if line.startswith("    ")]
     table = (ROOT / "docs" / "examples" / "cuts.csv").read_text("utf-8").splitlines()
-    assert [line for line in quoted if line not in table and not any(same(line, other) for other in printed)] == []
+    assert [
+        line
+        for line in quoted
+        if line not in table and not any(same(line, other) for other in printed)
+    ] == []
     for made in ("my_tool.toml", "map.png", "sheet.pdf", "page.html"):
         assert Path(made).stat().st_size > 0
     assert Scenario.load("my_tool.toml").limits.power == 5.5

@@ -74,7 +74,9 @@ class Metadata(BaseModel):
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if self.env_id not in (*IDS, FAMILY_ID):
-            raise ValueError(f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}")
+            raise ValueError(
+                f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}"
+            )
         for name, box in (
             ("observation_space", seen_space(self.env_id, self.scenario, self.parameters)),
             ("action_space", acting_space(self.scenario, self.parameters)),
@@ -90,8 +92,13 @@ class Metadata(BaseModel):
 
     def properties(self) -> dict[str, str]:
         """Return the metadata as ONNX keeps it."""
-        values = self.model_dump(mode="json", exclude={"name"} if self.name == self.algorithm else None)
-        return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
+        values = self.model_dump(
+            mode="json", exclude={"name"} if self.name == self.algorithm else None
+        )
+        return {
+            name: value if isinstance(value, str) else json.dumps(value)
+            for name, value in values.items()
+        }
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
@@ -100,7 +107,11 @@ class Metadata(BaseModel):
         for name, text in properties.items():
             field = cls.model_fields.get(name)
             try:
-                values[name] = _from_json(text) if field is not None and field.annotation in _JSON_FIELDS else text
+                values[name] = (
+                    _from_json(text)
+                    if field is not None and field.annotation in _JSON_FIELDS
+                    else text
+                )
             except (ValueError, RecursionError) as error:
                 raise ValueError(f"metadata {name} is not JSON: {error}") from error
         try:
@@ -108,7 +119,11 @@ class Metadata(BaseModel):
         except ValidationError as error:
             details = error.errors()[0]
             place = ".".join(str(part) for part in details["loc"])
-            raise ValueError(f"metadata {place}: {details['msg']}".replace("metadata : Value error, ", "metadata ")) from error
+            raise ValueError(
+                f"metadata {place}: {details['msg']}".replace(
+                    "metadata : Value error, ", "metadata "
+                )
+            ) from error
 
 
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
@@ -116,7 +131,9 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
-        raise ValueError(f"parameters must have context.names, as env_id is {FAMILY_ID!r}") from error
+        raise ValueError(
+            f"parameters must have context.names, as env_id is {FAMILY_ID!r}"
+        ) from error
     if parameters.get("guide") is True:
         return feature_space(context)
     space: Any = observation_space(scenario, context)
@@ -132,7 +149,9 @@ def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
 
 
 def informed(
-    agent: PolicySpec, scenarios: Scenario | Sequence[Scenario], shown: Mapping[str, float] | None = None
+    agent: PolicySpec,
+    scenarios: Scenario | Sequence[Scenario],
+    shown: Mapping[str, float] | None = None,
 ) -> PolicyFactory:
     """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
 
@@ -151,7 +170,9 @@ def informed(
             context = None
             if shown is not None:
                 family = Family.load(str(agent.parameters["family"]))
-                context = np.stack([family.context_of(each, shown) for each in played]).astype(np.float32)
+                context = np.stack([family.context_of(each, shown) for each in played]).astype(
+                    np.float32
+                )
             return GuidedPolicy(agent.make(num_envs), models, context)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
         return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
@@ -161,7 +182,9 @@ def informed(
 
 def _from_json(text: str) -> Any:
     value = json.loads(text)
-    json.dumps(value, ensure_ascii=False).encode()  # halves of surrogate pairs can be read, but not written
+    json.dumps(
+        value, ensure_ascii=False
+    ).encode()  # halves of surrogate pairs can be read, but not written
     return value
 
 
@@ -171,7 +194,11 @@ _JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
 def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario: str) -> str:
     """Return the length of a training in environment steps, and what it was trained on: the jobs of a family, or a scenario."""
     count = steps * HOLD if type(steps) is int and parameters.get("guide") is True else steps
-    length = f"{count:,} environment steps" if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER else "an unstated length"
+    length = (
+        f"{count:,} environment steps"
+        if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER
+        else "an unstated length"
+    )
     family = parameters.get("family")
     name = family.get("name") if isinstance(family, dict) else family
     if name is None:
@@ -179,7 +206,9 @@ def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario:
     return f"trained for {length} on the training jobs of family {str(name)[:64]!r}"
 
 
-def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory) -> PolicySpec:
+def trained_policy(
+    about: Metadata | Run, trained_steps: int, sha256: str, make: PolicyFactory
+) -> PolicySpec:
     """Return the policy of a finished training, from its file's metadata or its run."""
     return PolicySpec(
         name=about.name,
@@ -198,9 +227,17 @@ def trained_policy(about: Metadata | Run, trained_steps: int, sha256: str, make:
 def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
     """Raise ValueError if actions or observations of a scenario mean something else than where an agent was trained."""
     if "context" in agent.parameters:
-        raise ValueError(f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}: add --env {FAMILY_ID}")
+        raise ValueError(
+            f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}: add --env {FAMILY_ID}"
+        )
     trained_on = agent.trained_on or scenario
-    for field in ("control.action", "control.aim", "control.edge_changes", "sensors.force", "sensors.probe"):
+    for field in (
+        "control.action",
+        "control.aim",
+        "control.edge_changes",
+        "sensors.force",
+        "sensors.probe",
+    ):
         section, name = field.split(".")
         mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
         if mine != its:
@@ -238,12 +275,21 @@ def read_content(path: Path) -> bytes:
     if path.is_dir() and not path.is_symlink():
         found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
         if (path / "run.json").exists():
-            raise ValueError(f"{path} holds a training run: python -m train.export {path} --out FOLDER makes a file of it")
+            raise ValueError(
+                f"{path} holds a training run: python -m train.export {path} --out FOLDER makes a file of it"
+            )
         if len(found) != 1:
-            raise ValueError(f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give a file, or a folder with one")
+            raise ValueError(
+                f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give a file, or a folder with one"
+            )
         path = found[0]
     # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
-    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    flags = (
+        os.O_RDONLY
+        | getattr(os, "O_NOFOLLOW", 0)
+        | getattr(os, "O_NONBLOCK", 0)
+        | getattr(os, "O_BINARY", 0)
+    )
     if path.is_symlink():
         raise ValueError(f"{path} is a link: give the file itself")
     with os.fdopen(os.open(path, flags), "rb") as stream:
@@ -268,9 +314,14 @@ def of_outline(content: bytes, outline: Outline) -> AgentFile:
     memory = inputs.get("memory", 0)
     expected_inputs = {"observation": entries} | ({"memory": memory} if "memory" in inputs else {})
     expected_outputs = {"action": actions} | ({"next_memory": memory} if "memory" in inputs else {})
-    for what, found, expected in (("inputs", inputs, expected_inputs), ("outputs", outputs, expected_outputs)):
+    for what, found, expected in (
+        ("inputs", inputs, expected_inputs),
+        ("outputs", outputs, expected_outputs),
+    ):
         if found != expected:
-            raise ValueError(f"has {what} {found}, but must have {expected} entries per environment for its scenario")
+            raise ValueError(
+                f"has {what} {found}, but must have {expected} entries per environment for its scenario"
+            )
     if "memory" in inputs and not 1 <= memory <= MAX_MEMORY:
         raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MAX_MEMORY}")
     return AgentFile(content, metadata, memory)

@@ -18,7 +18,14 @@ from train.agents import agent_file
 from train.agents.agent_file import AgentFile, trained_policy
 from turning_env.scoring import sandbox
 from turning_env.scoring.policy import PolicySpec
-from turning_env.scoring.sandbox import LIMITS, AgentFileError, GuardedPolicy, Limits, PolicyMaker, TooSlow
+from turning_env.scoring.sandbox import (
+    LIMITS,
+    AgentFileError,
+    GuardedPolicy,
+    Limits,
+    PolicyMaker,
+    TooSlow,
+)
 from turning_env.scoring.sandbox_child import Outline
 
 __all__ = ["LIMITS", "AgentFileError", "GuardedPolicy", "Limits", "Sandbox", "TooSlow", "load"]

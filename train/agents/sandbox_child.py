@@ -32,7 +32,9 @@ class CheckedNetwork:
         del self._model
         self._generator = np.random.default_rng()
         inputs, outputs = self._outline.inputs, self._outline.outputs
-        return network.tried(self._content, inputs["observation"], outputs["action"], inputs.get("memory", 0))
+        return network.tried(
+            self._content, inputs["observation"], outputs["action"], inputs.get("memory", 0)
+        )
 
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
         """Return a policy's actions, or raise ValueError if a check finds that they depend on more than the observations."""

@@ -41,19 +41,26 @@ class _WithoutMemory(torch.nn.Module):
         self._actor = actor
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        action: torch.Tensor = self._actor(observation, observation.new_zeros((observation.shape[0], 0)))[0]
+        action: torch.Tensor = self._actor(
+            observation, observation.new_zeros((observation.shape[0], 0))
+        )[0]
         return action
 
 
 def to_onnx(actor: Actor, about: Metadata) -> bytes:
     """Return the content of an actor's ONNX file, the same bytes every time, or raise ValueError if there can be none."""
     # Two environments: a size of one would be taken for a constant.
-    observations, memory = torch.zeros(2, len(about.observation_space.low)), torch.zeros(2, actor.memory_size)
+    observations, memory = (
+        torch.zeros(2, len(about.observation_space.low)),
+        torch.zeros(2, actor.memory_size),
+    )
     expected = (2, len(about.action_space.low)), tuple(memory.shape)
     try:
         found = tuple(tuple(each.shape) for each in actor.eval()(observations, memory))
     except Exception as error:  # modules raise many types
-        raise ValueError(f"it cannot act on observations of shape {tuple(observations.shape)}: {first_line(error)}") from error
+        raise ValueError(
+            f"it cannot act on observations of shape {tuple(observations.shape)}: {first_line(error)}"
+        ) from error
     if found != expected:
         raise ValueError(f"it gives actions and memory of shapes {found}, but must give {expected}")
     count = 2 if actor.memory_size else 1
@@ -71,7 +78,9 @@ def to_onnx(actor: Actor, about: Metadata) -> bytes:
                 verbose=False,
             )
     except Exception as error:  # the exporter raises many types
-        raise ValueError(f"PyTorch cannot write {type(actor).__name__} as ONNX: {first_line(error)}") from error
+        raise ValueError(
+            f"PyTorch cannot write {type(actor).__name__} as ONNX: {first_line(error)}"
+        ) from error
     assert program is not None
     return with_properties(program.model_proto, about)
 
@@ -105,19 +114,36 @@ def adopted(path: Path, about: Metadata) -> bytes:
         raise ValueError("is an agent's file already")
     graph = model.graph
     weights = {tensor.name for tensor in graph.initializer}
-    inputs, outputs = [value for value in graph.input if value.name not in weights], list(graph.output)
+    inputs, outputs = (
+        [value for value in graph.input if value.name not in weights],
+        list(graph.output),
+    )
     if not len(inputs) == len(outputs) in (1, 2):
         found = f"{len(inputs)} inputs and {len(outputs)} outputs"
-        raise ValueError(f"has {found}, but must have an observation and an action, and besides a memory each or none")
+        raise ValueError(
+            f"has {found}, but must have an observation and an action, and besides a memory each or none"
+        )
     batch = next((axis.dim_value for axis in inputs[0].type.tensor_type.shape.dim), 0)  # 0: any
     memory = _size(inputs[1], None) if len(inputs) == 2 else None
     sizes = ((len(about.observation_space.low), len(about.action_space.low)), (memory, memory))
     del graph.input[:], graph.output[:], graph.value_info[:]
     node, value_info = helper.make_node, helper.make_tensor_value_info
-    first, last = [], [node("Constant", [], [name], value_float=value) for name, value in (("low", -1.0), ("high", 1.0))]
-    for given, made, names, (in_size, out_size) in zip(inputs, outputs, _NAMES, sizes, strict=False):
-        graph.input.append(value_info(names[0], onnx.TensorProto.FLOAT, ["environments", _size(given, in_size)]))
-        graph.output.append(value_info(names[1], onnx.TensorProto.FLOAT, ["environments", _size(made, out_size)]))
+    first, last = (
+        [],
+        [
+            node("Constant", [], [name], value_float=value)
+            for name, value in (("low", -1.0), ("high", 1.0))
+        ],
+    )
+    for given, made, names, (in_size, out_size) in zip(
+        inputs, outputs, _NAMES, sizes, strict=False
+    ):
+        graph.input.append(
+            value_info(names[0], onnx.TensorProto.FLOAT, ["environments", _size(given, in_size)])
+        )
+        graph.output.append(
+            value_info(names[1], onnx.TensorProto.FLOAT, ["environments", _size(made, out_size)])
+        )
         first.append(node("Cast", [names[0]], [given.name], to=given.type.tensor_type.elem_type))
         as_float = "unclipped" if names[1] == "action" else names[1]
         last.append(node("Cast", [made.name], [as_float], to=onnx.TensorProto.FLOAT))
@@ -147,9 +173,15 @@ def _size(value: onnx.ValueInfoProto, expected: int | None) -> int:
     """Return the entries per environment of an input or an output, which may leave them open if they are known."""
     name, axes = value.name.removeprefix("adopted/"), value.type.tensor_type.shape.dim
     found = axes[-1].dim_value if len(axes) == 2 and axes[-1].HasField("dim_value") else None
-    if len(axes) not in (0, 2) or (found or expected) is None or found not in (None, expected or found):
+    if (
+        len(axes) not in (0, 2)
+        or (found or expected) is None
+        or found not in (None, expected or found)
+    ):
         shape = [axis.dim_value or axis.dim_param or "?" for axis in axes]
-        raise ValueError(f"{name!r} has shape {shape}, but must have (number of environments, {expected or 'entries'})")
+        raise ValueError(
+            f"{name!r} has shape {shape}, but must have (number of environments, {expected or 'entries'})"
+        )
     return found or expected or 0
 
 
@@ -189,8 +221,14 @@ class ModuleActor(Actor):
         self.module = copy.deepcopy(module).cpu().float().eval()
         self.memory_size = getattr(module, "memory_size", 0)
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        action, memory = self.module(observation, memory) if self.memory_size else (self.module(observation), memory)
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        action, memory = (
+            self.module(observation, memory)
+            if self.memory_size
+            else (self.module(observation), memory)
+        )
         return action.clamp(-1.0, 1.0), memory
 
 
@@ -200,7 +238,9 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
         return RecurrentActor(policy)
     if name in ("PPO", "A2C"):
         end = [torch.nn.Tanh()] if policy.squash_output else []
-        return torch.nn.Sequential(policy.pi_features_extractor, policy.mlp_extractor.policy_net, policy.action_net, *end)
+        return torch.nn.Sequential(
+            policy.pi_features_extractor, policy.mlp_extractor.policy_net, policy.action_net, *end
+        )
     actor = policy.actor
     layers = [actor.mu] if name == "TD3" else [actor.latent_pi, actor.mu, torch.nn.Tanh()]
     return torch.nn.Sequential(actor.features_extractor, *layers)
@@ -219,9 +259,14 @@ class NormalisedActor(Actor):
         self.clip = float(statistics.clip_obs)
         moments = statistics.obs_rms
         self.register_buffer("mean", torch.as_tensor(moments.mean, dtype=torch.float32))
-        self.register_buffer("deviation", torch.as_tensor(moments.var + statistics.epsilon, dtype=torch.float32).sqrt())
+        self.register_buffer(
+            "deviation",
+            torch.as_tensor(moments.var + statistics.epsilon, dtype=torch.float32).sqrt(),
+        )
 
-    def forward(self, observation: torch.Tensor, memory: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, observation: torch.Tensor, memory: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         normalised = ((observation - self.mean) / self.deviation).clamp(-self.clip, self.clip)
         action, memory = self.actor(normalised, memory)
         return action, memory
@@ -239,7 +284,9 @@ def read_statistics(path: Path) -> Any:
     except Exception as error:  # garbled bytes can raise anything
         raise ValueError(f"{path} cannot be read as statistics of VecNormalize: {error}") from error
     if not isinstance(statistics, VecNormalize):
-        raise ValueError(f"{path} holds a {type(statistics).__name__}, but must hold what VecNormalize.save has written")
+        raise ValueError(
+            f"{path} holds a {type(statistics).__name__}, but must hold what VecNormalize.save has written"
+        )
     return statistics
 
 
@@ -256,7 +303,9 @@ def sb3_actor(path: Path, run: Run, statistics: Path | None = None) -> tuple[Run
         package, name = next(model for mark, model in _MODELS.items() if f'"{mark}"' in data)
     except (KeyError, ValueError, StopIteration, zipfile.BadZipFile) as error:
         known = ", ".join(name for _, name in _MODELS.values())
-        raise ValueError(f"is no model of Stable-Baselines3; those that can be exported are {known}") from error
+        raise ValueError(
+            f"is no model of Stable-Baselines3; those that can be exported are {known}"
+        ) from error
     try:
         model: Any = getattr(importlib.import_module(package), name).load(path, device="cpu")
     except Exception as error:  # garbled bytes can raise anything
@@ -271,11 +320,15 @@ def sb3_actor(path: Path, run: Run, statistics: Path | None = None) -> tuple[Run
         )
     parameters = choices[spaces.index(model.observation_space)]
     if model.action_space != (actions := action_space(run.scenario)):
-        raise ValueError(f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}")
+        raise ValueError(
+            f"was trained on the action space {model.action_space}, but that of {run.env_id} is {actions}"
+        )
     network = _network(name, model.policy)
     actor: Actor = network if isinstance(network, Actor) else ModuleActor(network)
     if statistics is not None:
-        actor = _normalised(actor, read_statistics(statistics), statistics, model.observation_space.shape)
+        actor = _normalised(
+            actor, read_statistics(statistics), statistics, model.observation_space.shape
+        )
     elif was_normalised(model):
         raise ValueError(
             "was trained with VecNormalize, whose statistics the file does not hold: save them in the training by "
@@ -290,5 +343,7 @@ def _normalised(actor: Actor, statistics: Any, path: Path, shape: tuple[int, ...
         return actor
     if np.shape(statistics.obs_rms.mean) != shape:
         found = np.shape(statistics.obs_rms.mean)
-        raise ValueError(f"was trained on observations of shape {shape}, but the statistics in {path} are of shape {found}")
+        raise ValueError(
+            f"was trained on observations of shape {shape}, but the statistics in {path} are of shape {found}"
+        )
     return NormalisedActor(actor, statistics)

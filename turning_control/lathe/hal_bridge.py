@@ -32,12 +32,25 @@ from typing import Any
 
 import hal
 
-ALWAYS = {"late": "u32", "refused": "u32", "latency": "float", "alive": "bit", "heartbeat": "bit", "pid": "s32"}
+ALWAYS = {
+    "late": "u32",
+    "refused": "u32",
+    "latency": "float",
+    "alive": "bit",
+    "heartbeat": "bit",
+    "pid": "s32",
+}
 TYPES = {"float": hal.HAL_FLOAT, "bit": hal.HAL_BIT, "s32": hal.HAL_S32, "u32": hal.HAL_U32}
 INTEGERS = {"s32": (-(2**31), 2**31 - 1), "u32": (0, 2**32 - 1)}
-RANGES = {"adaptive-feed": (0.0, 1.0), "spindle-override": (0.0, 2.0), "status": (0, 4)}  # if the file gives none
+RANGES = {
+    "adaptive-feed": (0.0, 1.0),
+    "spindle-override": (0.0, 2.0),
+    "status": (0, 4),
+}  # if the file gives none
 MAX_LINE = 65536  # length of a line above which it is no answer [bytes]
-MAX_LINES_AT_ONCE = 32  # lines at once above which none is read: a flood must not hold this component up
+MAX_LINES_AT_ONCE = (
+    32  # lines at once above which none is read: a flood must not hold this component up
+)
 MAX_COUNT = 2**32 - 1  # at which the counters stay
 
 
@@ -50,7 +63,9 @@ def main(name: str, path: str) -> None:
         component.newpin(pin, TYPES[kind], hal.HAL_IN)
     for pin, kind in {**plan["out"], **ALWAYS}.items():
         component.newpin(pin, TYPES[kind], hal.HAL_OUT)
-    child: Any = subprocess.Popen(plan["command"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+    child: Any = subprocess.Popen(
+        plan["command"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+    )
     for stop in (signal.SIGTERM, signal.SIGINT):
         signal.signal(stop, lambda *_: sys.exit(0))
     try:
@@ -108,7 +123,9 @@ def send(child: Any, values: dict[str, Any]) -> bool:
     """Send a line; return whether the process has taken it whole, which it has not if it reads no more."""
     line = json.dumps(values).encode() + b"\n"
     try:
-        return os.write(child.stdin.fileno(), line) == len(line)  # shorter than the pipe's unit: whole or not at all
+        return os.write(child.stdin.fileno(), line) == len(
+            line
+        )  # shorter than the pipe's unit: whole or not at all
     except BlockingIOError:
         return False
 

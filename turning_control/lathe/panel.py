@@ -35,7 +35,10 @@ def press(button: Callable[[Any], None], value: Any) -> None:
 
 def pins(*commands: str) -> str:
     """Run commands of halcmd; return the output of the last one."""
-    return [subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout for each in commands][-1]
+    return [
+        subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout
+        for each in commands
+    ][-1]
 
 
 def cause(fault: dict[str, Any]) -> None:
@@ -47,7 +50,9 @@ def cause(fault: dict[str, Any]) -> None:
         "pause": lambda: control.auto(linuxcnc.AUTO_PAUSE),
         "e-stop": lambda: control.state(linuxcnc.STATE_ESTOP),
         "feed hold": lambda: pins("setp motion.feed-hold 1"),
-        "spindle stopped": lambda: pins("unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"),
+        "spindle stopped": lambda: pins(
+            "unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"
+        ),
         "sensor stuck": lambda: pins("unlinkp turning.power", "setp turning.power 1"),
         "sensor lost": lambda: pins("unlinkp turning.power", "setp turning.power nan"),
         "policy": lambda: None,  # the policy itself is at fault

@@ -40,10 +40,14 @@ class RoughTurningVecEnv(VecEnv):
     ) -> None:
         self.vector_env = wrapper(vector_env(scenario, num_envs, AutoresetMode.SAME_STEP))
         self.reward_scale = reward_scale
-        self._actions: NDArray[np.float32] = np.zeros(self.vector_env.action_space.shape or (), np.float32)
+        self._actions: NDArray[np.float32] = np.zeros(
+            self.vector_env.action_space.shape or (), np.float32
+        )
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, np.int64)
-        super().__init__(num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space)
+        super().__init__(
+            num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space
+        )
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations, shape (num_envs, entries); after ``seed(s)`` of seeds s + i, otherwise of random ones."""
@@ -58,25 +62,42 @@ class RoughTurningVecEnv(VecEnv):
     def step_async(self, actions: NDArray[np.float32]) -> None:
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         observations, rewards, terminated, truncated, infos = self.vector_env.step(self._actions)
         training_rewards = self.training_rewards(rewards, infos)
         ended = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        env_infos: list[dict[str, Any]] = [{}] * self.num_envs  # one empty dictionary for all whose episode goes on
+        env_infos: list[dict[str, Any]] = [
+            {}
+        ] * self.num_envs  # one empty dictionary for all whose episode goes on
         for index in np.flatnonzero(ended).tolist():
             env_infos[index] = self.info_at_end(index, infos["final_obs"][index], truncated[index])
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
-        return observations, (training_rewards * self.reward_scale).astype(np.float32), ended, env_infos
+        return (
+            observations,
+            (training_rewards * self.reward_scale).astype(np.float32),
+            ended,
+            env_infos,
+        )
 
-    def info_at_end(self, index: int, observation: NDArray[np.float32], truncated: bool) -> dict[str, Any]:
+    def info_at_end(
+        self, index: int, observation: NDArray[np.float32], truncated: bool
+    ) -> dict[str, Any]:
         """Return the info of an environment whose episode has ended with an observation."""
         episode = {"r": float(self._returns[index]), "l": int(self._lengths[index])}
-        return {"terminal_observation": observation, "TimeLimit.truncated": bool(truncated), "episode": episode}
+        return {
+            "terminal_observation": observation,
+            "TimeLimit.truncated": bool(truncated),
+            "episode": episode,
+        }
 
-    def training_rewards(self, rewards: NDArray[np.float64], infos: dict[str, Any]) -> NDArray[np.float64]:
+    def training_rewards(
+        self, rewards: NDArray[np.float64], infos: dict[str, Any]
+    ) -> NDArray[np.float64]:
         """Return the rewards to train on, shape (num_envs,) [s], from a step's rewards and infos; here the rewards unchanged."""
         return rewards
 
@@ -87,10 +108,16 @@ class RoughTurningVecEnv(VecEnv):
         return [getattr(self.vector_env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
-        raise NotImplementedError("all environments share one scenario: make a new vector environment instead")
+        raise NotImplementedError(
+            "all environments share one scenario: make a new vector environment instead"
+        )
 
-    def env_method(self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any) -> list[Any]:
-        raise NotImplementedError("the batch has no separate environments whose methods could be called")
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Indices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        raise NotImplementedError(
+            "the batch has no separate environments whose methods could be called"
+        )
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

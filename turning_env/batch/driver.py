@@ -13,7 +13,15 @@ from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import WIDTH, action_size
-from turning_env.physics.records import CHOICES, PARAMETERS, SCRATCH, STATE, new_records, numbers_of, parameter_records
+from turning_env.physics.records import (
+    CHOICES,
+    PARAMETERS,
+    SCRATCH,
+    STATE,
+    new_records,
+    numbers_of,
+    parameter_records,
+)
 from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario, Source
 from turning_env.scenario.family import CHUNK, CONTEXT_LIMIT, Family, Job
@@ -23,11 +31,15 @@ _NUMBERS = "efdbhilqBHILQ"  # types of actions: real numbers of at most 8 bytes
 _PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
 
 
-def observation_space(scenario: Scenario, context_size: int = 0) -> spaces.Space[NDArray[np.float32]]:
+def observation_space(
+    scenario: Scenario, context_size: int = 0
+) -> spaces.Space[NDArray[np.float32]]:
     """Return a new space of one environment's observations; a space carries its own sampling state."""
     low, high = bounds(scenario)
     context = np.full(context_size, CONTEXT_LIMIT, np.float32)
-    return spaces.Box(np.concatenate([low, -context]), np.concatenate([high, context]), dtype=np.float32)
+    return spaces.Box(
+        np.concatenate([low, -context]), np.concatenate([high, context]), dtype=np.float32
+    )
 
 
 def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
@@ -38,7 +50,9 @@ def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
 def checked_seed(seed: Any, env_index: int) -> int:
     """Return the seed as an integer; ValueError if it is not a whole number from 0 to 2**64 - 1."""
     if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
-        raise ValueError(f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}")
+        raise ValueError(
+            f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}"
+        )
     return int(seed)
 
 
@@ -109,8 +123,12 @@ class Jobs:
         self._chunk = cache(self._draw)
         # A job's scenario, of which every job has the choices, such as its action and its sensors.
         self.scenario: Scenario = family.job(0, split).scenario
-        self.context_names = family.context_names if told else ()  # of what is appended to an observation
-        self.parameters = parameter_records(self.scenario)  # of one block; the jobs share those of ``CHOICES``
+        self.context_names = (
+            family.context_names if told else ()
+        )  # of what is appended to an observation
+        self.parameters = parameter_records(
+            self.scenario
+        )  # of one block; the jobs share those of ``CHOICES``
 
     def __reduce__(self) -> Any:
         """Pickle and copy the split without its jobs."""
@@ -126,7 +144,9 @@ class Jobs:
         records = parameter_records(draw.true, CHUNK, draw.nominal)
         for name in CHOICES:
             if (records[name] != self.parameters[name][0]).any():
-                raise ValueError(f"the jobs of family {self.family.name!r} must all have the same {name}")
+                raise ValueError(
+                    f"the jobs of family {self.family.name!r} must all have the same {name}"
+                )
         numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
         context = self.family.context(draw.features) if self._told else np.zeros((CHUNK, 0))
         return numbers, context.astype(np.float32)
@@ -152,9 +172,13 @@ class Batch:
         self.num_envs, self._single = num_envs, single
         self.seeded = False
         self.jobs = jobs = source if isinstance(source, Jobs) else None
-        self.scenario = scenario = source.scenario if isinstance(source, Jobs) else Scenario.load(source)
+        self.scenario = scenario = (
+            source.scenario if isinstance(source, Jobs) else Scenario.load(source)
+        )
         blocks = -(-num_envs // WIDTH)
-        self._parameters: Any = np.repeat(jobs.parameters, blocks) if jobs else parameter_records(scenario)
+        self._parameters: Any = (
+            np.repeat(jobs.parameters, blocks) if jobs else parameter_records(scenario)
+        )
         self.context_size = len(jobs.context_names) if jobs else 0
         self._context = np.zeros((num_envs, self.context_size), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
@@ -211,7 +235,9 @@ class Batch:
         """Set environments' seeds; the next episode is the first of its seed, episode 0. See ``checked_seed``."""
         block, i = np.divmod(env_indices, WIDTH)
         self._states["seed"][block, i] = seeds
-        self._states["episode"][block, i] = MAX_SEED  # before 0, as numbers without a sign begin anew
+        self._states["episode"][block, i] = (
+            MAX_SEED  # before 0, as numbers without a sign begin anew
+        )
 
     def start(self, chosen: NDArray[np.bool_]) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -221,7 +247,9 @@ class Batch:
         block, i = np.divmod(env_indices, WIDTH)
         self._states["episode"][block, i] += np.uint64(1)
         self._take_jobs(env_indices)
-        start_episodes(self._states, self._parameters, self._scratches, chosen, self.observations, self.table)
+        start_episodes(
+            self._states, self._parameters, self._scratches, chosen, self.observations, self.table
+        )
         self.observations[:, self._entries :] = self._context
         self.seeded = True
 
@@ -253,14 +281,23 @@ class Batch:
             self._take_jobs(np.flatnonzero(self.ended), 1)
         observations, table = self.observations, self.table
         if not self._single:
-            observations, table = np.empty(observations.shape, np.float32), np.empty(self._table_shape)
-        if not step_blocks(self._states, self._parameters, self._scratches, self.actions, observations, table):
+            observations, table = (
+                np.empty(observations.shape, np.float32),
+                np.empty(self._table_shape),
+            )
+        if not step_blocks(
+            self._states, self._parameters, self._scratches, self.actions, observations, table
+        ):
             i = int(np.isfinite(self.actions).all(axis=1).argmin())
-            raise ValueError(f"the action of environment {i} must be finite, got {self.actions[i].tolist()}")
+            raise ValueError(
+                f"the action of environment {i} must be finite, got {self.actions[i].tolist()}"
+            )
         if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
             self.observations, self.table = observations, table[:, : self.num_envs]
 
 
-REWARD, TERMINATED, TRUNCATED = range(len(quantities.INFO), len(quantities.REPORT))  # rows of ``Batch.table``
+REWARD, TERMINATED, TRUNCATED = range(
+    len(quantities.INFO), len(quantities.REPORT)
+)  # rows of ``Batch.table``

@@ -28,7 +28,10 @@ _PACKAGE = Path(__file__).parents[1]
 _COMPILED = ("numerics", "physics", "batch")
 """Folders with functions that are compiled into entries, beside ``observation.py`` and an entry's own folder."""
 _NAME = "machine_code-"
-INLINED: Any = {"forceinline": True, "no_cfunc_wrapper": True}  # options of overloads that are compiled into their callers
+INLINED: Any = {
+    "forceinline": True,
+    "no_cfunc_wrapper": True,
+}  # options of overloads that are compiled into their callers
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -72,7 +75,9 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
             before = config.CACHE_DIR
             try:
                 config.CACHE_DIR = str(folder or before)
-                ready = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(function)
+                ready = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(
+                    function
+                )
             finally:
                 config.CACHE_DIR = before
             result = ready(*arguments)
@@ -90,12 +95,20 @@ def machine_code_folder(sources: Path) -> Path | None:
     It is in the sources' ``__pycache__`` or, if that is read-only, in the user's cache; ``NUMBA_CACHE_DIR`` names another place.
     Machine code in a read-only ``__pycache__``, as of a container image, is copied.
     """
-    compiled = [_PACKAGE / "observation.py", *(path for name in _COMPILED for path in (_PACKAGE / name).glob("*.py"))]
-    digests = digest_of_files(_PACKAGE, compiled)[:12] + digest_of_files(sources, sources.glob("*.py"))[:12]
+    compiled = [
+        _PACKAGE / "observation.py",
+        *(path for name in _COMPILED for path in (_PACKAGE / name).glob("*.py")),
+    ]
+    digests = (
+        digest_of_files(_PACKAGE, compiled)[:12]
+        + digest_of_files(sources, sources.glob("*.py"))[:12]
+    )
     own = f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:12]}"
     named: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    places = [Path(named, own)] if named else [sources / "__pycache__", cache / "rough-turning" / own]
+    places = (
+        [Path(named, own)] if named else [sources / "__pycache__", cache / "rough-turning" / own]
+    )
     prepared = places[0] / f"{_NAME}{digests}"
     if prepared.is_dir():
         places.append(Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}"))
@@ -111,5 +124,8 @@ def machine_code_folder(sources: Path) -> Path | None:
                 if other != folder:
                     shutil.rmtree(other, ignore_errors=True)
             return folder
-    _LOG.warning("compiled code cannot be kept in %s; NUMBA_CACHE_DIR names another folder", " or ".join(map(str, places)))
+    _LOG.warning(
+        "compiled code cannot be kept in %s; NUMBA_CACHE_DIR names another folder",
+        " or ".join(map(str, places)),
+    )
     return None

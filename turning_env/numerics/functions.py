@@ -52,8 +52,12 @@ def _exp_parts(x):
     r = (x - whole * _LOG_2_HIGH) - whole * _LOG_2_LOW  # within half of log 2
     r2 = r * r
     r4 = r2 * r2
-    low = (0.5000000000000001 + r * 0.16666666666666669) + r2 * (0.041666666666624164 + r * 0.008333333333330065)
-    middle = (0.0013888888917196719 + r * 0.00019841269863040545) + r2 * (2.4801521322368692e-05 + r * 2.7557268480310024e-06)
+    low = (0.5000000000000001 + r * 0.16666666666666669) + r2 * (
+        0.041666666666624164 + r * 0.008333333333330065
+    )
+    middle = (0.0013888888917196719 + r * 0.00019841269863040545) + r2 * (
+        2.4801521322368692e-05 + r * 2.7557268480310024e-06
+    )
     high = 2.7620075879983367e-07 + r * 2.5100375832561234e-08
     power = np.int64((np.float64(rounded).view(np.int64) + _BIAS) << _MANTISSA_BITS)
     return r + r2 * (low + r4 * (middle + r4 * high)), power.view(np.float64)
@@ -78,11 +82,15 @@ def log(x):
     """Natural logarithm of a normal number above 0; of 0, some -709."""
     bits = np.float64(x).view(np.int64)
     exponent = (bits - _ROOT_HALF_BITS) >> _MANTISSA_BITS
-    mantissa = np.int64(bits - (exponent << _MANTISSA_BITS)).view(np.float64)  # between the roots of 1/2 and of 2
+    mantissa = np.int64(bits - (exponent << _MANTISSA_BITS)).view(
+        np.float64
+    )  # between the roots of 1/2 and of 2
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s
     z2 = z * z
-    low = (0.666666666666667 + z * 0.39999999999899505) + z2 * (0.28571428625975487 + z * 0.2222221113479508)
+    low = (0.666666666666667 + z * 0.39999999999899505) + z2 * (
+        0.28571428625975487 + z * 0.2222221113479508
+    )
     high = (0.18182889125261723 + z * 0.15331721600556042) + z2 * 0.14616449685043406
     whole = np.float64(exponent)
     return whole * _LOG_2_HIGH + (2.0 * s + (s * z * (low + z2 * z2 * high) + whole * _LOG_2_LOW))
@@ -108,12 +116,22 @@ def sine_and_cosine(turns):
     quarter -= 4.0 * np.floor(0.25 * quarter)  # 0, 1, 2 or 3
     z = f * f
     z2 = z * z
-    low = (6.283185307179586 - z * 41.34170224039976) + z2 * (81.60524927607493 - z * 76.70585975299812)
-    high = (42.05869392898878 - z * 15.094640403891546) + z2 * (3.8197881201632113 - z * 0.7116358090781666)
+    low = (6.283185307179586 - z * 41.34170224039976) + z2 * (
+        81.60524927607493 - z * 76.70585975299812
+    )
+    high = (42.05869392898878 - z * 15.094640403891546) + z2 * (
+        3.8197881201632113 - z * 0.7116358090781666
+    )
     sine = f * (low + z2 * z2 * high)
-    low = (-19.739208802178716 + z * 64.9393940226683) + z2 * (-85.45681720669369 + z * 60.24464137185456)
-    high = (-26.4262567778174 + z * 7.90353561233896) + z2 * (-1.714333269420992 + z * 0.2797407860657504)
+    low = (-19.739208802178716 + z * 64.9393940226683) + z2 * (
+        -85.45681720669369 + z * 60.24464137185456
+    )
+    high = (-26.4262567778174 + z * 7.90353561233896) + z2 * (
+        -1.714333269420992 + z * 0.2797407860657504
+    )
     cosine = 1.0 + z * (low + z2 * z2 * high)
     odd = (quarter == 1.0) | (quarter == 3.0)
     first, second = _where(odd, cosine, sine), _where(odd, sine, cosine)
-    return _where(quarter >= 2.0, -first, first), _where((quarter == 1.0) | (quarter == 2.0), -second, second)
+    return _where(quarter >= 2.0, -first, first), _where(
+        (quarter == 1.0) | (quarter == 2.0), -second, second
+    )

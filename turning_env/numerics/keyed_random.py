@@ -11,7 +11,9 @@ from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import log, sine_and_cosine
 
 # Uses of random numbers. Two uses of one channel would be correlated, so every use has its own.
-EDGE_CHANNEL, BAR_CHANNEL, HARDNESS_CHANNEL, DEPTH_CHANNEL, SENSOR_CHANNEL = map(np.uint64, range(1, 6))
+EDGE_CHANNEL, BAR_CHANNEL, HARDNESS_CHANNEL, DEPTH_CHANNEL, SENSOR_CHANNEL = map(
+    np.uint64, range(1, 6)
+)
 REFERENCE_CHANNEL, CHIPPING_CHANNEL, TANGLE_CHANNEL, JOB_CHANNEL = map(np.uint64, range(6, 10))
 
 _WORD = np.uint64(0xFFFFFFFF)
@@ -41,7 +43,9 @@ def philox_4x32(counter_0, counter_1, counter_2, counter_3, key):
 @compiled
 def words(state, i, channel, bar, index):
     """Return two words for one use in the episode of environment i of a block, keyed by its ``seed`` and ``episode``."""
-    word_0, word_1, _, _ = philox_4x32(np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i])
+    word_0, word_1, _, _ = philox_4x32(
+        np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i]
+    )
     return word_0, word_1
 
 

@@ -41,7 +41,9 @@ def note_command(state, i):
     """Store the commands of the step before in the queue of past ones; all of it before the first step."""
     for k in range(MAX_DELAY - 1, -1, -1):
         before = k > 0 and state.step_count[i] > 0
-        state.past_cutting_speeds[k, i] = state.past_cutting_speeds[k - 1, i] if before else state.commanded_cutting_speed[i]
+        state.past_cutting_speeds[k, i] = (
+            state.past_cutting_speeds[k - 1, i] if before else state.commanded_cutting_speed[i]
+        )
         state.past_feeds[k, i] = state.past_feeds[k - 1, i] if before else state.commanded_feed[i]
 
 
@@ -50,8 +52,12 @@ def follow_late_command(state, work, i, p):
     """Set the cutting speed and feed that the drives follow in a sub-step, if commands act late."""
     whole = min(max(math.ceil(p.steps_late[i]) - 1, 0), MAX_DELAY - 1)
     sub_steps_before = p.sub_steps - work.sub_steps_left[i]
-    held = min(max((p.steps_late[i] - whole) * p.sub_steps - sub_steps_before, 0.0), 1.0)  # share of the sub-step
-    speed = state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
+    held = min(
+        max((p.steps_late[i] - whole) * p.sub_steps - sub_steps_before, 0.0), 1.0
+    )  # share of the sub-step
+    speed = (
+        state.past_cutting_speeds[whole - 1, i] if whole > 0 else state.commanded_cutting_speed[i]
+    )
     feed = state.past_feeds[whole - 1, i] if whole > 0 else state.commanded_feed[i]
     work.target_cutting_speed[i] = speed + (state.past_cutting_speeds[whole, i] - speed) * held
     work.target_feed[i] = feed + (state.past_feeds[whole, i] - feed) * held

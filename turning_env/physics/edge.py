@@ -7,7 +7,12 @@ breakage its downtime; no time passes. If edges are changed, the time passes.
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.numerics.keyed_random import CHIPPING_CHANNEL, EDGE_CHANNEL, exponential, standard_normals
+from turning_env.numerics.keyed_random import (
+    CHIPPING_CHANNEL,
+    EDGE_CHANNEL,
+    exponential,
+    standard_normals,
+)
 from turning_env.physics.spindle import cool_down
 from turning_env.physics.wear import log_wear
 
@@ -49,7 +54,9 @@ def break_edge(state, report, i, p):
 def change_edge(state, report, i, p, stop):
     """Inspect the edge and put in the next one, which takes a time beside a ``stop`` [min]."""
     if p.inspects_edges:
-        state.removed_wear[i] = exp(log_wear(p, i, state.used_life[i])) if state.used_life[i] > 0.0 else 0.0
+        state.removed_wear[i] = (
+            exp(log_wear(p, i, state.used_life[i])) if state.used_life[i] > 0.0 else 0.0
+        )
     stop_machine(state, report, i, p, stop + p.edge_change_time[i])
     state.edge[i] += 1
     fit_edge(state, i, p)

@@ -16,7 +16,11 @@ from turning_env.numerics.keyed_random import TANGLE_CHANNEL, exponential
 from turning_env.physics.drives import clipped, follow_late_command, note_command, set_point
 from turning_env.physics.edge import break_edge, change_edge, charge, fit_edge, stop_machine
 from turning_env.physics.failure import break_failing_edges
-from turning_env.physics.machinability import excess_over_further_limit, force_and_power, log_wear_coefficient
+from turning_env.physics.machinability import (
+    excess_over_further_limit,
+    force_and_power,
+    log_wear_coefficient,
+)
 from turning_env.physics.parts import end_pass, start_part, start_pass
 from turning_env.physics.quantities import COMMANDED, END, OVERRIDE, PART, SET_POINT
 from turning_env.physics.report import clear_sums, finish_step
@@ -25,11 +29,33 @@ from turning_env.physics.slender_bar import bend_bar, chatter, note_stiffness
 from turning_env.physics.spindle import allowed_share, heat_up, idle_power
 from turning_env.physics.surface import draw_reference, roughness
 from turning_env.physics.swarf import tangle
-from turning_env.physics.wear import EQUIVALENT_TIME, life_by_clock, life_share, log_wear, with_phases
-from turning_env.physics.workpiece import limit_of_section, look_up_fields, position_in_row, probe_next_bar
+from turning_env.physics.wear import (
+    EQUIVALENT_TIME,
+    life_by_clock,
+    life_share,
+    log_wear,
+    with_phases,
+)
+from turning_env.physics.workpiece import (
+    limit_of_section,
+    look_up_fields,
+    position_in_row,
+    probe_next_bar,
+)
 
 _ZERO_AT_START = (
-    *("step_count", "ended", "path", "clock", "turns", "edge", "tangles", "pass_floor", "spindle_heat", "removed_wear"),
+    *(
+        "step_count",
+        "ended",
+        "path",
+        "clock",
+        "turns",
+        "edge",
+        "tangles",
+        "pass_floor",
+        "spindle_heat",
+        "removed_wear",
+    ),
     *("measured_thrust_force", "measured_servo_current", "measured_power"),
 )
 _MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
@@ -102,7 +128,10 @@ def run_step(state, work, report, actions, count, p):
             work.cut[i], _ = position_in_row(p, i, state.path[i])
             begin_charging(state, work, i)
             work.chip_remains[i] = 0.0
-            work.target_cutting_speed[i], work.target_feed[i] = state.commanded_cutting_speed[i], state.commanded_feed[i]
+            work.target_cutting_speed[i], work.target_feed[i] = (
+                state.commanded_cutting_speed[i],
+                state.commanded_feed[i],
+            )
         for _ in range(p.sub_steps):
             if run_sub_step(state, work, report, count, p) > 0:
                 replace_failed_edges(state, work, report, count, p, by_equivalent_time)
@@ -133,10 +162,14 @@ def command(state, work, actions, count, p):
         work.action[1, i] = clipped(actions[i, second])
     if p.action == OVERRIDE:
         for i in range(count):
-            state.commanded_feed[i] = 0.5 * (work.action[0, i] + 1.0) * p.override_max[i] * p.initial_feed[i]
+            state.commanded_feed[i] = (
+                0.5 * (work.action[0, i] + 1.0) * p.override_max[i] * p.initial_feed[i]
+            )
     elif p.action == SET_POINT:
         for i in range(count):
-            state.commanded_cutting_speed[i] = set_point(work.action[0, i], p.cutting_speed_min[i], p.cutting_speed_max[i])
+            state.commanded_cutting_speed[i] = set_point(
+                work.action[0, i], p.cutting_speed_min[i], p.cutting_speed_max[i]
+            )
             state.commanded_feed[i] = set_point(work.action[1, i], p.feed_min[i], p.feed_max[i])
     else:
         for i in range(count):
@@ -144,7 +177,9 @@ def command(state, work, actions, count, p):
             state.commanded_feed[i] *= exp(p.feed_step[i] * work.action[1, i])
     for i in range(count):
         speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(max(speed, p.cutting_speed_min[i]), p.reachable_cutting_speed[i])
+        state.commanded_cutting_speed[i] = min(
+            max(speed, p.cutting_speed_min[i]), p.reachable_cutting_speed[i]
+        )
         state.commanded_feed[i] = min(max(feed, p.feed_min[i]), p.feed_max[i])
     if p.has_section_speeds:
         for i in range(count):
@@ -175,15 +210,23 @@ def run_sub_step(state, work, report, count, p):
         work.life_before[i] = state.used_life[i]
     if p.wear_rule == EQUIVALENT_TIME:
         for i in range(count):
-            state.used_life[i] += life_share(p, i, log_coefficient(state, work, i, p), work.engaged[i])
+            state.used_life[i] += life_share(
+                p, i, log_coefficient(state, work, i, p), work.engaged[i]
+            )
     else:
         for i in range(count):
             start, used_life = state.cutting_time[i], state.used_life[i]
-            life = life_by_clock(p, i, used_life, log_coefficient(state, work, i, p), start, start + work.engaged[i])
-            state.used_life[i] = max(life, used_life) if work.engaged[i] > 0.0 else used_life  # rounding makes no edge sharper
+            life = life_by_clock(
+                p, i, used_life, log_coefficient(state, work, i, p), start, start + work.engaged[i]
+            )
+            state.used_life[i] = (
+                max(life, used_life) if work.engaged[i] > 0.0 else used_life
+            )  # rounding makes no edge sharper
     if p.has_phases:
         for i in range(count):
-            state.used_life[i] = with_phases(p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i])
+            state.used_life[i] = with_phases(
+                p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i]
+            )
     if p.chips_lag:
         for i in range(count):
             work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
@@ -194,15 +237,27 @@ def run_sub_step(state, work, report, count, p):
         state.cutting_time[i] += work.engaged[i]
         work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
         speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
-        force, power = force_and_power(p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i])
+        force, power = force_and_power(
+            p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i]
+        )
         force *= 1.0 + work.chatter[i]
         remains, cuts = work.chip_remains[i], work.engaged[i] > 0.0
-        state.thrust_force[i] = force * (1.0 - remains) + state.thrust_force[i] * remains if cuts else state.thrust_force[i]
-        state.power[i] = power * (1.0 - remains) + state.power[i] * remains if cuts else state.power[i]
+        state.thrust_force[i] = (
+            force * (1.0 - remains) + state.thrust_force[i] * remains
+            if cuts
+            else state.thrust_force[i]
+        )
+        state.power[i] = (
+            power * (1.0 - remains) + state.power[i] * remains if cuts else state.power[i]
+        )
     if p.holds_roughness:
         for i in range(count):
-            deviation = abs(roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i] - 1.0)
-            in_air = p.sub_step[i] - work.engaged[i]  # a surface that is not made deviates by all of its reference
+            deviation = abs(
+                roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i] - 1.0
+            )
+            in_air = (
+                p.sub_step[i] - work.engaged[i]
+            )  # a surface that is not made deviates by all of its reference
             report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
     break_failing_edges(state, work, count, p)
     if p.chips_tangle:
@@ -210,7 +265,9 @@ def run_sub_step(state, work, report, count, p):
     failed, stops, varies = 0, p.action != PART, p.heats or p.has_base_speed
     for k in range(p.further_limits):
         for i in range(count):
-            excess = excess_over_further_limit(p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i])
+            excess = excess_over_further_limit(
+                p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i]
+            )
             work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
     for i in range(count):
         add_to_sums(state, work, report, i, p, varies)
@@ -225,7 +282,11 @@ def run_sub_step(state, work, report, count, p):
         failed += edge_failed
         left = work.sub_steps_left[i]  # ends with the edge or the job, but with parts goes on
         work.sub_steps_left[i] = 0 if stops and (edge_failed | arrived) > 0 else left
-        remains = 1.0 if min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0 else work.chip_remains[i]
+        remains = (
+            1.0
+            if min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
+            else work.chip_remains[i]
+        )
         state.thrust_force[i] *= remains
         state.power[i] *= remains
         follow_process(state, work, i, p)
@@ -243,7 +304,9 @@ def move(state, work, i, p):
     sub_step = work.sub_step[i] if runs else 0.0
     spindle_share = p.spindle_share[i] if runs else 0.0
     feed_share = p.feed_share[i] if runs else 0.0
-    state.cutting_speed[i] += (work.target_cutting_speed[i] - state.cutting_speed[i]) * spindle_share
+    state.cutting_speed[i] += (
+        work.target_cutting_speed[i] - state.cutting_speed[i]
+    ) * spindle_share
     state.feed[i] += (work.target_feed[i] - state.feed[i]) * feed_share
     spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]  # [rev/min]
     feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
@@ -264,7 +327,9 @@ def move(state, work, i, p):
 @compiled
 def log_coefficient(state, work, i, p):
     """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
-    nominal = log_wear_coefficient(p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i])
+    nominal = log_wear_coefficient(
+        p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
+    )
     return state.log_wear_factor[i] + nominal + state.log_skin_wear[i]
 
 
@@ -307,8 +372,14 @@ def charge_time_and_life(state, work, report, i, p, by_equivalent_time):
     report.time[i] += 60.0 * time
     work.minutes[i] += time
     charge(report, i, p, min(state.used_life[i], 1.0) - work.used_life_before[i])
-    start, end, used = work.cutting_time_before[i], state.cutting_time[i], state.nominal_used_life[i]
-    coefficient = log_wear_coefficient(p.nominal, i, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0)
+    start, end, used = (
+        work.cutting_time_before[i],
+        state.cutting_time[i],
+        state.nominal_used_life[i],
+    )
+    coefficient = log_wear_coefficient(
+        p.nominal, i, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0
+    )
     if by_equivalent_time:
         state.nominal_used_life[i] = used + life_share(p.nominal, i, coefficient, end - start)
     else:
@@ -325,7 +396,13 @@ def replace_failed_edges(state, work, report, count, p, by_equivalent_time):
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
             if p.edge_changes != END:
-                change_edge(state, report, i, p, p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i])
+                change_edge(
+                    state,
+                    report,
+                    i,
+                    p,
+                    p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i],
+                )
             begin_charging(state, work, i)
             work.worn[i] = 0
             work.broken[i] = 0

@@ -24,14 +24,20 @@ def log_response(law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear
 @compiled
 def log_wear_coefficient(p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_hardness):
     """Return the logarithm of K in the fresh-edge wear W = K t^n: the wear [mm] after one minute."""
-    return log_response(p.wear_law, i, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_hardness)
+    return log_response(
+        p.wear_law, i, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_hardness
+    )
 
 
 @compiled
 def force_and_power(p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness):
     """Return thrust force [N] and spindle power [kW]."""
-    log_force = log_response(p.force_law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness)
-    log_power = log_response(p.power_law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness)
+    log_force = log_response(
+        p.force_law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness
+    )
+    log_power = log_response(
+        p.power_law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness
+    )
     return exp(log_force), exp(log_power)
 
 

@@ -27,7 +27,10 @@ def start_part(state, work, i, p, action):
 @compiled
 def start_pass(state, work, report, i, p, action, number):
     """Set speed, feed, depth and sub-step of a pass, 0 the first."""
-    speed = min(set_point(action[2 + 2 * number], p.cutting_speed_min[i], p.cutting_speed_max[i]), p.reachable_cutting_speed[i])
+    speed = min(
+        set_point(action[2 + 2 * number], p.cutting_speed_min[i], p.cutting_speed_max[i]),
+        p.reachable_cutting_speed[i],
+    )
     feed = set_point(action[3 + 2 * number], p.feed_min[i], p.feed_max[i])
     passes, depth = work.passes[i], work.pass_depth[i]
     state.commanded_cutting_speed[i] = speed

@@ -23,7 +23,14 @@ def _table_type(names: list[str]) -> np.dtype[Any]:
     """Return a type with a field for every name, and ``table``, shape (names, WIDTH), for all of them."""
     formats = [*[(np.float64, (WIDTH,))] * len(names), (np.float64, (len(names), WIDTH))]
     offsets = [*range(0, 8 * WIDTH * len(names), 8 * WIDTH), 0]
-    return np.dtype((np.record, np.dtype({"names": [*names, "table"], "formats": formats, "offsets": offsets}, align=True)))
+    return np.dtype(
+        (
+            np.record,
+            np.dtype(
+                {"names": [*names, "table"], "formats": formats, "offsets": offsets}, align=True
+            ),
+        )
+    )
 
 
 def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -35,17 +42,25 @@ def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 _PARAMETERS = {each.name: np.dtype((each.dtype, each.shape)) for each in parameters.PARAMETERS}
 _PARAMETERS["nominal"] = np.dtype([(name, _PARAMETERS[name]) for name in parameters.NOMINAL])
-_OWN = [(name, _for_each(dtype)) for name, dtype in _PARAMETERS.items() if dtype == np.float64 or dtype.names]
+_OWN = [
+    (name, _for_each(dtype))
+    for name, dtype in _PARAMETERS.items()
+    if dtype == np.float64 or dtype.names
+]
 _NUMBERS = sum(dtype.itemsize for _, dtype in _OWN) // (8 * WIDTH)
 CHOICES = [name for name in _PARAMETERS if name not in dict(_OWN)]
 """Parameters that the environments of a batch share. In the others, which come first, each environment can differ."""
 
 STATE = _record_type((each.name, each.dtype, each.shape) for each in quantities.STATE)
 _OBSERVATION = ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH))
-WORK = _record_type([*((each.name, each.dtype, each.shape) for each in quantities.WORK), _OBSERVATION])
+WORK = _record_type(
+    [*((each.name, each.dtype, each.shape) for each in quantities.WORK), _OBSERVATION]
+)
 REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
 PARAMETERS = _record_type([*_OWN, *((name, _PARAMETERS[name]) for name in CHOICES)])
-SCRATCH = _record_type([("work", WORK), ("report", REPORT)])  # a thread's working memory, without the environments' states
+SCRATCH = _record_type(
+    [("work", WORK), ("report", REPORT)]
+)  # a thread's working memory, without the environments' states
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:
@@ -53,14 +68,24 @@ def new_records(dtype: np.dtype[Any], count: int) -> Any:
     return np.zeros(count, dtype)
 
 
-def parameter_records(scenario: Scenario, count: int = WIDTH, nominal: Scenario | None = None) -> Any:
+def parameter_records(
+    scenario: Scenario, count: int = WIDTH, nominal: Scenario | None = None
+) -> Any:
     """Return the parameters of blocks with ``count`` environments, a multiple of ``WIDTH``: shape (blocks,).
 
     The numbers of the scenario and of its ``nominal`` model can be arrays of ``count`` numbers (``scenario/plan.py``).
     """
     records = new_records(PARAMETERS, count // WIDTH)
-    for columns, source in ((records, scenario), (records["nominal"], nominal or scenario.nominal())):
-        fields = {key: value for name, each in source if name not in ("name", "material", "nominal_model") for key, value in each}
+    for columns, source in (
+        (records, scenario),
+        (records["nominal"], nominal or scenario.nominal()),
+    ):
+        fields = {
+            key: value
+            for name, each in source
+            if name not in ("name", "material", "nominal_model")
+            for key, value in each
+        }
         for each in parameters.PARAMETERS:
             if each.name in columns.dtype.names:
                 _fill(columns[each.name], each.value(source) if each.value else fields[each.name])
@@ -69,7 +94,9 @@ def parameter_records(scenario: Scenario, count: int = WIDTH, nominal: Scenario 
 
 def numbers_of(records: Any) -> NDArray[np.float64]:
     """Return a view of the numbers in which environments can differ: shape (blocks, numbers, WIDTH)."""
-    numbers: NDArray[np.float64] = records.view(np.uint8).reshape(len(records), -1)[:, : 8 * _NUMBERS * WIDTH].view(np.float64)
+    numbers: NDArray[np.float64] = (
+        records.view(np.uint8).reshape(len(records), -1)[:, : 8 * _NUMBERS * WIDTH].view(np.float64)
+    )
     return numbers.reshape(len(records), _NUMBERS, WIDTH)
 
 

@@ -30,7 +30,9 @@ def clear_sums(report, first, last):
 @compiled
 def finish_step(state, work, report, i, p, timeless, by_step):
     """Set terminated, truncated, the reward and its terms [s], and the mean force, power and costs."""
-    finished = 1 if state.path[i] > p.path_end[i] - 1e-6 else 0  # a path of whole bars, but for rounding
+    finished = (
+        1 if state.path[i] > p.path_end[i] - 1e-6 else 0
+    )  # a path of whole bars, but for rounding
     ends_with_edge = 1 if timeless else 0
     terminated = finished | (work.edge_failed[i] & ends_with_edge)
     out_of_steps = 1 if state.step_count[i] >= p.step_limit else 0
@@ -48,13 +50,17 @@ def finish_step(state, work, report, i, p, timeless, by_step):
 
     report.reward_metal[i] = 60.0 * report.removed[i] / p.reference_removal_rate[i]
     report.reward_time[i] = -report.time[i]
-    report.reward_overload[i] = -60.0 * p.overload_price[i] * (report.cost_force[i] + report.cost_power[i])
+    report.reward_overload[i] = (
+        -60.0 * p.overload_price[i] * (report.cost_force[i] + report.cost_power[i])
+    )
     report.reward_roughness[i] = -p.roughness_price[i] * report.roughness_deviation[i]
     report.cost_force[i] /= work.minutes[i]
     report.cost_power[i] /= work.minutes[i]
     report.cost[i] = report.cost_force[i] + report.cost_power[i]
     reward = report.reward_metal[i] + report.reward_time[i] + report.reward_edge[i]
-    report.reward[i] = reward + report.reward_overload[i] + report.reward_breakage[i] + report.reward_roughness[i]
+    report.reward[i] = (
+        reward + report.reward_overload[i] + report.reward_breakage[i] + report.reward_roughness[i]
+    )
 
 
 @compiled
@@ -66,7 +72,9 @@ def write_state(state, report, first, last, p):
     for i in env_range(first, last):
         spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]
         power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
-        available = p.rated_power[i] * (capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0)
+        available = p.rated_power[i] * (
+            capacity(p, i, state.cutting_speed[i]) if p.reads_torque else 1.0
+        )
         report.spindle_speed[i] = spindle_speed
         report.feed_velocity[i] = spindle_speed * state.feed[i]
         report.torque[i] = 30000.0 * power / (math.pi * spindle_speed)

@@ -24,7 +24,9 @@ def follow_process(state, work, i, p):
     force_share = p.force_sensor_share[i] if runs else 0.0
     power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
     state.lagged_power[i] += (power - state.lagged_power[i]) * power_share
-    state.lagged_thrust_force[i] += (state.thrust_force[i] - state.lagged_thrust_force[i]) * force_share
+    state.lagged_thrust_force[i] += (
+        state.thrust_force[i] - state.lagged_thrust_force[i]
+    ) * force_share
 
 
 @compiled
@@ -34,7 +36,11 @@ def read_sensors(state, work, first, last, p):
         work.word_0[i], work.word_1[i] = words(state, i, SENSOR_CHANNEL, 0, state.step_count[i])
     for i in env_range(first, last):
         power_normal, force_normal = normals_of(work.word_0[i], work.word_1[i])
-        power = (1.0 + p.power_bias[i]) * state.lagged_power[i] * (1.0 + p.power_noise[i] * power_normal)
+        power = (
+            (1.0 + p.power_bias[i])
+            * state.lagged_power[i]
+            * (1.0 + p.power_noise[i] * power_normal)
+        )
         state.measured_power[i] = max(power, 0.0)
         work.force_noise[i] = 1.0 + p.force_noise[i] * force_normal
     if p.warms_up:
@@ -46,10 +52,14 @@ def read_sensors(state, work, first, last, p):
         for i in env_range(first, last):
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
             sine, _ = sine_and_cosine(p.ripples_per_path[i] * state.path[i])
-            current = steady_current(p, i, state.lagged_thrust_force[i], feed_velocity) * (1.0 + p.current_ripple[i] * sine)
+            current = steady_current(p, i, state.lagged_thrust_force[i], feed_velocity) * (
+                1.0 + p.current_ripple[i] * sine
+            )
             current = (1.0 + p.force_bias[i]) * current
             state.measured_servo_current[i] = max(current * work.force_noise[i], 0.0)
     else:
         for i in env_range(first, last):
             force_gain = 1.0 + p.force_bias[i]
-            state.measured_thrust_force[i] = max(force_gain * state.lagged_thrust_force[i] * work.force_noise[i], 0.0)
+            state.measured_thrust_force[i] = max(
+                force_gain * state.lagged_thrust_force[i] * work.force_noise[i], 0.0
+            )

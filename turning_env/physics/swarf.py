@@ -16,7 +16,9 @@ def tangle(state, work, count, p):
     tangled = 0
     for i in range(count):
         feed, depth = state.feed[i] * (1.0 + ROUNDING), state.depth_of_cut[i]
-        breaks = (p.chip_feed_min[i] <= feed) & (state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING))
+        breaks = (p.chip_feed_min[i] <= feed) & (
+            state.feed[i] <= p.chip_feed_max[i] * (1.0 + ROUNDING)
+        )
         breaks &= (p.chip_depth_min[i] <= depth) & (depth <= p.chip_depth_max[i])
         state.tangle_margin[i] -= 0.0 if breaks else p.tangle_rate[i] * work.engaged[i]
         tangled += state.tangle_margin[i] <= 0.0

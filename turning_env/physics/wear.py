@@ -22,7 +22,9 @@ def life_share(p, i, log_wear_coefficient, time):
 def life_by_clock(p, i, used_life, log_wear_coefficient, start, end):
     """Return the used life [-] after cutting from ``start`` to ``end`` [min] at constant log K, by clock time."""
     n = p.wear_law.time[i]
-    growth = exp(log_wear_coefficient - p.log_wear_criterion[i]) * (real_power(end, n) - real_power(start, n))
+    growth = exp(log_wear_coefficient - p.log_wear_criterion[i]) * (
+        real_power(end, n) - real_power(start, n)
+    )
     return real_power(real_power(used_life, n) + growth, p.life_exponent[i])
 
 

@@ -11,7 +11,14 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import log, sine_and_cosine
-from turning_env.numerics.keyed_random import BAR_CHANNEL, DEPTH_CHANNEL, HARDNESS_CHANNEL, normals_of, standard_normals, words
+from turning_env.numerics.keyed_random import (
+    BAR_CHANNEL,
+    DEPTH_CHANNEL,
+    HARDNESS_CHANNEL,
+    normals_of,
+    standard_normals,
+    words,
+)
 from turning_env.physics.sensors import warmth
 
 MIN_DEPTH_SHARE = 0.01
@@ -41,7 +48,9 @@ def section_at(p, i, along):
 def limit_of_section(p, i, path):
     """Return the highest cutting speed [m/min] at a path coordinate [mm]."""
     cut, _ = position_in_row(p, i, path)
-    return p.section_speeds[section_at(p, i, max(cut - np.floor(cut * p.bars_per_cut[i]) * p.bar_length[i], 0.0))]
+    return p.section_speeds[
+        section_at(p, i, max(cut - np.floor(cut * p.bars_per_cut[i]) * p.bar_length[i], 0.0))
+    ]
 
 
 @compiled
@@ -55,10 +64,16 @@ def look_up_fields(state, work, first, last, p):
     for i in env_range(first, last):
         cut = work.middle[i]
         bar = np.floor(cut * p.bars_per_cut[i])
-        along = max(cut - bar * p.bar_length[i], 0.0)  # rounding must not ask for a node before the first
+        along = max(
+            cut - bar * p.bar_length[i], 0.0
+        )  # rounding must not ask for a node before the first
         hardness_cell = np.floor(along * p.hardness_nodes_per_length[i])
         depth_cell = np.floor(along * p.depth_nodes_per_length[i])
-        moved = abs(bar - state.bar[i]) + abs(hardness_cell - state.hardness_cell[i]) + abs(depth_cell - state.depth_cell[i])
+        moved = (
+            abs(bar - state.bar[i])
+            + abs(hardness_cell - state.hardness_cell[i])
+            + abs(depth_cell - state.depth_cell[i])
+        )
         work.along[i] = along
         work.nominal_depth[i] = p.depth_of_cut[i]
         work.passing[i] = 1 if min(moved, work.engaged[i]) > 0.0 else 0
@@ -71,7 +86,9 @@ def look_up_fields(state, work, first, last, p):
     for i in env_range(first, last):
         share = work.along[i] * p.hardness_nodes_per_length[i] - state.hardness_cell[i]
         noise = noise_between(state.hardness_left[i], state.hardness_right[i], share)
-        hardness = p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
+        hardness = (
+            p.log_hardness_mismatch[i] + p.hardness_bar_spread[i] * state.bar_hardness_normal[i]
+        )
         hardness += p.hardness_along_spread[i] * noise
         state.log_hardness[i] = hardness if work.engaged[i] > 0.0 else state.log_hardness[i]
         share = work.along[i] * p.depth_nodes_per_length[i] - state.depth_cell[i]
@@ -87,18 +104,30 @@ def look_up_fields(state, work, first, last, p):
             work.blank_depth[i] += p.thermal_growth[i] * warmth(state, i, p)
     for i in env_range(first, last):
         nominal = work.nominal_depth[i]
-        work.blank_depth[i] = max(work.blank_depth[i], MIN_DEPTH_SHARE * nominal) if nominal > 0.0 else 0.0
+        work.blank_depth[i] = (
+            max(work.blank_depth[i], MIN_DEPTH_SHARE * nominal) if nominal > 0.0 else 0.0
+        )
         depth = min(work.blank_depth[i], state.pass_ceiling[i]) - state.pass_floor[i]
         state.depth_of_cut[i] = depth if work.engaged[i] > 0.0 else state.depth_of_cut[i]
     if p.has_gradient:
         for i in env_range(first, last):
-            deeper = state.depth_of_cut[i] / work.nominal_depth[i] - 1.0 if work.nominal_depth[i] > 0.0 else 0.0
-            state.log_hardness[i] += 0.5 * p.hardness_gradient[i] * deeper if work.engaged[i] > 0.0 else 0.0
+            deeper = (
+                state.depth_of_cut[i] / work.nominal_depth[i] - 1.0
+                if work.nominal_depth[i] > 0.0
+                else 0.0
+            )
+            state.log_hardness[i] += (
+                0.5 * p.hardness_gradient[i] * deeper if work.engaged[i] > 0.0 else 0.0
+            )
     if p.has_skin:  # the outermost depth [mm] of a blank
         for i in env_range(first, last):
             lowest = max(work.blank_depth[i] - p.skin_thickness[i], state.pass_floor[i])
             skin = max(min(work.blank_depth[i], state.pass_ceiling[i]) - lowest, 0.0)
-            share = skin / state.depth_of_cut[i] if min(work.engaged[i], state.depth_of_cut[i]) > 0.0 else 0.0
+            share = (
+                skin / state.depth_of_cut[i]
+                if min(work.engaged[i], state.depth_of_cut[i]) > 0.0
+                else 0.0
+            )
             state.log_hardness[i] += log(1.0 + share * (p.skin_hardness[i] - 1.0))
             wear = log(1.0 + share * (p.skin_wear[i] - 1.0))
             state.log_skin_wear[i] = wear if work.engaged[i] > 0.0 else state.log_skin_wear[i]
@@ -116,16 +145,37 @@ def pass_nodes(state, work, first, last, p):
             bar = np.floor(work.middle[i] * p.bars_per_cut[i])
             if bar != state.bar[i]:
                 state.bar[i] = bar
-                state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(state, i, BAR_CHANNEL, bar, 0)
+                state.bar_hardness_normal[i], state.bar_depth_normal[i] = standard_normals(
+                    state, i, BAR_CHANNEL, bar, 0
+                )
                 state.hardness_cell[i] = -1.0  # the nodes of the bar before do not count
                 state.depth_cell[i] = -1.0
-            nodes, spread = (state.hardness_cell, state.hardness_left, state.hardness_right), p.hardness_along_spread[i]
-            listed += pass_node(state, work, i, listed, HARDNESS_CHANNEL, nodes, p.hardness_nodes_per_length[i], spread)
-            nodes, spread = (state.depth_cell, state.depth_left, state.depth_right), p.depth_along_spread[i]
-            listed += pass_node(state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], spread)
+            nodes, spread = (
+                (state.hardness_cell, state.hardness_left, state.hardness_right),
+                p.hardness_along_spread[i],
+            )
+            listed += pass_node(
+                state,
+                work,
+                i,
+                listed,
+                HARDNESS_CHANNEL,
+                nodes,
+                p.hardness_nodes_per_length[i],
+                spread,
+            )
+            nodes, spread = (
+                (state.depth_cell, state.depth_left, state.depth_right),
+                p.depth_along_spread[i],
+            )
+            listed += pass_node(
+                state, work, i, listed, DEPTH_CHANNEL, nodes, p.depth_nodes_per_length[i], spread
+            )
     for k in range(listed):
         i = work.node_env[k]
-        work.word_0[k], work.word_1[k] = words(state, i, work.node_channel[k], state.bar[i], work.node_number[k])
+        work.word_0[k], work.word_1[k] = words(
+            state, i, work.node_channel[k], state.bar[i], work.node_number[k]
+        )
     for k in range(listed):
         work.node_value[k] = normals_of(work.word_0[k], work.word_1[k])[0]
     for k in range(listed):
@@ -170,5 +220,8 @@ def noise_between(left, right, share):
 def probe_next_bar(state, i, p):
     """Measure the mean allowance [mm] of the next bar."""
     bar = np.rint(state.path[i] * p.bars_per_path[i])
-    depth = p.depth_of_cut[i] + p.depth_bar_spread[i] * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
+    depth = (
+        p.depth_of_cut[i]
+        + p.depth_bar_spread[i] * standard_normals(state, i, BAR_CHANNEL, bar, 0)[1]
+    )
     state.probed_depth[i] = max(depth, MIN_DEPTH_SHARE * p.depth_of_cut[i])

@@ -3,6 +3,13 @@
 A scenario holds values and no state; equations of the process belong in ``physics``.
 """
 
-from turning_env.scenario.scenario import SPLITS, PortableScenario, Scenario, ScenarioError, Source, presets
+from turning_env.scenario.scenario import (
+    SPLITS,
+    PortableScenario,
+    Scenario,
+    ScenarioError,
+    Source,
+    presets,
+)
 
 __all__ = ["SPLITS", "PortableScenario", "Scenario", "ScenarioError", "Source", "presets"]

@@ -26,7 +26,15 @@ from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
 from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.formula import evaluate
 from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
-from turning_env.scenario.scenario import always_told, complaints_of, flat, merged, nested, shipped, table_of
+from turning_env.scenario.scenario import (
+    always_told,
+    complaints_of,
+    flat,
+    merged,
+    nested,
+    shipped,
+    table_of,
+)
 from turning_env.scenario.section import Section, declared_ranges, names_instead
 
 Array = NDArray[np.float64]
@@ -39,8 +47,12 @@ _RANGES = declared_ranges(Scenario)
 CHUNK = 256
 """Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
 MAX_JOBS = 2**32
-MAX_RATIO = 1e300  # of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact beyond
-MAX_LOG_SPREAD = 100.0  # largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away
+MAX_RATIO = (
+    1e300  # of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact beyond
+)
+MAX_LOG_SPREAD = (
+    100.0  # largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away
+)
 CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _MAX_ATTEMPTS = 200
@@ -52,24 +64,38 @@ class Distribution(Section):
     uniform: tuple[float, float] | None = None  # lowest and highest value
     log_uniform: tuple[PositiveFloat, float] | None = None  # likewise
     normal: tuple[float, NonNegativeFloat] | None = None  # mean and standard deviation
-    log_normal: tuple[PositiveFloat, NonNegativeFloat] | None = None  # median, and standard deviation of the logarithm
+    log_normal: tuple[PositiveFloat, NonNegativeFloat] | None = (
+        None  # median, and standard deviation of the logarithm
+    )
 
     @property
     def _given(self) -> list[tuple[str, tuple[float, float]]]:
-        return [(name, getattr(self, name)) for name in Distribution.model_fields if getattr(self, name) is not None]
+        return [
+            (name, getattr(self, name))
+            for name in Distribution.model_fields
+            if getattr(self, name) is not None
+        ]
 
     @model_validator(mode="after")
     def _one_that_makes_sense(self) -> Self:
         if len(given := self._given) != 1:
             names = ", ".join(name for name, _ in given) or "none"
-            raise ValueError(f"must have one of {', '.join(Distribution.model_fields)}, but has {names}")
+            raise ValueError(
+                f"must have one of {', '.join(Distribution.model_fields)}, but has {names}"
+            )
         ((name, (first, second)),) = given
         if "uniform" in name and first > second:
-            raise ValueError(f"{name} is [{first}, {second}], but the lowest value must not exceed the highest")
+            raise ValueError(
+                f"{name} is [{first}, {second}], but the lowest value must not exceed the highest"
+            )
         if name == "log_uniform" and not second <= MAX_RATIO * first:
-            raise ValueError(f"{name} is [{first}, {second}], but the highest value may be {MAX_RATIO:g} times the lowest")
+            raise ValueError(
+                f"{name} is [{first}, {second}], but the highest value may be {MAX_RATIO:g} times the lowest"
+            )
         if name == "log_normal" and second > MAX_LOG_SPREAD:
-            raise ValueError(f"{name} is [{first}, {second}], but its standard deviation may be at most {MAX_LOG_SPREAD:g}")
+            raise ValueError(
+                f"{name} is [{first}, {second}], but its standard deviation may be at most {MAX_LOG_SPREAD:g}"
+            )
         return self
 
     def values(self, uniforms: tuple[Array, Array]) -> Any:
@@ -111,11 +137,18 @@ class Table(Section):
     def _fits(self) -> Self:
         for name, row in self.rows.items():
             if len(row) != len(self.columns):
-                raise ValueError(f"rows.{name} has {len(row)} numbers, but there are {len(self.columns)} columns")
-        for field, kind, known in (("held_out", "row", self.rows), ("truth", "column", self.columns)):
+                raise ValueError(
+                    f"rows.{name} has {len(row)} numbers, but there are {len(self.columns)} columns"
+                )
+        for field, kind, known in (
+            ("held_out", "row", self.rows),
+            ("truth", "column", self.columns),
+        ):
             for name in getattr(self, field):
                 if name not in known:
-                    raise ValueError(f"{field}: there is no {kind} {name!r}; {names_instead(name, known, 'the table')}")
+                    raise ValueError(
+                        f"{field}: there is no {kind} {name!r}; {names_instead(name, known, 'the table')}"
+                    )
         if self.rows.keys() <= set(self.held_out):
             raise ValueError("every row is held out, but the training jobs need some")
         return self
@@ -124,7 +157,9 @@ class Table(Section):
 def _finite(place: str, values: Any) -> Any:
     """Return values, or raise ValueError if one is no finite number."""
     if not np.all(np.isfinite(values)):
-        raise ValueError(f"{place}: a value that is drawn is too large: allowed are numbers up to 1.79e308")
+        raise ValueError(
+            f"{place}: a value that is drawn is too large: allowed are numbers up to 1.79e308"
+        )
     return values
 
 
@@ -177,8 +212,15 @@ def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
     """
     nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
     loads = Loads(true, jobs)
-    bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(axis=(1, 2))
-    true_life = 1.0 / loads.life_rate[np.arange(jobs), *loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])]
+    bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(
+        axis=(1, 2)
+    )
+    true_life = (
+        1.0
+        / loads.life_rate[
+            np.arange(jobs), *loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
+        ]
+    )
     lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
     return np.asarray(plan.feasible.all(axis=1) & lasts & bearable)
 
@@ -189,8 +231,12 @@ class Family(Section):
     name: str
     base: str = "shift"  # preset with the values of all fields that are not drawn
     jobs: int = Field(default=4096, ge=1, le=MAX_JOBS)  # number of training jobs
-    held_out_jobs: int = Field(default=256, ge=1, le=MAX_JOBS)  # number of jobs of every other split
-    held_out_key: str = ""  # text that determines the jobs of every other split, with their names and numbers
+    held_out_jobs: int = Field(
+        default=256, ge=1, le=MAX_JOBS
+    )  # number of jobs of every other split
+    held_out_key: str = (
+        ""  # text that determines the jobs of every other split, with their names and numbers
+    )
     variables: dict[str, Variable]
     tables: dict[str, Table] = {}  # noqa: RUF012
     derived: dict[str, float | str] = {}  # noqa: RUF012
@@ -216,10 +262,16 @@ class Family(Section):
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:
-        drawn = [*self.variables, *(column for table in self.tables.values() for column in table.columns), *self.derived]
+        drawn = [
+            *self.variables,
+            *(column for table in self.tables.values() for column in table.columns),
+            *self.derived,
+        ]
         for name in self.shown:
             if name not in drawn:
-                raise ValueError(f"shown: there is no variable {name!r}; {names_instead(name, drawn, 'the variables')}")
+                raise ValueError(
+                    f"shown: there is no variable {name!r}; {names_instead(name, drawn, 'the variables')}"
+                )
         for table in ("fields", "hidden", "planned"):
             for name, value in getattr(self, table).items():
                 self._check_field(f"{table}.{name}", name, value)
@@ -231,7 +283,9 @@ class Family(Section):
             raise ValueError(f"{place}: {self._no_field(name)}")
         usual = self._base[name]
         if not isinstance(usual, bool | int | float):
-            raise ValueError(f"{place}: only numbers are drawn, but this field has {usual!r}: set it in the base")
+            raise ValueError(
+                f"{place}: only numbers are drawn, but this field has {usual!r}: set it in the base"
+            )
         if isinstance(usual, bool) != isinstance(value, bool):
             allowed = "true or false" if isinstance(usual, bool) else "a number or a formula"
             raise ValueError(f"{place}: {value!r} is not allowed: it must be {allowed}")
@@ -239,8 +293,16 @@ class Family(Section):
     def _no_field(self, name: str) -> str:
         """Return what is wrong with the name of a field that no scenario has."""
         section, _, last = name.rpartition(".")
-        known = [field.removeprefix(f"{section}.") for field in self._base if field.startswith(f"{section}.")]
-        instead = names_instead(last, known, _SCHEMA) if known else names_instead(name, self._base, _SCHEMA)
+        known = [
+            field.removeprefix(f"{section}.")
+            for field in self._base
+            if field.startswith(f"{section}.")
+        ]
+        instead = (
+            names_instead(last, known, _SCHEMA)
+            if known
+            else names_instead(name, self._base, _SCHEMA)
+        )
         return f"a scenario has no field {name!r}; {instead}"
 
     @classmethod
@@ -250,7 +312,11 @@ class Family(Section):
             return source
         if isinstance(source, Mapping):
             return cls._from_values("family", dict(source))
-        return _preset(str(source)) if source in _FAMILIES else cls._from_values(*table_of(source, *_SHIPPED))
+        return (
+            _preset(str(source))
+            if source in _FAMILIES
+            else cls._from_values(*table_of(source, *_SHIPPED))
+        )
 
     @classmethod
     def _from_values(cls, source: str, values: Values) -> "Family":
@@ -258,7 +324,9 @@ class Family(Section):
             if "extends" in values:  # on top of the values of another family that ships
                 other = str(values.pop("extends"))
                 if other not in _FAMILIES:
-                    raise ValueError(f"extends is {other!r}; {names_instead(other, _FAMILIES, 'families()')}")
+                    raise ValueError(
+                        f"extends is {other!r}; {names_instead(other, _FAMILIES, 'families()')}"
+                    )
                 values = merged(_preset(other).model_dump(exclude_none=True), values)
             family = cls.model_validate(values)
             family.job(0)
@@ -288,23 +356,42 @@ class Family(Section):
     def digest(self) -> str:
         """Return the SHA-256 of all values; a field that was added later counts if it is used."""
         values = self.model_dump(mode="json")
-        return digest_of({name: value for name, value in values.items() if value or name not in ("hidden", "shown")})
+        return digest_of(
+            {
+                name: value
+                for name, value in values.items()
+                if value or name not in ("hidden", "shown")
+            }
+        )
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""
-        return (int(seed) + _STRIDE * int(episode)) % (self.jobs if split == "train" else self.held_out_jobs)
+        return (int(seed) + _STRIDE * int(episode)) % (
+            self.jobs if split == "train" else self.held_out_jobs
+        )
 
     def job(self, seed: int, split: str = "train", episode: int = 0) -> Job:
         """Return the job that an episode of a seed plays; ValueError if there is no such split."""
         number = self.number(seed, episode, split)
         draw, i = self.draw(split, number // CHUNK), number % CHUNK
         nominal, true = (
-            {name: value[i].item() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
+            {
+                name: value[i].item() if isinstance(value, np.ndarray) else value
+                for name, value in fields.items()
+            }
             for fields in draw.fields
         )
-        differing = {name: value for name, value in nominal.items() if value != true[name] and not always_told(name)}
+        differing = {
+            name: value
+            for name, value in nominal.items()
+            if value != true[name] and not always_told(name)
+        }
         name = "-".join((self.name, split, str(number)))
-        values = {"base": self.base, "name": name} | nested(true.items()) | {"nominal_model": nested(differing.items())}
+        values = (
+            {"base": self.base, "name": name}
+            | nested(true.items())
+            | {"nominal_model": nested(differing.items())}
+        )
         speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
         numbers = {name: float(values[i]) for name, values in draw.features.items()}
         return Job(
@@ -329,7 +416,9 @@ class Family(Section):
         """Return the context of one's own scenario, shape (numbers,), by its nominal model and values of ``Family.shown``."""
         if shown.keys() != set(self.shown):
             names = ", ".join(self.shown) or "no values"
-            raise ValueError(f"the context of family {self.name!r} needs {names}, got {dict(shown)}")
+            raise ValueError(
+                f"the context of family {self.name!r} needs {names}, got {dict(shown)}"
+            )
         nominal = scenario.nominal()
         return self.context(features(nominal, plan_of(nominal, 1)) | dict(shown)).ravel()
 
@@ -343,7 +432,9 @@ class Family(Section):
     @cached_property
     def _deviations(self) -> dict[str, Distribution]:
         own = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
-        return own | {name: truth for table in self.tables.values() for name, truth in table.truth.items()}
+        return own | {
+            name: truth for table in self.tables.values() for name, truth in table.truth.items()
+        }
 
     @cached_property
     def _base(self) -> Values:
@@ -356,10 +447,14 @@ class Family(Section):
     def draw(self, split: str, chunk: int) -> Draw:
         """Return the jobs with the numbers from ``CHUNK * chunk`` on; ValueError if there is no such split."""
         if split not in self.splits:
-            raise ValueError(f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}")
+            raise ValueError(
+                f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}"
+            )
         known: dict[tuple[str, int], Draw] = vars(self).setdefault("_known", {})
         if (split, chunk) not in known:
-            known[split, chunk] = self._drawn(split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64))
+            known[split, chunk] = self._drawn(
+                split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64)
+            )
         return known[split, chunk]
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused, or make no sense
@@ -370,34 +465,62 @@ class Family(Section):
             pending = pending[~(draw.in_range & makes_sense(draw.true, draw.plan))]
             attempts[pending] += np.uint64(1)
             if attempts.max() > _MAX_ATTEMPTS:
-                outside = [name for name in self.fields if not _in_range({name: draw.fields[0][name]}, len(draw.in_range)).all()]
+                outside = [
+                    name
+                    for name in self.fields
+                    if not _in_range({name: draw.fields[0][name]}, len(draw.in_range)).all()
+                ]
                 where = f"; outside their ranges are {', '.join(outside)}" if outside else ""
                 raise ValueError(
                     f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: check ranges and limits{where}"
                 )
         return self._attempt(split, numbers, attempts)
 
-    def _attempt(self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]) -> Draw:
+    def _attempt(
+        self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]
+    ) -> Draw:
         names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
         keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
-        split_key = crc32(b"train") if split == "train" else int(digest_of([self.held_out_key, split])[:16], 16)
+        split_key = (
+            crc32(b"train")
+            if split == "train"
+            else int(digest_of([self.held_out_key, split])[:16], 16)
+        )
         words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(split_key))
-        uniforms = dict(zip(names, zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True), strict=True))
+        uniforms = dict(
+            zip(
+                names,
+                zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True),
+                strict=True,
+            )
+        )
 
         told: Values = {}
         for name, variable in self.variables.items():
             told[name] = _finite(f"variables.{name}", variable.values(uniforms[name]))
         for name, table in self.tables.items():
             held_out = name in self.splits[split]
-            choices = np.array([row for each, row in table.rows.items() if (each in table.held_out) == held_out])
-            told |= dict(zip(table.columns, choices[(uniforms[name][0] * len(choices)).astype(np.int64)].T, strict=True))
+            choices = np.array(
+                [row for each, row in table.rows.items() if (each in table.held_out) == held_out]
+            )
+            told |= dict(
+                zip(
+                    table.columns,
+                    choices[(uniforms[name][0] * len(choices)).astype(np.int64)].T,
+                    strict=True,
+                )
+            )
         for name, formula in self.derived.items():
             told[name] = evaluate(f"derived.{name}", formula, told)
         true = dict(told)
         for name, truth in self._deviations.items():
-            true[name] = _finite(f"{name}.truth", truth.true_values(told[name], uniforms[f"{name}.truth"]))
+            true[name] = _finite(
+                f"{name}.truth", truth.true_values(told[name], uniforms[f"{name}.truth"])
+            )
 
-        nominal_fields = {name: evaluate(f"fields.{name}", formula, told) for name, formula in self.fields.items()}
+        nominal_fields = {
+            name: evaluate(f"fields.{name}", formula, told) for name, formula in self.fields.items()
+        }
         in_range = _in_range(nominal_fields, len(numbers))
         plan = plan_of(self.columns(nominal_fields), len(numbers))
         planned = {"best_cutting_speed": plan.speed[:, MIDDLE], "best_feed": plan.feed[:, MIDDLE]}
@@ -407,7 +530,9 @@ class Family(Section):
         true_fields = {}
         for name, value in nominal_fields.items():
             same = always_told(name) or name in self.planned
-            true_fields[name] = value if same else evaluate(f"fields.{name}", self.fields[name], true)
+            true_fields[name] = (
+                value if same else evaluate(f"fields.{name}", self.fields[name], true)
+            )
         nominal_fields |= {name: self._base[name] for name in self.hidden}
         for name, formula in self.hidden.items():
             true_fields[name] = evaluate(f"hidden.{name}", formula, true | planned)

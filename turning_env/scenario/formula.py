@@ -77,7 +77,10 @@ class _Reader:
     def value(self, node: ast.AST, depth: int) -> Any:
         """Return the value of a part of the formula, which lies ``depth`` levels below its top."""
         if depth > MAX_DEPTH:
-            self.refuse(f"has more than the {MAX_DEPTH} levels of brackets, signs and operators that are allowed", node)
+            self.refuse(
+                f"has more than the {MAX_DEPTH} levels of brackets, signs and operators that are allowed",
+                node,
+            )
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 return self._number(node, number)
@@ -87,10 +90,14 @@ class _Reader:
                 return self._applied(node, _SIGNS[type(op)], [operand], depth)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 return self._applied(node, _OPERATORS[type(op)], [left, right], depth)
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
+                name in _FUNCTIONS
+            ):
                 function = _FUNCTIONS[name]
                 if len(arguments) != function.arity:
-                    self.refuse(f"{name} has {len(arguments)} arguments, but needs {function.arity}", node)
+                    self.refuse(
+                        f"{name} has {len(arguments)} arguments, but needs {function.arity}", node
+                    )
                 return self._applied(node, function.apply, arguments, depth)
         self.refuse(_ALLOWED, node)
 
@@ -103,10 +110,15 @@ class _Reader:
 
     def _variable(self, node: ast.AST, name: str) -> Any:
         if name not in self._variables:
-            self.refuse(f"there is no variable {name!r}; {names_instead(name, self._variables, 'the variables')}", node)
+            self.refuse(
+                f"there is no variable {name!r}; {names_instead(name, self._variables, 'the variables')}",
+                node,
+            )
         return self._variables[name]
 
-    def _applied(self, node: ast.AST, function: Callable[..., Any], arguments: list[ast.expr], depth: int) -> Any:
+    def _applied(
+        self, node: ast.AST, function: Callable[..., Any], arguments: list[ast.expr], depth: int
+    ) -> Any:
         values = []
         for argument in arguments:
             value = self.value(argument, depth + 1)
@@ -148,7 +160,9 @@ def _power(base: Any, exponent: Any) -> Any:
 
 def _exp(x: Any) -> Any:
     if np.any(np.abs(x) > MAX_EXPONENT):
-        raise _Refused(f"exp needs numbers within -{MAX_EXPONENT:g} to {MAX_EXPONENT:g}, but {_farthest(x)} is among them")
+        raise _Refused(
+            f"exp needs numbers within -{MAX_EXPONENT:g} to {MAX_EXPONENT:g}, but {_farthest(x)} is among them"
+        )
     return exp(x)
 
 

@@ -16,7 +16,13 @@ from turning_env.scenario.scenario import Scenario, flat, nested
 
 Array = NDArray[np.float64]
 
-USED_LIVES = (0.05, 0.25, 0.5, 0.75, 0.95)  # used shares of an edge's life at which set points are planned
+USED_LIVES = (
+    0.05,
+    0.25,
+    0.5,
+    0.75,
+    0.95,
+)  # used shares of an edge's life at which set points are planned
 MIDDLE = 2  # place of half a life in ``USED_LIVES``
 _ENOUGH = 2.0  # ratio of a cutting speed to the base speed above which the torque does not matter
 _GRID = 20  # cutting speeds, and feeds, that a plan compares, evenly spaced on a logarithmic scale
@@ -25,17 +31,27 @@ _GRID = 20  # cutting speeds, and feeds, that a plan compares, evenly spaced on 
 def unchecked(values: dict[str, Any], section: Any = Scenario) -> Scenario:
     """Return a scenario of nested values, which are not checked: its numbers can be arrays of shape (scenarios,)."""
     kinds = {name: field.annotation for name, field in section.model_fields.items()}
-    inner = {name: unchecked(value, kinds[name]) if isinstance(value, dict) else value for name, value in values.items()}
+    inner = {
+        name: unchecked(value, kinds[name]) if isinstance(value, dict) else value
+        for name, value in values.items()
+    }
     made: Scenario = section.model_construct(**inner)
     return made
 
 
 def columns_of(scenarios: Sequence[Scenario]) -> Scenario:
     """Return scenarios as one of arrays; values that all have stay as they are. Their nominal models are left out."""
-    first, *others = (flat(scenario.model_dump(exclude={"name", "nominal_model"})) for scenario in scenarios)
+    first, *others = (
+        flat(scenario.model_dump(exclude={"name", "nominal_model"})) for scenario in scenarios
+    )
     same = {name for name, value in first.items() if all(each[name] == value for each in others)}
     each_of = [first, *others]
-    return unchecked(nested((name, first[name] if name in same else np.array([v[name] for v in each_of])) for name in first))
+    return unchecked(
+        nested(
+            (name, first[name] if name in same else np.array([v[name] for v in each_of]))
+            for name in first
+        )
+    )
 
 
 class Loads:
@@ -51,36 +67,56 @@ class Loads:
         self.speed, self.feed = exp(self._log_speed), exp(self._log_feed)
         self.removal = self.speed * self.feed * _wide(s.workpiece.depth_of_cut)
         wear = log_response_at(s, "wear", 0.0)
-        self.life_rate = self._over_grid(s.material.wear, wear - log(s.tool.wear_criterion), 1.0 / s.material.wear.time)
+        self.life_rate = self._over_grid(
+            s.material.wear, wear - log(s.tool.wear_criterion), 1.0 / s.material.wear.time
+        )
         self._force = self._over_grid(s.material.thrust_force, -log(s.limits.thrust_force))
         self._power = self._over_grid(s.material.power, -log(s.limits.power))
-        self._idle = _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power) * self.speed
+        self._idle = (
+            _wide(s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power)
+            * self.speed
+        )
         self._capacity = np.minimum(self.speed / _wide(np.maximum(s.base_cutting_speed, 1e-9)), 1.0)
 
     def _over_grid(self, law: Any, log_rest: Any, exponent: Any = 1.0) -> Any:
         """Return (exp(log_rest) V^a f^b)^exponent."""
-        along_speed = exp(_wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed)
+        along_speed = exp(
+            _wide(log_rest * exponent) + _wide(law.cutting_speed * exponent) * self._log_speed
+        )
         return along_speed * exp(_wide(law.feed * exponent) * self._log_feed)
 
     def nearest(self, speed: Array, feed: Array) -> list[NDArray[np.int64]]:
         """Return the places of the grid's speeds and feeds that are nearest to some [m/min, mm/rev], shape (scenarios,) each."""
         pairs = (self.speed, speed), (self.feed, feed)
-        return [abs(log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs]
+        return [
+            abs(log(grid.reshape(len(at), -1) / at[:, None])).argmin(axis=1) for grid, at in pairs
+        ]
 
     def excess(self, used_life: float, deviations: float = 0.0) -> Any:
         """Return the larger of force and power over their limits, less 1, for bars worse by a number of standard deviations."""
         s = self._s
         force = self._force * _wide(exp(log_response_at(s, "thrust_force", used_life, deviations)))
-        power = self._power * _wide(exp(log_response_at(s, "power", used_life, deviations))) + self._idle
+        power = (
+            self._power * _wide(exp(log_response_at(s, "power", used_life, deviations)))
+            + self._idle
+        )
         return np.maximum(force, power / self._capacity) - 1.0
 
 
 def log_response_at(s: Scenario, law_name: str, used_life: float, deviations: float = 0.0) -> Any:
     """Return the logarithm of a response at 1 m/min and 1 mm/rev, to an edge of a used life (0: the law has no wear)."""
     work, law = s.workpiece, getattr(s.material, law_name)
-    depth = work.depth_of_cut + deviations * hypotenuse(work.depth_bar_spread, work.depth_along_spread)
-    log_hardness = log(s.mismatch.hardness_factor) + deviations * hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
-    log_wear = log(s.tool.wear_criterion) + s.material.wear.time * log(used_life) if used_life > 0.0 else 0.0
+    depth = work.depth_of_cut + deviations * hypotenuse(
+        work.depth_bar_spread, work.depth_along_spread
+    )
+    log_hardness = log(s.mismatch.hardness_factor) + deviations * hypotenuse(
+        work.hardness_bar_spread, work.hardness_along_spread
+    )
+    log_wear = (
+        log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
+        if used_life > 0.0
+        else 0.0
+    )
     return log_response(law, 0.0, 0.0, log(depth), 0.0, log_wear, log_hardness)  # type: ignore[no-untyped-call]
 
 
@@ -109,7 +145,9 @@ def plan_of(s: Scenario, count: int) -> Plan:
         best = np.where(feasible, value, -1e9 - excess).reshape(count, -1).argmax(axis=1)
         i, k = np.divmod(best, _GRID)
         life = 1.0 / loads.life_rate[rows, i, k]
-        found.append((loads.speed[rows, i, 0], loads.feed[rows, 0, k], life, feasible.any(axis=(1, 2))))
+        found.append(
+            (loads.speed[rows, i, 0], loads.feed[rows, 0, k], life, feasible.any(axis=(1, 2)))
+        )
     speed, feed, life, feasible = (np.stack(column, axis=1) for column in zip(*found, strict=True))
     return Plan(speed, feed, life, feasible, rate)
 
@@ -133,13 +171,20 @@ def features(s: Scenario, plan: Plan) -> dict[str, Array]:
     power_limit = s.limits.power * np.minimum(over_base, 1.0)
     numbers: dict[str, Any] = {}
     for law in ("thrust_force", "power", "wear"):
-        for factor in ("cutting_speed", "feed", "depth_of_cut", "wear" if law != "wear" else "time"):
+        for factor in (
+            "cutting_speed",
+            "feed",
+            "depth_of_cut",
+            "wear" if law != "wear" else "time",
+        ):
             numbers[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
     numbers["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     for law, limit in (("thrust_force", s.limits.thrust_force), ("power", power_limit)):
         exponents = getattr(material, law)
         at_best = exponents.cutting_speed * log(speed) + exponents.feed * log(feed)
-        numbers[f"log_{law}_load"] = at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - log(limit)
+        numbers[f"log_{law}_load"] = (
+            at_best + log_response_at(s, law, USED_LIVES[MIDDLE]) - log(limit)
+        )
     logs = {
         "life": life,
         "removal_rate": plan.removal_rate,
@@ -169,4 +214,6 @@ def features(s: Scenario, plan: Plan) -> dict[str, Array]:
         numbers[f"speed_at_{used}"] = log(plan.speed[:, k] / machine.cutting_speed_min)
         numbers[f"feed_at_{used}"] = log(plan.feed[:, k] / machine.feed_min)
         numbers[f"log_life_at_{used}"] = log(plan.life[:, k])
-    return {name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in numbers.items()}
+    return {
+        name: np.broadcast_to(value, plan.removal_rate.shape) for name, value in numbers.items()
+    }

@@ -15,11 +15,24 @@ from turning_env.numerics.functions import exp, log
 from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
-    [(name, np.float64) for name in ("log_coefficient", "cutting_speed", "feed", "depth_of_cut", "time", "wear", "hardness")]
+    [
+        (name, np.float64)
+        for name in (
+            "log_coefficient",
+            "cutting_speed",
+            "feed",
+            "depth_of_cut",
+            "time",
+            "wear",
+            "hardness",
+        )
+    ]
 )
 
 
-def log_response(law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, log_wear, log_hardness):
+def log_response(
+    law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, log_wear, log_hardness
+):
     """Return the natural logarithm of the response from those of its factors, scalars or arrays."""
     return (
         law.log_coefficient
@@ -35,11 +48,17 @@ def log_response(law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, l
 class PowerLaw(Section):
     """A machinability model. Exponents are dimensionless; the coefficient has the response's unit."""
 
-    coefficient: float = quantity(..., 1e-12, 1e12, "response", "response at V = f = d/d0 = t = W = H = 1")
+    coefficient: float = quantity(
+        ..., 1e-12, 1e12, "response", "response at V = f = d/d0 = t = W = H = 1"
+    )
     cutting_speed: float = quantity(0.0, -10, 10, "-", "exponent of the cutting speed in m/min")
     feed: float = quantity(0.0, -10, 10, "-", "exponent of the feed in mm/rev")
-    depth_of_cut: float = quantity(0.0, -10, 10, "-", "exponent of the depth of cut over the reference depth")
-    reference_depth_of_cut: float = quantity(2.5, 0.01, 100, "mm", "depth of cut at which the law was measured")
+    depth_of_cut: float = quantity(
+        0.0, -10, 10, "-", "exponent of the depth of cut over the reference depth"
+    )
+    reference_depth_of_cut: float = quantity(
+        2.5, 0.01, 100, "mm", "depth of cut at which the law was measured"
+    )
     time: float = quantity(0.0, -10, 10, "-", "exponent of the edge's cutting time in min")
     wear: float = quantity(0.0, -10, 10, "-", "exponent of the flank wear in mm")
     hardness: float = quantity(0.0, -10, 10, "-", "exponent of the relative hardness")
@@ -50,7 +69,13 @@ class PowerLaw(Section):
         return log(self.coefficient) - self.depth_of_cut * log(self.reference_depth_of_cut)
 
     def __call__(
-        self, cutting_speed: Any, feed: Any, depth_of_cut: Any, time: Any = 1.0, wear: Any = 1.0, hardness: Any = 1.0
+        self,
+        cutting_speed: Any,
+        feed: Any,
+        depth_of_cut: Any,
+        time: Any = 1.0,
+        wear: Any = 1.0,
+        hardness: Any = 1.0,
     ) -> Any:
         """Return the response to positive scalars or broadcastable arrays.
 

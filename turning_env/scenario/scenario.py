@@ -13,7 +13,15 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 import tomli_w
-from pydantic import BeforeValidator, Field, PlainSerializer, ValidationError, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from turning_env.console import printable
 from turning_env.files import digest_of, replace_file
@@ -21,7 +29,10 @@ from turning_env.scenario import sections
 from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.validation import complaints
 
-_SOURCE, _CALIBRATION = "_source", "_calibration"  # beside the fields, as Pydantic would compare a private attribute
+_SOURCE, _CALIBRATION = (
+    "_source",
+    "_calibration",
+)  # beside the fields, as Pydantic would compare a private attribute
 _STATED_START = "_stated_start"  # likewise: which fields of the start the files or the dict state
 START = ("initial_cutting_speed", "initial_feed")
 """Fields of ``control`` that move into the machine's range if no file states them."""
@@ -38,8 +49,21 @@ steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choi
 ALWAYS_TOLD = (
     *("name", "mismatch", "nominal_model", "control", "surface", "economics", "limits"),
     *("sensors.force", "sensors.probe", "sensors.inspects_edges"),
-    *("tool.wear_criterion", "tool.wear_rule", "machine.cutting_speed_min", "machine.cutting_speed_max", "machine.feed_min"),
-    *("machine.feed_max", "machine.rated_power", "spindle", "workpiece.bars", "workpiece.diameter", "workpiece.depth_of_cut"),
+    *(
+        "tool.wear_criterion",
+        "tool.wear_rule",
+        "machine.cutting_speed_min",
+        "machine.cutting_speed_max",
+        "machine.feed_min",
+    ),
+    *(
+        "machine.feed_max",
+        "machine.rated_power",
+        "spindle",
+        "workpiece.bars",
+        "workpiece.diameter",
+        "workpiece.depth_of_cut",
+    ),
     *("workpiece.depth_profile", "workpiece.bar_length", "workpiece.approach", "workpiece.support"),
 )
 """Sections and values that the control knows, so the nominal model has no others: observations and actions are scaled by them."""
@@ -47,8 +71,12 @@ ALWAYS_TOLD = (
 
 def shipped(folder: str) -> dict[str, Any]:
     """Return the TOML files that ship in a folder of this package, by name."""
-    files = {each.name: each for each in (resources.files("turning_env.scenario") / folder).iterdir()}
-    return {name.removesuffix(".toml"): files[name] for name in sorted(files) if name.endswith(".toml")}
+    files = {
+        each.name: each for each in (resources.files("turning_env.scenario") / folder).iterdir()
+    }
+    return {
+        name.removesuffix(".toml"): files[name] for name in sorted(files) if name.endswith(".toml")
+    }
 
 
 _PRESETS = shipped("presets")
@@ -63,7 +91,9 @@ def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Return the values of a nested table by their dotted names."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= flat(value, f"{before}{key}.") if isinstance(value, dict) else {f"{before}{key}": value}
+        values |= (
+            flat(value, f"{before}{key}.") if isinstance(value, dict) else {f"{before}{key}": value}
+        )
     return values
 
 
@@ -88,7 +118,9 @@ def merged(base: Any, values: Any) -> Any:
 
 NominalModel = Annotated[
     tuple[tuple[str, Any], ...],
-    BeforeValidator(lambda values: tuple(sorted(flat(values).items())) if isinstance(values, dict) else values),
+    BeforeValidator(
+        lambda values: tuple(sorted(flat(values).items())) if isinstance(values, dict) else values
+    ),
     PlainSerializer(nested),
     WithJsonSchema({"type": "object"}),
 ]
@@ -113,21 +145,28 @@ class Scenario(Section):
     mismatch: sections.Mismatch = sections.Mismatch()
     economics: sections.Economics = sections.Economics()
     limits: sections.Limits = sections.Limits()
-    nominal_model: NominalModel = Field((), description="values of the nominal model that differ from the true ones, by section")
+    nominal_model: NominalModel = Field(
+        (), description="values of the nominal model that differ from the true ones, by section"
+    )
 
     @field_validator("name")
     @classmethod
     def _names_a_folder(cls, name: str) -> str:
         if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
             allowed = '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", the first of them not "."'
-            raise ValueError(f"{name!r} is not allowed: a scenario's name also names a folder, so only {allowed}")
+            raise ValueError(
+                f"{name!r} is not allowed: a scenario's name also names a folder, so only {allowed}"
+            )
         return name
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
         told = (name for name, _ in self.nominal_model if always_told(name))
         wrong = [*complaints(self)]
-        wrong += [f"nominal_model.{name} is set, but the control always knows {name}: leave it out" for name in told]
+        wrong += [
+            f"nominal_model.{name} is set, but the control always knows {name}: leave it out"
+            for name in told
+        ]
         try:
             if not wrong:
                 self.nominal()
@@ -163,14 +202,18 @@ class Scenario(Section):
         if isinstance(source, Scenario):
             return source
         if not isinstance(source, str | os.PathLike | Mapping):
-            raise TypeError(f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}")
+            raise TypeError(
+                f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}"
+            )
         try:
             if isinstance(source, Mapping):
                 return cls._from_values("scenario", {"name": "custom"} | dict(source), Path())
             return cls._read(source)
         except RecursionError as error:
             what = "the dict" if isinstance(source, Mapping) else source
-            raise ScenarioError(f"{what} is based on itself, or nested too deep to be a scenario") from error
+            raise ScenarioError(
+                f"{what} is based on itself, or nested too deep to be a scenario"
+            ) from error
 
     @classmethod
     def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
@@ -189,8 +232,12 @@ class Scenario(Section):
         stated_start = {name for name in START if not isinstance(control, dict) or name in control}
         if base is not None:
             if not isinstance(base, str) or (base not in _PRESETS and not base.endswith(".toml")):
-                instead = names_instead(base if isinstance(base, str) else "", _PRESETS, _ALL_PRESETS)
-                raise ScenarioError(f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}")
+                instead = names_instead(
+                    base if isinstance(base, str) else "", _PRESETS, _ALL_PRESETS
+                )
+                raise ScenarioError(
+                    f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}"
+                )
             try:
                 above = cls._read(base if base in _PRESETS else folder / base)
             except ScenarioError as error:
@@ -218,7 +265,9 @@ class Scenario(Section):
             field = type(section).model_fields.get(line.partition(" = ")[0])
             unit = field.json_schema_extra["unit"] if field and field.json_schema_extra else "-"
             noted = unit not in ("-", "response") and line[-1] not in "[{"
-            lines.append(f"{line} # {unit.replace('money', self.economics.currency)}" if noted else line)
+            lines.append(
+                f"{line} # {unit.replace('money', self.economics.currency)}" if noted else line
+            )
         return "\n".join(lines) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -228,7 +277,9 @@ class Scenario(Section):
     def differences(self) -> dict[str, Any]:
         """Return the values that differ from the defaults, nested by section, without the name. They identify a scenario."""
         values, defaults = flat(self.model_dump(exclude={"name"})), flat(_DEFAULTS.model_dump())
-        return nested((name, value) for name, value in values.items() if value != defaults.get(name))
+        return nested(
+            (name, value) for name, value in values.items() if value != defaults.get(name)
+        )
 
     def digest(self) -> str:
         """Return the SHA-256 of ``differences()``. Equal digests mean equal physics, even under different names."""
@@ -244,7 +295,9 @@ class Scenario(Section):
     def cutting_speed_max(self) -> Any:
         """The highest cutting speed that the machine's range and the spindle's highest speed allow at the diameter [m/min]."""
         reached = self._circumference * self.spindle.max_speed
-        return np.minimum(self.machine.cutting_speed_max, np.where(np.equal(reached, 0.0), np.inf, reached))
+        return np.minimum(
+            self.machine.cutting_speed_max, np.where(np.equal(reached, 0.0), np.inf, reached)
+        )
 
     @property
     def feed_range(self) -> tuple[Any, Any]:
@@ -274,13 +327,17 @@ class Scenario(Section):
             return round(steps)
         if self.economics.edge_change_time * 60.0 < control.interval:
             return None
-        return math.ceil(steps - 0.5 / control.sub_steps)  # half a sub-step, as the clock is a sum and rounded
+        return math.ceil(
+            steps - 0.5 / control.sub_steps
+        )  # half a sub-step, as the clock is a sum and rounded
 
     def nominal(self) -> "Scenario":
         """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
         update: dict[str, Any] = {"mismatch": sections.Mismatch(), "nominal_model": ()}
         if self.nominal_model:
-            update |= Scenario.model_validate(merged(self.model_dump(exclude=set(update)), nested(self.nominal_model)))
+            update |= Scenario.model_validate(
+                merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
+            )
         return self.model_copy(update=update)
 
 
@@ -291,7 +348,11 @@ _DEFAULTS = Scenario()
 
 PortableScenario = Annotated[
     Scenario,
-    BeforeValidator(lambda values: merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values),
+    BeforeValidator(
+        lambda values: (
+            merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
+        )
+    ),
     PlainSerializer(lambda scenario: {"name": scenario.name} | scenario.differences()),
 ]
 """A field of a file's model that keeps a scenario's name and its differences from the defaults."""
@@ -314,7 +375,11 @@ def presets() -> tuple[str, ...]:
 
 def name_of_file(path: Path) -> str:
     """Return the name for a file that states none: the file's, without accents, "_" for characters that are not allowed."""
-    letters = [letter for letter in unicodedata.normalize("NFKD", path.stem) if not unicodedata.combining(letter)]
+    letters = [
+        letter
+        for letter in unicodedata.normalize("NFKD", path.stem)
+        if not unicodedata.combining(letter)
+    ]
     return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
 
 
@@ -348,22 +413,34 @@ def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str,
     return merged(values, {"control": moved}) if moved else values
 
 
-def table_of(source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str) -> tuple[str, dict[str, Any]]:
+def table_of(
+    source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str
+) -> tuple[str, dict[str, Any]]:
     """Return what errors call a TOML file that ships or of a path, and its table with a name; ScenarioError if there is none."""
     path = shipped[source] if source in shipped else Path(source)
     shown = f"{kind} {source}" if source in shipped else str(path)
     try:
         if not path.is_file():
-            raise ScenarioError(f"no {kind} and no file is called {shown!r}; {names_instead(shown, shipped, lists_all)}")
+            raise ScenarioError(
+                f"no {kind} and no file is called {shown!r}; {names_instead(shown, shipped, lists_all)}"
+            )
         text: bytes = path.read_bytes()
     except OSError as error:
         raise ScenarioError(f"{shown[:200]!r} cannot be read: {error.strerror}") from error
     try:
         name = source if source in shipped else name_of_file(path)
-        return shown, {"name": name} | tomllib.loads(text.decode("utf-8-sig"))  # with or without a byte-order mark
-    except ValueError as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
+        return shown, {"name": name} | tomllib.loads(
+            text.decode("utf-8-sig")
+        )  # with or without a byte-order mark
+    except (
+        ValueError
+    ) as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
         comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
-        advice = f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"' if comma else ""
+        advice = (
+            f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"'
+            if comma
+            else ""
+        )
         raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
 
 

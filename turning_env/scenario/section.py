@@ -10,7 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
     """Declare a number with its default, its allowed range (ends included), its unit and its meaning."""
     return Field(
-        default, description=f"{description} [{unit}]", json_schema_extra={"minimum": low, "maximum": high, "unit": unit}
+        default,
+        description=f"{description} [{unit}]",
+        json_schema_extra={"minimum": low, "maximum": high, "unit": unit},
     )
 
 
@@ -34,7 +36,12 @@ class Section(BaseModel):
 
     # Defaults are validated so that 3 becomes 3.0, as it would from a file.
     model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True, use_attribute_docstrings=True
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        strict=True,
+        validate_default=True,
+        use_attribute_docstrings=True,
     )
 
     @model_validator(mode="before")
@@ -45,7 +52,9 @@ class Section(BaseModel):
             unknown = [str(key) for key in values if key not in cls.model_fields]
             if unknown:
                 known = cls.model_fields, "python -m turning_env schema"
-                raise ValueError("; ".join(f"unknown key {key}; {names_instead(key, *known)}" for key in unknown))
+                raise ValueError(
+                    "; ".join(f"unknown key {key}; {names_instead(key, *known)}" for key in unknown)
+                )
         return values
 
     @field_validator("*")
@@ -62,7 +71,9 @@ class Section(BaseModel):
     def _ranges_open(self) -> Self:
         for name in type(self).model_fields:
             other = name.removesuffix("_min") + "_max"
-            if name.endswith("_min") and (low := getattr(self, name)) > (high := getattr(self, other)):
+            if name.endswith("_min") and (low := getattr(self, name)) > (
+                high := getattr(self, other)
+            ):
                 raise ValueError(f"{name} is {low}, but must not exceed {other}, which is {high}")
         return self
 
@@ -83,5 +94,7 @@ def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, Ran
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             ranges |= declared_ranges(field.annotation, f"{prefix}{name}.")
         elif isinstance(declared, dict) and "unit" in declared:
-            ranges[prefix + name] = Range(declared["minimum"], declared["maximum"], declared["unit"])
+            ranges[prefix + name] = Range(
+                declared["minimum"], declared["maximum"], declared["unit"]
+            )
     return ranges

@@ -24,8 +24,13 @@ _MIN_LOG_LIFE = math.log(1e-300)  # of used tool life [-], as in the transition
 _FURTHER = ("limits.radial_force", "limits.torque", "limits.roughness")
 _LEFT_OUT = {
     "material.wear": ("wear", "is that of a fresh edge"),
-    **dict.fromkeys(("material.thrust_force", "material.power", "edge_failure.temperature"), ("time", "has time through wear")),
-    **dict.fromkeys(_FURTHER, ("cutting_speed time wear", "depends on feed, depth of cut and hardness")),
+    **dict.fromkeys(
+        ("material.thrust_force", "material.power", "edge_failure.temperature"),
+        ("time", "has time through wear"),
+    ),
+    **dict.fromkeys(
+        _FURTHER, ("cutting_speed time wear", "depends on feed, depth of cut and hardness")
+    ),
 }
 """Exponents that laws leave out, and why."""
 
@@ -36,7 +41,11 @@ def complaints(s: "Scenario") -> Iterator[str]:
     """Yield a complaint for each value that does not fit the others."""
     control, machine, spindle = s.control, s.machine, s.spindle
     for name in ("cutting_speed", "feed"):
-        start, low, high = getattr(control, f"initial_{name}"), getattr(machine, f"{name}_min"), getattr(machine, f"{name}_max")
+        start, low, high = (
+            getattr(control, f"initial_{name}"),
+            getattr(machine, f"{name}_min"),
+            getattr(machine, f"{name}_max"),
+        )
         if not low <= start <= high or low == high:
             yield f"control.initial_{name} is {start}, but must lie in the machine's {low} to {high} (not equal)"
     start, reached = control.initial_cutting_speed, s.cutting_speed_max
@@ -52,14 +61,25 @@ def complaints(s: "Scenario") -> Iterator[str]:
         yield f"mismatch.initial_wear is {wear}, but must be below tool.wear_criterion, which is {criterion}"
     if control.time_limit * 60 < control.interval:
         yield f"control.time_limit is {control.time_limit} min, but must be at least one step of {control.interval} s"
-    if control.action == "override" and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9):
+    if (
+        control.action == "override"
+        and control.initial_feed * control.override_max > machine.feed_max * (1 + 1e-9)
+    ):
         asked = f"{control.initial_feed} mm/rev times control.override_max, {control.override_max}"
         yield f"control.initial_feed is {asked}: above machine.feed_max, {machine.feed_max}"
-    if machine.command_delay > MAX_DELAY * control.interval * (1 + 1e-9) and control.action != "part":
+    if (
+        machine.command_delay > MAX_DELAY * control.interval * (1 + 1e-9)
+        and control.action != "part"
+    ):
         most = f"{MAX_DELAY} times control.interval, which is {control.interval} s"
         yield f"machine.command_delay is {machine.command_delay} s, but must be at most {most}"
     if control.action == "part":
-        lags = ("machine.feed_time_constant", "machine.spindle_time_constant", "machine.chip_lag", "machine.command_delay")
+        lags = (
+            "machine.feed_time_constant",
+            "machine.spindle_time_constant",
+            "machine.chip_lag",
+            "machine.command_delay",
+        )
         for name in (*lags, "sensors.power_time_constant", "sensors.force_time_constant"):
             if (lag := attrgetter(name)(s)) != 0:
                 yield f"{name} is {lag}, but passes of whole parts are cut without lags: only 0"
@@ -91,7 +111,9 @@ def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
     material, tool, machine = scenario.material, scenario.tool, scenario.machine
     workpiece, control, mismatch = scenario.workpiece, scenario.control, scenario.mismatch
     hardness_spread = _SPREADS * (workpiece.hardness_bar_spread + workpiece.hardness_along_spread)
-    deepest = max(workpiece.depth_of_cut, *workpiece.depth_profile, 0.0) * (1.0 + workpiece.depth_ripple)
+    deepest = max(workpiece.depth_of_cut, *workpiece.depth_profile, 0.0) * (
+        1.0 + workpiece.depth_ripple
+    )
     deepest += _SPREADS * (workpiece.depth_bar_spread + workpiece.depth_along_spread)
     hardest = mismatch.hardness_factor * max(mismatch.skin_hardness, 1.0)
     factors = {
@@ -104,11 +126,15 @@ def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
     own = _span(mismatch.wear_factor, wear_factor, _SPREADS * tool.wear_factor_spread)
     fresh = tuple(a + b for a, b in zip(_log_span(material.wear, factors), own, strict=True))
     criterion, exponent = math.log(tool.wear_criterion), material.wear.time
-    tertiary = scenario.edge_failure.tertiary_rate * max(tool.wear_criterion - scenario.edge_failure.tertiary_wear, 0.0)
+    tertiary = scenario.edge_failure.tertiary_rate * max(
+        tool.wear_criterion - scenario.edge_failure.tertiary_wear, 0.0
+    )
     rate = (fresh[0] - criterion) / exponent, (fresh[1] - criterion) / exponent + tertiary
     yield from _judged("material.wear", "tool lives per minute", -math.inf, rate[1])
 
-    slowest = 1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)  # spindle speed [rev/min]
+    slowest = (
+        1000.0 * machine.cutting_speed_min / (math.pi * workpiece.diameter)
+    )  # spindle speed [rev/min]
     longest = max(control.interval / 60.0, workpiece.bar_length / (machine.feed_min * slowest))
     most_life = math.log(2.0) + max(0.0, rate[1] + math.log(longest))
     least_life = max(_MIN_LOG_LIFE, rate[0] + math.log(control.interval / 60.0 / control.sub_steps))
@@ -116,7 +142,9 @@ def _laws_out_of_range(scenario: "Scenario") -> Iterator[str]:
         law = getattr(material, name)
         wear = criterion + exponent * _MIN_LOG_LIFE, criterion + exponent * most_life
         _, most = _log_span(law, factors | {"wear": wear})
-        least, _ = _log_span(law, factors | {"wear": (criterion + exponent * min(least_life, 0.0), wear[1])})
+        least, _ = _log_span(
+            law, factors | {"wear": (criterion + exponent * min(least_life, 0.0), wear[1])}
+        )
         yield from _judged(f"material.{name}", unit, least, most)
     for name in _FURTHER:
         yield from _judged(name, "", *_log_span(attrgetter(name)(scenario), factors))

@@ -17,7 +17,9 @@ from turning_env.scoring.sandbox import LIMITS, AgentFileError, Limits, load
 from turning_env.scoring.sb3_observations import ADVICE, normalisation
 
 
-def as_factory(policy: Any, limits: Limits = LIMITS, space: Space[Any] | None = None) -> PolicyFactory:
+def as_factory(
+    policy: Any, limits: Limits = LIMITS, space: Space[Any] | None = None
+) -> PolicyFactory:
     """Return a function that makes the policy for a number of environments.
 
     ``turning_env.score`` lists the accepted kinds: TypeError if it is none. An ONNX file plays in a process of its own within
@@ -28,7 +30,9 @@ def as_factory(policy: Any, limits: Limits = LIMITS, space: Space[Any] | None = 
         try:
             policy = pkgutil.resolve_name(policy)
         except (AttributeError, ModuleNotFoundError) as error:
-            raise ValueError(f"cannot be imported from this folder or the installed packages: {error}") from error
+            raise ValueError(
+                f"cannot be imported from this folder or the installed packages: {error}"
+            ) from error
     if isinstance(policy, str | Path):
         return _onnx(Path(policy), limits)
     if isinstance(policy, type):
@@ -93,14 +97,18 @@ class _Predicts:
             self._check(observations)
         if self._statistics is not None:
             observations = self._statistics.normalize_obs(observations)
-        actions, self._memory = self.model.predict(observations, self._memory, self._starts, deterministic=True)
+        actions, self._memory = self.model.predict(
+            observations, self._memory, self._starts, deterministic=True
+        )
         self._starts = np.zeros(len(observations), np.bool_)
         return np.asarray(actions, np.float32)
 
 
 def _same_bounds(one: Any, other: Any) -> bool:
     """Return whether a space of the same shape has the same bounds."""
-    return isinstance(one, Box) and bool(np.allclose(one.low, other.low) and np.allclose(one.high, other.high))
+    return isinstance(one, Box) and bool(
+        np.allclose(one.low, other.low) and np.allclose(one.high, other.high)
+    )
 
 
 def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
@@ -119,5 +127,7 @@ def _onnx(path: Path, limits: Limits) -> PolicyFactory:
         return load(path, limits)
     except AgentFileError as error:
         if path.suffix == ".zip":
-            raise AgentFileError(f"{error}: give the loaded model, or a file by python -m train.export in a clone") from error
+            raise AgentFileError(
+                f"{error}: give the loaded model, or a file by python -m train.export in a clone"
+            ) from error
         raise

@@ -90,7 +90,12 @@ _PR_SET_NO_NEW_PRIVS = 38
 _LANDLOCK_CREATE_RULESET = 444
 _LANDLOCK_RESTRICT_SELF = 446
 _LANDLOCK_CREATE_RULESET_VERSION = 1
-_FILE_RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16}  # number of rights to files that are known from a version of the interface on
+_FILE_RIGHTS = {
+    1: 13,
+    2: 14,
+    3: 15,
+    5: 16,
+}  # number of rights to files that are known from a version of the interface on
 _NETWORK_VERSION, _NETWORK_RIGHTS = 4, 0b11  # bind and connect TCP
 _SCOPE_VERSION, _SCOPES = 6, 0b11  # connect to abstract Unix sockets, and send signals, outside
 
@@ -201,7 +206,12 @@ def _renounce_privileges() -> bool:
 def _forbid_files() -> bool:
     """Let Landlock forbid all that it can, with no exception. Return whether it does."""
     null = ctypes.c_void_p(None)
-    version = _system_call(_LANDLOCK_CREATE_RULESET, null, ctypes.c_size_t(0), ctypes.c_uint32(_LANDLOCK_CREATE_RULESET_VERSION))
+    version = _system_call(
+        _LANDLOCK_CREATE_RULESET,
+        null,
+        ctypes.c_size_t(0),
+        ctypes.c_uint32(_LANDLOCK_CREATE_RULESET_VERSION),
+    )
     if version < 1:
         return False
     file_rights = max(count for since, count in _FILE_RIGHTS.items() if since <= version)
@@ -210,7 +220,9 @@ def _forbid_files() -> bool:
     # struct landlock_ruleset_attr; a kernel that knows only the first fields takes the others where they are 0
     attributes = struct.pack("=QQQ", 2**file_rights - 1, network_rights, scopes)
     size = ctypes.c_size_t(len(attributes))
-    rules = _system_call(_LANDLOCK_CREATE_RULESET, ctypes.c_char_p(attributes), size, ctypes.c_uint32(0))
+    rules = _system_call(
+        _LANDLOCK_CREATE_RULESET, ctypes.c_char_p(attributes), size, ctypes.c_uint32(0)
+    )
     if rules < 0:
         return False
     forbidden = _system_call(_LANDLOCK_RESTRICT_SELF, ctypes.c_int(rules), ctypes.c_uint32(0)) == 0

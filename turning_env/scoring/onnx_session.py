@@ -31,18 +31,25 @@ class OnnxPolicy:
     def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
         """Return the actions and the next memory, and leave the policy's own memory as it is; raises as ``act``."""
         try:
-            results = self._session.run(None, {"observation": observations} | ({"memory": memory} if memory.shape[1] else {}))
+            results = self._session.run(
+                None,
+                {"observation": observations} | ({"memory": memory} if memory.shape[1] else {}),
+            )
         except Exception as error:  # ONNX Runtime's errors have no common type
             reason = first_line(error)
             if "allocate" in reason:
                 raise ValueError(f"needs more memory than it may have: {reason}") from error
             entries = f"{observations.shape[1]} entries (`leaderboard run` adds a belief)"
             raise ValueError(f"cannot act on {entries}: {reason}") from error
-        found = dict(zip((output.name for output in self._session.get_outputs()), results, strict=True))
+        found = dict(
+            zip((output.name for output in self._session.get_outputs()), results, strict=True)
+        )
         action: Floats = found["action"]
         remembered: Floats = found.get("next_memory", memory)
         if len(action) != len(observations) or len(remembered) != len(observations):
-            raise ValueError(f"gives {len(action)} actions and {len(remembered)} memories for {len(observations)} environments")
+            raise ValueError(
+                f"gives {len(action)} actions and {len(remembered)} memories for {len(observations)} environments"
+            )
         return action, remembered
 
 
@@ -71,8 +78,12 @@ def session_of(source: bytes | str) -> Any:
 def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
     """Raise ValueError unless actions have the shape and lie in -1 to 1."""
     if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
-        wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
-        raise ValueError(f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1")
+        wrong = (
+            actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
+        )
+        raise ValueError(
+            f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1"
+        )
 
 
 def first_line(error: BaseException) -> str:

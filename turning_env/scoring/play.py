@@ -14,8 +14,18 @@ from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
 EXCESS_TIMES = ("overload_2_percent_time", "overload_10_percent_time")  # [s]
 SUMS = (
-    *(f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")),  # [s]
-    *("time", "engaged_time", "stopped_time", "removed", "passes", "edges_used", "edges_broken"),  # [s] x 3, [cm3], [-] x 3
+    *(
+        f"reward_{term}" for term in ("metal", "time", "edge", "overload", "breakage", "roughness")
+    ),  # [s]
+    *(
+        "time",
+        "engaged_time",
+        "stopped_time",
+        "removed",
+        "passes",
+        "edges_used",
+        "edges_broken",
+    ),  # [s] x 3, [cm3], [-] x 3
     *("roughness_deviation", "overload_time", "severe_overload_time"),  # [s]
     *EXCESS_TIMES,
 )
@@ -44,7 +54,11 @@ def play(
         tell: whether to call ``tell(infos)`` before every ``act``; for oracles only.
     """
     num_envs = len(seeds)
-    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP) if isinstance(scenario, Scenario) else scenario
+    env = (
+        RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
+        if isinstance(scenario, Scenario)
+        else scenario
+    )
     observations, infos = env.reset(seed=list(seeds))
     policy = make_policy(num_envs)
     episodes: Episodes = {name: np.zeros(num_envs) for name in EPISODE_FIELDS}

@@ -64,10 +64,16 @@ class PolicySpec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     name: str
-    version: int = Field(default=1, ge=1)  # of a rule or an oracle; raised when its actions change (golden actions)
-    kind: Literal["rule", "agent", "oracle"] = "rule"  # oracle: sees hidden quantities, or is a bound that nobody can play
+    version: int = Field(
+        default=1, ge=1
+    )  # of a rule or an oracle; raised when its actions change (golden actions)
+    kind: Literal["rule", "agent", "oracle"] = (
+        "rule"  # oracle: sees hidden quantities, or is a bound that nobody can play
+    )
     description: str = ""
-    parameters: dict[str, JsonValue] = Field(default_factory=dict)  # a rule's settings, or hyperparameters of an agent's training
+    parameters: dict[str, JsonValue] = Field(
+        default_factory=dict
+    )  # a rule's settings, or hyperparameters of an agent's training
     knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
     """Model from which a family's policy is built: each job's nominal one, also with the true wear law, with forms that no power
     law has (failures of edges, phases of wear, chatter), or with all that is true."""
@@ -77,7 +83,9 @@ class PolicySpec(BaseModel):
     )  # agents of one name with several training seeds are one policy on a leaderboard
     sha256: str | None = None  # SHA-256 of an agent's file
     command: str | None = None  # the command that trained an agent or tuned a rule
-    tuned_for: ScenarioId | None = None  # the scenario on which it was tuned or trained; None: the one that it plays
+    tuned_for: ScenarioId | None = (
+        None  # the scenario on which it was tuned or trained; None: the one that it plays
+    )
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
     """The scenario of a loaded agent's training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)
@@ -90,30 +98,50 @@ class PolicySpec(BaseModel):
     def _names_a_file(cls, name: str) -> str:
         reserved = ("trajectories", "manifest", "results")
         if not re.fullmatch(r"(?!\.)[^/\\]+", name) or not name.isprintable() or name in reserved:
-            raise ValueError(f"{name[:MAX_NAME]!r} cannot be a policy's name, as its results are kept in a file of that name")
+            raise ValueError(
+                f"{name[:MAX_NAME]!r} cannot be a policy's name, as its results are kept in a file of that name"
+            )
         if len(name.encode()) > MAX_NAME:
-            raise ValueError(f"{name[:20]!r}... cannot be a policy's name: it has more than {MAX_NAME} bytes")
+            raise ValueError(
+                f"{name[:20]!r}... cannot be a policy's name: it has more than {MAX_NAME} bytes"
+            )
         return name
 
     @model_validator(mode="after")
     def _agents_have_seeds(self) -> Self:
         if (self.kind == "agent") != (self.training_seed is not None):
-            raise ValueError(f"training_seed is {self.training_seed}, but an agent has one and others have none")
+            raise ValueError(
+                f"training_seed is {self.training_seed}, but an agent has one and others have none"
+            )
         return self
 
     @property
     def title(self) -> str:
         """Return the name with, in words, its knowledge and its memory."""
-        knows = {"true_wear": " with the true wear law", "true_forms": " with true forms", "true_laws": " with true laws"}
-        return self.name + knows.get(self.knows, "") + (" without memory between edges" if self.forgets else "")
+        knows = {
+            "true_wear": " with the true wear law",
+            "true_forms": " with true forms",
+            "true_laws": " with true laws",
+        }
+        return (
+            self.name
+            + knows.get(self.knows, "")
+            + (" without memory between edges" if self.forgets else "")
+        )
 
     @property
     def label(self) -> str:
         """Return the title, with an agent's training seed."""
-        return self.title if self.training_seed is None else f"{self.title}-seed{self.training_seed}"
+        return (
+            self.title if self.training_seed is None else f"{self.title}-seed{self.training_seed}"
+        )
 
     @property
     def identity(self) -> dict[str, Any]:
         """Return the fields that distinguish this policy from others."""
-        usual = {name for name in ("knows", "forgets") if getattr(self, name) == type(self).model_fields[name].default}
+        usual = {
+            name
+            for name in ("knows", "forgets")
+            if getattr(self, name) == type(self).model_fields[name].default
+        }
         return self.model_dump(exclude={"description", "command"} | usual)

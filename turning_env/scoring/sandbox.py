@@ -61,7 +61,9 @@ def program_of(module: str) -> str:
 class Limits:
     """Limits of a network's process."""
 
-    answer: float = 60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
+    answer: float = (
+        60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
+    )
     start: float = 120.0  # wall-clock time until its process is ready [s]
     computing: int = 600  # total processor time of one play of all its episodes [s]; 0: any
     memory: int = 3072  # memory [MiB], including ONNX Runtime's own
@@ -127,8 +129,14 @@ class Sandbox:
             )
         memory_size = inputs.get("memory", 0)
         if memory_size == ANY:
-            raise AgentFileError("has a memory of any size, but must state the entries per environment")
-        self.entries, self.actions, self.memory_size = inputs["observation"], outputs["action"], memory_size
+            raise AgentFileError(
+                "has a memory of any size, but must state the entries per environment"
+            )
+        self.entries, self.actions, self.memory_size = (
+            inputs["observation"],
+            outputs["action"],
+            memory_size,
+        )
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
         """Send a message. Raise AgentFileError if the process is gone, or does not listen."""
@@ -150,7 +158,9 @@ class Sandbox:
             return content
         if kind == child.ERROR:
             text = content[:_MAX_ERROR].decode("utf-8", "replace")
-            raise AgentFileError("".join(character if character.isprintable() else "?" for character in text))
+            raise AgentFileError(
+                "".join(character if character.isprintable() else "?" for character in text)
+            )
         raise AgentFileError("gives an answer to nothing that was asked")
 
     def _receive(self, max_bytes: int, starting: bool) -> tuple[bytes, bytes]:
@@ -170,7 +180,9 @@ class Sandbox:
             status = 0
         self.close()
         if status == -signal.SIGXCPU:
-            return TooSlow(f"needs more than the {self._limits.computing} s of processor time that it may have")
+            return TooSlow(
+                f"needs more than the {self._limits.computing} s of processor time that it may have"
+            )
         why = f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
         return AgentFileError(f"its process has ended (status {status}), {why}")
 
@@ -223,7 +235,9 @@ class GuardedPolicy:
     def reset(self, mask: NDArray[np.bool_]) -> None:
         """Clear the memory of the environments in the mask, shape (num_envs,)."""
         if mask.shape != (self._num_envs,) or mask.dtype != np.bool_:
-            raise ValueError(f"the mask must be bool of shape ({self._num_envs},), got {mask.dtype} of {mask.shape}")
+            raise ValueError(
+                f"the mask must be bool of shape ({self._num_envs},), got {mask.dtype} of {mask.shape}"
+            )
         self.sandbox.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
@@ -235,7 +249,9 @@ class GuardedPolicy:
         content = self.sandbox.answer(per_action * most)
         size, rest = divmod(len(content), per_action)
         if rest or size == 0 or self.sandbox.actions not in (ANY, size):
-            raise AgentFileError(f"gives {len(content)} bytes, which are not actions of {self._num_envs} environments")
+            raise AgentFileError(
+                f"gives {len(content)} bytes, which are not actions of {self._num_envs} environments"
+            )
         actions = np.frombuffer(content, np.float32).reshape(self._num_envs, size).copy()
         try:
             check_actions(actions, (self._num_envs, size))
@@ -249,7 +265,9 @@ class GuardedPolicy:
             wanted = f"float32 of shape ({self._num_envs}, {entries})"
             found = f"{observations.dtype} of {observations.shape}"
             hint = "`leaderboard run` adds the belief of an agent that was trained with one"
-            raise ValueError(f"the agent cannot act on these observations: they must be {wanted}, got {found} ({hint})")
+            raise ValueError(
+                f"the agent cannot act on these observations: they must be {wanted}, got {found} ({hint})"
+            )
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,24 @@ import numpy as np
 from turning_env.scoring import confinement, onnx_session
 from turning_env.scoring.onnx_session import Floats, OnnxPolicy
 
-ANSWER, ERROR, MEASURES = b"K", b"E", b"M"  # kinds of messages of the child: an answer, why there is none, how it is confined
-CONTENT, SIZES, RESET, ACT = b"C", b"L", b"R", b"A"  # kinds of messages of the parent; RESET is not answered
+ANSWER, ERROR, MEASURES = (
+    b"K",
+    b"E",
+    b"M",
+)  # kinds of messages of the child: an answer, why there is none, how it is confined
+CONTENT, SIZES, RESET, ACT = (
+    b"C",
+    b"L",
+    b"R",
+    b"A",
+)  # kinds of messages of the parent; RESET is not answered
 
 ANY = -1  # number of entries where a network takes any
 _HEAD = struct.Struct("<cQ")  # kind and length
 _MAX_REQUEST = 2**31  # [bytes]
-_ALL_INSIDE = "all must be inside the file: export it with torch.onnx.export(..., external_data=False)"
+_ALL_INSIDE = (
+    "all must be inside the file: export it with torch.onnx.export(..., external_data=False)"
+)
 
 
 class Outline(NamedTuple):
@@ -176,5 +187,7 @@ def _serve(parent: Connection, network: Network) -> None:
 def _as_bytes(actions: Floats, num_envs: int) -> bytes:
     if actions.ndim != 2 or len(actions) != num_envs or actions.dtype != np.float32:
         found = f"{actions.dtype} of shape {actions.shape}"
-        raise ValueError(f"gives actions that are {found}, but must be float32 of shape ({num_envs}, actions)")
+        raise ValueError(
+            f"gives actions that are {found}, but must be float32 of shape ({num_envs}, actions)"
+        )
     return np.ascontiguousarray(actions).tobytes()

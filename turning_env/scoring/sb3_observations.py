@@ -38,9 +38,13 @@ def normalisation(model: Any) -> Any:
             if wrapper.norm_obs:
                 statistics = wrapper
         elif kind not in _NEUTRAL:
-            raise ValueError(f"the model was trained behind {kind}, which may change observations: {ADVICE}")
+            raise ValueError(
+                f"the model was trained behind {kind}, which may change observations: {ADVICE}"
+            )
     if name := _changing_wrapper(env):
-        raise ValueError(f"the model was trained behind {name}, which changes observations: {ADVICE}")
+        raise ValueError(
+            f"the model was trained behind {name}, which changes observations: {ADVICE}"
+        )
     return statistics
 
 
@@ -65,7 +69,9 @@ def _changing_wrapper(env: Any) -> str | None:
     innermost = env
     for wrapper in _vec_wrappers(env):
         innermost = wrapper.venv
-    vectors = [innermost.vector_env] if hasattr(innermost, "vector_env") else []  # of RoughTurningVecEnv
+    vectors = (
+        [innermost.vector_env] if hasattr(innermost, "vector_env") else []
+    )  # of RoughTurningVecEnv
     for each in [*vectors, *getattr(innermost, "envs", [])]:
         wrapped = each
         while isinstance(wrapped, gymnasium.Wrapper | gymnasium.vector.VectorWrapper):

@@ -54,9 +54,15 @@ def shipped(board: str, seeds: int | None = None) -> tuple[Played, ...]:
     path = FOLDER / f"{board}.json.xz"
     if not path.is_file():
         known = sorted(each.name.removesuffix(".json.xz") for each in FOLDER.glob("*.json.xz"))
-        raise ValueError(f"{board!r} has no results to compare with; there are those of {', '.join(known)}")
+        raise ValueError(
+            f"{board!r} has no results to compare with; there are those of {', '.join(known)}"
+        )
     return tuple(
-        Played(each["name"], each["kind"], *(np.array(each[name])[:, :seeds] for name in ("returns", "severe", "engaged")))
+        Played(
+            each["name"],
+            each["kind"],
+            *(np.array(each[name])[:, :seeds] for name in ("returns", "severe", "engaged")),
+        )
         for each in json.loads(lzma.decompress(path.read_bytes()))["policies"]
     )
 
@@ -91,7 +97,9 @@ class Score:
     share_above_10_percent: float  # share of cutting time above a limit by more than 10 % [-]
     warning: str | None  # why the rank says little; on the leaderboard, such a policy has none
     comparisons: tuple[Comparison, ...]  # with every policy that ships, best first; oracles last
-    episodes: Episodes = field(repr=False)  # ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)
+    episodes: Episodes = field(
+        repr=False
+    )  # ``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)
 
     def table(self) -> str:
         """Return a table with a line per policy that ships: rank, name, return [s], and this policy's return less that [s]."""
@@ -101,22 +109,33 @@ class Score:
             if each.unranked and each.kind != "oracle":
                 note = f"{note}, not ranked".removeprefix(", ")
             rows.append((each.name, _interval(each.mean_return), _interval(each.ahead, "+"), note))
-        rows.insert(self.rank - 1, ("-> this policy", _interval(self.mean_return), "", _NOTES[self.feasibility]))
+        rows.insert(
+            self.rank - 1,
+            ("-> this policy", _interval(self.mean_return), "", _NOTES[self.feasibility]),
+        )
         rows.insert(0, ("policy", "return", "difference of this policy", ""))
         name, mean, ahead, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
         places = ["rank", *range(1, self.ranked + 1), *[""] * (len(rows) - self.ranked - 1)]
         lines = zip(places, rows, strict=True)
-        return "\n".join(f"{at:>4}  {a:<{name}}  {b:>{mean}}  {c:>{ahead}}  {d}".rstrip() for at, (a, b, c, d) in lines)
+        return "\n".join(
+            f"{at:>4}  {a:<{name}}  {b:>{mean}}  {c:>{ahead}}  {d}".rstrip()
+            for at, (a, b, c, d) in lines
+        )
 
     def __str__(self) -> str:
         """Return rank, return, difference from the next-ranked policy, and feasibility, for people."""
         ranked = [each for each in self.comparisons if each.unranked is None]
         parts = [f"rank {self.rank} of {self.ranked}", f"return {_interval(self.mean_return)}"]
-        parts += [f"{_interval(one.ahead, '+')} against {one.name}" for one in ranked[self.rank - 1 : self.rank] or ranked[-1:]]
+        parts += [
+            f"{_interval(one.ahead, '+')} against {one.name}"
+            for one in ranked[self.rank - 1 : self.rank] or ranked[-1:]
+        ]
         if self.feasible:
             parts.append("feasible")
         else:
-            parts.append(f"{_NOTES[self.feasibility]}: {self.severe_share:.1%} of cutting time in severe overload")
+            parts.append(
+                f"{_NOTES[self.feasibility]}: {self.severe_share:.1%} of cutting time in severe overload"
+            )
         warning = f"\nwarning: {self.warning}" if self.warning else ""
         return ", ".join(parts) + warning
 
@@ -128,10 +147,16 @@ class Score:
             "severely": self.severe_share,
             "by more than 10 %": self.share_above_10_percent,
         }
-        return "share of cutting time " + ", ".join(f"{name}: {share:.2%}" for name, share in shares.items())
+        return "share of cutting time " + ", ".join(
+            f"{name}: {share:.2%}" for name, share in shares.items()
+        )
 
 
-_NOTES: dict[Feasibility, str] = {"feasible": "", "not shown": "feasibility not shown", "infeasible": "infeasible"}
+_NOTES: dict[Feasibility, str] = {
+    "feasible": "",
+    "not shown": "feasibility not shown",
+    "infeasible": "infeasible",
+}
 
 
 def score(
@@ -177,13 +202,19 @@ def score(
         episodes = play_family(jobs, SPLIT, range(count), as_factory(policy, limits, space))
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-        episodes = play(as_factory(policy, limits, observation_space(scenario)), scenario, held_out_seeds(count))
+        episodes = play(
+            as_factory(policy, limits, observation_space(scenario)), scenario, held_out_seeds(count)
+        )
     return compare(env_id, episodes, scenario, shipped(board, count))
 
 
 def compare(env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[Played]) -> Score:
     """Rank one policy's episodes, fields of shape (seeds,), among other policies' episodes on the same seeds."""
-    mine = Played("", "agent", *(episodes[name][None] for name in ("return", "severe_overload_time", "engaged_time")))
+    mine = Played(
+        "",
+        "agent",
+        *(episodes[name][None] for name in ("return", "severe_overload_time", "engaged_time")),
+    )
     bootstrap = Bootstrap(mine.returns.shape[1])
     my_means, my_mean = bootstrap.means(mine.returns, mine.name), float(np.mean(mine.returns))
 

@@ -65,7 +65,9 @@ class Bootstrap:
 
     def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
         # Keyed by name: two policies' training seeds are unrelated even if they are the same numbers.
-        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(count, size=(RESAMPLES, count))
+        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(
+            count, size=(RESAMPLES, count)
+        )
 
     def means(self, values: Floats, policy: str) -> Floats:
         """Return the mean of a policy's values, shape (training seeds, seeds), in each resample, shape (resamples,)."""
@@ -75,9 +77,16 @@ class Bootstrap:
 
     def interquartile_means(self, values: Floats, policy: str) -> Floats:
         """Return the interquartile mean of a policy's values in each resample: see ``means``."""
-        rows, columns = self._training_seeds(policy, len(values))[:, :, None], self._seeds[:, None, :]
-        chunks = (values[rows[k : k + 100], columns[k : k + 100]] for k in range(0, RESAMPLES, 100))  # to bound memory
-        return np.concatenate([interquartile_mean(chunk.reshape(len(chunk), -1)) for chunk in chunks])
+        rows, columns = (
+            self._training_seeds(policy, len(values))[:, :, None],
+            self._seeds[:, None, :],
+        )
+        chunks = (
+            values[rows[k : k + 100], columns[k : k + 100]] for k in range(0, RESAMPLES, 100)
+        )  # to bound memory
+        return np.concatenate(
+            [interquartile_mean(chunk.reshape(len(chunk), -1)) for chunk in chunks]
+        )
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
         """Return the one-sided upper confidence limit of ``severe_share`` [-]; arguments of shape (training seeds, seeds)."""

@@ -9,7 +9,14 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib import metadata
 from signal import SIG_IGN, SIGINT, signal
@@ -69,17 +76,23 @@ def cluster(address: str) -> Iterator[Workers]:
     try:
         from distributed import Client, KilledWorker
     except ImportError as error:
-        raise WorkersError(f"a scheduler needs the extra 'distributed', which is not installed: {error}") from error
+        raise WorkersError(
+            f"a scheduler needs the extra 'distributed', which is not installed: {error}"
+        ) from error
     try:
         client = Client(address, timeout=CONNECTING, set_as_default=False)  # type: ignore[no-untyped-call]
         client.wait_for_workers(1, timeout=CONNECTING)
     except (OSError, ValueError) as error:
-        raise WorkersError(f"no scheduler with workers can be reached at {address}: {first_line(error)}") from error
+        raise WorkersError(
+            f"no scheduler with workers can be reached at {address}: {first_line(error)}"
+        ) from error
     with client:
         try:
             yield Workers(client.get_executor(pure=False))  # type: ignore[no-untyped-call]
         except (CancelledError, KilledWorker) as error:
-            raise WorkersError(f"{address} has lost its workers: {first_line(error)}; {_AGAIN}") from error
+            raise WorkersError(
+                f"{address} has lost its workers: {first_line(error)}; {_AGAIN}"
+            ) from error
 
 
 def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers | None]:
@@ -89,7 +102,9 @@ def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers 
     return processes(jobs) if jobs > 1 else nullcontext()
 
 
-def spread(over: Workers | None, work: Callable[[Any], Any], pieces: Collection[tuple[Any, Any]]) -> Iterator[tuple[Any, Any]]:
+def spread(
+    over: Workers | None, work: Callable[[Any], Any], pieces: Collection[tuple[Any, Any]]
+) -> Iterator[tuple[Any, Any]]:
     """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process."""
     if over is None:
         yield from ((tag, work(piece)) for tag, piece in pieces)
@@ -114,9 +129,17 @@ def _begin(parent: int) -> None:
 def _do(wanted: dict[str, str], work: Callable[..., Any], *arguments: Any) -> Any:
     """Do a piece of work in a worker that has the ``wanted`` versions."""
     mine = _versions()
-    if other := [f"{name} {mine[name]} instead of {wanted[name]}" for name in wanted if mine[name] != wanted[name]]:
-        raise WorkersError(f"a worker on {socket.gethostname()} would give other results: it has {', '.join(other)}")
-    with _ONE_AT_A_TIME:  # a Dask worker may have several threads, but policies and trainings are not thread-safe
+    if other := [
+        f"{name} {mine[name]} instead of {wanted[name]}"
+        for name in wanted
+        if mine[name] != wanted[name]
+    ]:
+        raise WorkersError(
+            f"a worker on {socket.gethostname()} would give other results: it has {', '.join(other)}"
+        )
+    with (
+        _ONE_AT_A_TIME
+    ):  # a Dask worker may have several threads, but policies and trainings are not thread-safe
         return work(*arguments)
 
 

@@ -9,7 +9,9 @@ from tests.turning_env.playing import changed
 from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
 NOMINAL = Scenario()
-STILL = {f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")}
+STILL = {
+    f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")
+}
 WEAR = np.diag([1.0, *[0.0] * 10])
 QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
 
@@ -17,10 +19,17 @@ QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge
 def heavier(factor: float) -> Scenario:
     """Bars that all take so many times the nominal force and power."""
     laws = {name: getattr(QUIET.material, name).model_dump() for name in ("thrust_force", "power")}
-    return changed(QUIET, material={name: law | {"coefficient": factor * law["coefficient"]} for name, law in laws.items()})
+    return changed(
+        QUIET,
+        material={
+            name: law | {"coefficient": factor * law["coefficient"]} for name, law in laws.items()
+        },
+    )
 
 
-def followed(played: Scenario, known: Scenario, steps: int, num_envs: int = 4) -> tuple[LoadFilter, Reading]:
+def followed(
+    played: Scenario, known: Scenario, steps: int, num_envs: int = 4
+) -> tuple[LoadFilter, Reading]:
     """A filter that knows one scenario while another is played at constant speed and feed: what it read last."""
     env, estimate = RoughTurningVectorEnv(num_envs, played), LoadFilter([known], num_envs)
     seen, _ = env.reset(seed=0)
@@ -42,9 +51,14 @@ def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
 
 
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
-    nominal = changed(QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"})
+    nominal = changed(
+        QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"}
+    )
     played = changed(nominal, mismatch={"wear_factor": 1.3})
-    env, estimate = RoughTurningVectorEnv(4, played), LoadFilter([nominal], 4, LawErrors(np.array([0.2, *[0.0] * 10]), WEAR))
+    env, estimate = (
+        RoughTurningVectorEnv(4, played),
+        LoadFilter([nominal], 4, LawErrors(np.array([0.2, *[0.0] * 10]), WEAR)),
+    )
     observations, _ = env.reset(seed=0)
     estimate.reset(np.ones(4, np.bool_))
     start = estimate.mean[0, LOT]

@@ -25,7 +25,9 @@ def test_knowing_the_present_earns_less_than_knowing_all_but_not_much_less() -> 
 def test_finer_grids_move_it_by_less_than_its_tolerance() -> None:
     brief = changed(BASE, tool={"wear_criterion": 0.15})
     machine_time = 60.0  # [s], of an edge
-    finer, usual = (bounds(brief, SEEDS[:1], grid)[0] for grid in (Grid(2.5, 480, 32), clairvoyant.GRID))
+    finer, usual = (
+        bounds(brief, SEEDS[:1], grid)[0] for grid in (Grid(2.5, 480, 32), clairvoyant.GRID)
+    )
     assert abs(finer - usual) <= TOLERANCE * machine_time
 
 

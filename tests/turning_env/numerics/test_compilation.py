@@ -8,7 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.turning_env.playing import FAILING, HOT_SPINDLE, SHORT_LIVED, Record, assert_same_bytes, changed, fixed_actions, play
+from tests.turning_env.playing import (
+    FAILING,
+    HOT_SPINDLE,
+    SHORT_LIVED,
+    Record,
+    assert_same_bytes,
+    changed,
+    fixed_actions,
+    play,
+)
 from turning_env import RoughTurningEnv, Scenario, presets
 
 REPOSITORY = Path(__file__).parents[3]
@@ -18,11 +27,16 @@ def every_play() -> dict[str, Record]:
     """A few steps of every scenario, and more that cross ends of episodes."""
     counts = {preset: 2 if preset.startswith("batch") else 20 for preset in presets()}
     records = {
-        preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0]) for preset, count in counts.items()
+        preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0])
+        for preset, count in counts.items()
     }
     records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
-    records["hot_spindle"] = play(RoughTurningEnv(HOT_SPINDLE), 21, fixed_actions(40, 1, HOT_SPINDLE)[:, 0])
-    records["failing"] = play(RoughTurningEnv(changed(Scenario(), **FAILING)), 21, fixed_actions(100, 1)[:, 0])
+    records["hot_spindle"] = play(
+        RoughTurningEnv(HOT_SPINDLE), 21, fixed_actions(40, 1, HOT_SPINDLE)[:, 0]
+    )
+    records["failing"] = play(
+        RoughTurningEnv(changed(Scenario(), **FAILING)), 21, fixed_actions(100, 1)[:, 0]
+    )
     return records
 
 

@@ -8,7 +8,12 @@ from turning_env.numerics.functions import exp, expm1, log, real_power, sine_and
 NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
 BOTH_SIDES = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
 LOGARITHMS = np.concatenate(
-    [np.geomspace(1e-300, 1e300, 4001), np.linspace(0.5, 2.0, 4001), 1.0 + NEAR_ZERO, 1.0 - NEAR_ZERO[:-1]]
+    [
+        np.geomspace(1e-300, 1e300, 4001),
+        np.linspace(0.5, 2.0, 4001),
+        1.0 + NEAR_ZERO,
+        1.0 - NEAR_ZERO[:-1],
+    ]
 )
 BASES, EXPONENTS = np.geomspace(1e-6, 1e6, 500), (0.245, 4.08, -1.5)
 TURNS = np.concatenate([np.linspace(0.0, 1.0, 4001), np.arange(0.0, 3.0, 0.125)])
@@ -20,7 +25,10 @@ TURNS = np.concatenate([np.linspace(0.0, 1.0, 4001), np.arange(0.0, 3.0, 0.125)]
         (exp, np.exp, np.concatenate([np.linspace(-708.0, 708.0, 4001), BOTH_SIDES]), 5e-16, 0.0),
         (expm1, np.expm1, BOTH_SIDES, 1e-15, 0.0),
         (log, np.log, LOGARITHMS, 7e-16, 1e-300),
-        *((lambda x, e=e: real_power(x, e), lambda x, e=e: x**e, BASES, 1e-13, 0.0) for e in EXPONENTS),
+        *(
+            (lambda x, e=e: real_power(x, e), lambda x, e=e: x**e, BASES, 1e-13, 0.0)
+            for e in EXPONENTS
+        ),
         # The C library's angle is rounded.
         (lambda x: sine_and_cosine(x)[0], lambda x: np.sin(2 * np.pi * x), TURNS, 0.0, 4e-15),
         (lambda x: sine_and_cosine(x)[1], lambda x: np.cos(2 * np.pi * x), TURNS, 0.0, 4e-15),

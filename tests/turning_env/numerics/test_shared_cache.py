@@ -9,7 +9,10 @@ import pytest
 
 from tests.walking import MAX, ROOT
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled"),
+]
 
 # The package without its __init__.py, whose imports take longer than all else here.
 MODULE = f"""
@@ -45,7 +48,9 @@ def folder(tmp_path: Path) -> Path:
 def start(folder: Path, **more: str) -> "subprocess.Popen[str]":
     variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
     command = [sys.executable, "-c", PROGRAM]
-    return subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def finished(process: "subprocess.Popen[str]", value: float = 2.0) -> str:
@@ -87,7 +92,9 @@ pathlib.Path.mkdir = refuse
 
 
 @pytest.mark.parametrize("home", [True, False])
-def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(folder: Path, tmp_path: Path, home: bool) -> None:
+def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(
+    folder: Path, tmp_path: Path, home: bool
+) -> None:
     """A container's user reads what its image holds, whether or not the user's cache can be written."""
     finished(start(folder))
     # Root can write everywhere, so folders refuse to be made.

@@ -14,7 +14,9 @@ def test_commands_are_followed_with_the_time_constants():
     scenario = changed(UNDISTURBED, machine=lags, control=control)
     for seconds, info in enumerate(infos(scenario, [(1.0, 1.0)] * 4), 1):
         assert (info["commanded_cutting_speed"], info["commanded_feed"]) == (200, 0.60)
-        assert info["cutting_speed"] == pytest.approx(200 - 150 * math.exp(-seconds / 2.0), rel=1e-12)
+        assert info["cutting_speed"] == pytest.approx(
+            200 - 150 * math.exp(-seconds / 2.0), rel=1e-12
+        )
         assert info["feed"] == pytest.approx(0.60 - 0.54 * math.exp(-seconds / 0.5), rel=1e-12)
 
 

@@ -5,7 +5,13 @@ import pytest
 from tests.turning_env.playing import UNDISTURBED, changed, infos
 
 ACTION = [(0.0, 0.0)]
-PRICES = {"reference_removal_rate": 100, "edge_cost": 4, "edge_change_time": 2, "breakage_downtime": 7, "overload_price": 5}
+PRICES = {
+    "reference_removal_rate": 100,
+    "edge_cost": 4,
+    "edge_change_time": 2,
+    "breakage_downtime": 7,
+    "overload_price": 5,
+}
 SCENARIO = changed(UNDISTURBED, economics=PRICES, limits={"thrust_force": 1e6, "power": 1e4})
 
 
@@ -34,4 +40,6 @@ def test_a_broken_edge_pays_what_is_left_and_the_downtime():
     info = infos(changed(SCENARIO, tool={"edge_strength": 100}), ACTION)[0]
     assert info["broken"]
     assert info["thrust_force"] > info["edge_strength"]
-    assert info["reward_breakage"] == pytest.approx(-60 * (4 + 2) * (1 - info["used_life"]) - 60 * 7)
+    assert info["reward_breakage"] == pytest.approx(
+        -60 * (4 + 2) * (1 - info["used_life"]) - 60 * 7
+    )

@@ -15,13 +15,19 @@ def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:
     law = UNDISTURBED.edge_failure.temperature
     wear = []
     for action in (0.2, 0.6):
-        scenario = changed(UNDISTURBED, edge_failure={"collapse_temperature": 700.0}, control={"interval": 1})
+        scenario = changed(
+            UNDISTURBED, edge_failure={"collapse_temperature": 700.0}, control={"interval": 1}
+        )
         record = play(RoughTurningEnv(scenario), 0, np.full((600, 2), action, np.float32))
         end = int(np.flatnonzero(record["terminated"])[0])
         assert record["broken"][end]
         assert record["edges_broken"][: end + 1].sum() == 1
         speed, feed = record["cutting_speed"][end], record["feed"][end]
-        assert law(speed, feed, 2.5, wear=record["wear"][end - 1]) < 700 <= law(speed, feed, 2.5, wear=record["wear"][end])
+        assert (
+            law(speed, feed, 2.5, wear=record["wear"][end - 1])
+            < 700
+            <= law(speed, feed, 2.5, wear=record["wear"][end])
+        )
         wear.append(record["wear"][end])
     assert wear[0] > wear[1]
 
@@ -30,7 +36,9 @@ def test_edges_chip_at_a_constant_hazard_rate() -> None:
     """Compare the share of 2000 edges that have chipped with 1 - exp(-rate * time); its standard error is 1.1 %."""
     num_envs, minutes = 2000, 2
     chipping = {"chipping_rate": 0.5, "chipping_load_exponent": 0.0, "chipping_wear_exponent": 0.0}
-    env = RoughTurningVectorEnv(num_envs, changed(UNDISTURBED, edge_failure=chipping), AutoresetMode.DISABLED)
+    env = RoughTurningVectorEnv(
+        num_envs, changed(UNDISTURBED, edge_failure=chipping), AutoresetMode.DISABLED
+    )
     env.reset(seed=0)
     chipped = np.zeros(num_envs, bool)
     for _ in range(minutes):

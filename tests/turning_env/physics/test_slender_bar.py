@@ -17,7 +17,9 @@ STIFFNESS = MODULUS * math.pi * DIAMETER**4 / 64.0
 
 def bar(support: str, **workpiece: float):
     size = {"bar_length": LENGTH, "diameter": DIAMETER, "support": support}
-    return changed(UNDISTURBED, workpiece=size | workpiece, control={"interval": 1.0, "sub_steps": 20})
+    return changed(
+        UNDISTURBED, workpiece=size | workpiece, control={"interval": 1.0, "sub_steps": 20}
+    )
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,10 @@ def test_the_depth_of_cut_lacks_the_deflection() -> None:
     parameters = parameter_records(scenario)[0]
     record = play(RoughTurningEnv(scenario), 0, np.zeros((20, 2), np.float32))
     cut = record["cutting"] & (record["path"] > 5.0)
-    deflection = np.array([compliance(parameters, 0, along) for along in record["path"][cut]]) * 0.7 * record["thrust_force"][cut]
+    deflection = (
+        np.array([compliance(parameters, 0, along) for along in record["path"][cut]])
+        * 0.7
+        * record["thrust_force"][cut]
+    )
     assert deflection.max() > 0.05
     assert record["depth_of_cut"][cut] == pytest.approx(2.5 - deflection, abs=0.005)

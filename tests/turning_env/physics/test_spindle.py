@@ -26,10 +26,15 @@ def with_spindle(**spindle):
     return changed(STEADY, spindle=spindle)
 
 
-@pytest.mark.parametrize(("speed", "capacity"), [(4 * BASE, 1.0), (3.0 * BASE, 1.0), (2.4 * BASE, 0.8), (1.8 * BASE, 0.6)])
+@pytest.mark.parametrize(
+    ("speed", "capacity"),
+    [(4 * BASE, 1.0), (3.0 * BASE, 1.0), (2.4 * BASE, 0.8), (1.8 * BASE, 0.6)],
+)
 def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, capacity):
     power = cut(STEADY, speed)["power"][-1]
-    scenario = changed(with_spindle(base_speed=300.0, reading="torque"), limits={"power": 0.5 * power})
+    scenario = changed(
+        with_spindle(base_speed=300.0, reading="torque"), limits={"power": 0.5 * power}
+    )
     record = cut(scenario, speed)
     assert record["power"][-1] == power
     assert record["spindle_load"][-1] == pytest.approx(power / (7.5 * capacity), rel=1e-6)
@@ -45,9 +50,13 @@ def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, cap
 def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
     plain, idling = cut(STEADY, 3 * BASE), cut(with_spindle(idle_torque=10.0), 3 * BASE)
     assert idling["torque"][1:] - plain["torque"][1:] == pytest.approx(10.0)
-    assert idling["power"][1:] - plain["power"][1:] == pytest.approx(10.0 * 2 * math.pi * 300 / 60 / 1000, rel=1e-6)
+    assert idling["power"][1:] - plain["power"][1:] == pytest.approx(
+        10.0 * 2 * math.pi * 300 / 60 / 1000, rel=1e-6
+    )
     assert idling["measured_power"][-1] == pytest.approx(idling["power"][-1])
-    assert read(idling["observation"], with_spindle(idle_torque=10.0)).power_ratio[-1] == pytest.approx(1.0)
+    assert read(idling["observation"], with_spindle(idle_torque=10.0)).power_ratio[
+        -1
+    ] == pytest.approx(1.0)
     scenario = changed(Scenario(), spindle={"idle_torque": 10.0}, sensors={"power_noise": 0.0})
     in_air = play(RoughTurningEnv(scenario), 1, fixed_actions(1, 1)[:, 0])
     assert (in_air["cutting"][0], in_air["power"][0]) == (0, pytest.approx(10.0 * 125 / 3000))
@@ -55,7 +64,11 @@ def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
 
 @pytest.mark.parametrize("diameter", [100.0, 50.0])
 def test_the_highest_speed_limits_the_cutting_speed_by_the_diameter(diameter):
-    scenario = changed(with_spindle(max_speed=500.0), workpiece={"diameter": diameter}, control={"initial_cutting_speed": 60.0})
+    scenario = changed(
+        with_spindle(max_speed=500.0),
+        workpiece={"diameter": diameter},
+        control={"initial_cutting_speed": 60.0},
+    )
     assert scenario.cutting_speed_max == pytest.approx(math.pi * diameter / 2)
     assert cut(scenario, 200.0)["spindle_speed"][1:] == pytest.approx(500.0)
     assert cut(scenario, 60.0)["cutting_speed"][1:] == pytest.approx(60.0, rel=1e-6)

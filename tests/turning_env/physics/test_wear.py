@@ -16,9 +16,15 @@ WEAR_CRITERION = UNDISTURBED.tool.wear_criterion
 
 @pytest.mark.parametrize("rule", RULES)
 @settings(max_examples=25)
-@given(set_points=st.tuples(st.floats(-1, 1), st.floats(-1, 1)), interval=st.floats(0.5, 20), sub_steps=st.integers(1, 50))
+@given(
+    set_points=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    interval=st.floats(0.5, 20),
+    sub_steps=st.integers(1, 50),
+)
 def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_steps):
-    env = RoughTurningEnv(changed(SCENARIOS[rule], control={"interval": interval, "sub_steps": sub_steps}))
+    env = RoughTurningEnv(
+        changed(SCENARIOS[rule], control={"interval": interval, "sub_steps": sub_steps})
+    )
     env.reset(seed=0)
     for _ in range(10):
         *_, terminated, _, info = env.step(set_points)
@@ -35,15 +41,24 @@ def rates_of_wear(actions, **failure):
     record = play(RoughTurningEnv(scenario), 0, np.array(actions, np.float32))
     speed, wear = record["cutting_speed"][1:], record["wear"]
     used = (wear / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
-    by_law = (WEAR_LAW(speed, record["feed"][1:], 2.5, time=3 / 60) / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
+    by_law = (WEAR_LAW(speed, record["feed"][1:], 2.5, time=3 / 60) / WEAR_CRITERION) ** (
+        1 / WEAR_LAW.time
+    )
     return speed, wear[:-1], np.diff(used) / by_law
 
 
 def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
-    phases = {"running_in": 0.6, "running_in_wear": 0.1, "tertiary_wear": 0.2, "tertiary_rate": 12.0}
+    phases = {
+        "running_in": 0.6,
+        "running_in_wear": 0.1,
+        "tertiary_wear": 0.2,
+        "tertiary_rate": 12.0,
+    }
     _, wear, rate = rates_of_wear([(1.0, 1.0)] * 64, **phases)
     assert wear[-1] > 0.25
-    assert rate == pytest.approx((1 + 0.6 * np.exp(-wear / 0.1)) * np.exp(12 * np.maximum(wear - 0.2, 0)), rel=1e-6)
+    assert rate == pytest.approx(
+        (1 + 0.6 * np.exp(-wear / 0.1)) * np.exp(12 * np.maximum(wear - 0.2, 0)), rel=1e-6
+    )
 
 
 def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():

@@ -25,14 +25,28 @@ SMALL = {
     "base": "shift",
     "jobs": 8,
     "variables": {
-        "factor": {"log_uniform": [0.8, 1.2], "unit": "-", "source": "assumption", "truth": {"log_normal": [1.0, 0.1]}}
+        "factor": {
+            "log_uniform": [0.8, 1.2],
+            "unit": "-",
+            "source": "assumption",
+            "truth": {"log_normal": [1.0, 0.1]},
+        }
     },
-    "fields": {"material.power.coefficient": "0.30338170 * factor", "workpiece.diameter": "100 * factor"},
+    "fields": {
+        "material.power.coefficient": "0.30338170 * factor",
+        "workpiece.diameter": "100 * factor",
+    },
 }
 
 
 def test_a_job_depends_on_family_split_and_seed_alone():
-    again = Family.load(SMALL | {"variables": SMALL["variables"] | {"other": {"normal": [0, 1], "unit": "-", "source": "none"}}})
+    again = Family.load(
+        SMALL
+        | {
+            "variables": SMALL["variables"]
+            | {"other": {"normal": [0, 1], "unit": "-", "source": "none"}}
+        }
+    )
     first = Family.load(SMALL)
     assert first.job(5).scenario == first.job(5 + 8).scenario
     assert first.job(5).scenario == again.job(5).scenario
@@ -45,14 +59,20 @@ def test_the_truth_scatters_about_the_nominal_model_but_not_what_the_control_kno
     nominal = job.scenario.nominal()
     assert nominal.material.power.coefficient != job.scenario.material.power.coefficient
     assert nominal.workpiece == job.scenario.workpiece
-    assert job.scenario.nominal_model == (("material.power.coefficient", nominal.material.power.coefficient),)
+    assert job.scenario.nominal_model == (
+        ("material.power.coefficient", nominal.material.power.coefficient),
+    )
     assert nominal.nominal() == nominal
 
 
 def test_held_out_rows_are_drawn_by_their_split_alone():
     rows = {"small": [6.5], "usual": [7.0], "large": [7.5]}
     table = {"columns": ["power"], "rows": rows, "held_out": ["small", "large"], "source": "test"}
-    drawn = {"tables": {"machine": table}, "fields": {"limits.power": "power"}, "splits": {"train": [], "other": ["machine"]}}
+    drawn = {
+        "tables": {"machine": table},
+        "fields": {"limits.power": "power"},
+        "splits": {"train": [], "other": ["machine"]},
+    }
     family = Family.load(SMALL | drawn)
     for split, expected in (("train", {7.0}), ("other", {6.5, 7.5})):
         assert {family.job(seed, split).scenario.limits.power for seed in range(8)} == expected
@@ -100,7 +120,11 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
 def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
     scenario, draw = UNMODELLED.job(3).scenario, UNMODELLED.draw("train", 0)
     nominal, true = scenario.nominal(), flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-    assert (nominal.edge_failure, nominal.mismatch, nominal.machine.chatter) == (EdgeFailure(), Mismatch(), 0.0)
+    assert (nominal.edge_failure, nominal.mismatch, nominal.machine.chatter) == (
+        EdgeFailure(),
+        Mismatch(),
+        0.0,
+    )
     for name, formula in UNMODELLED.hidden.items():
         drawn = np.broadcast_to(draw.fields[1][name], CHUNK)
         assert true[name] == drawn[3]
@@ -148,7 +172,9 @@ FORMULAS = {
 }
 
 
-@pytest.mark.parametrize("formula", FORMULAS, ids=[formula[:20].replace("\0", "0") for formula in FORMULAS])
+@pytest.mark.parametrize(
+    "formula", FORMULAS, ids=[formula[:20].replace("\0", "0") for formula in FORMULAS]
+)
 @pytest.mark.parametrize("table", ["fields", "hidden", "planned"])
 def test_a_formula_without_a_value_is_refused_with_its_place(formula, table):
     with pytest.raises(ScenarioError, match=FORMULAS[formula]) as refusal:
@@ -160,7 +186,13 @@ def test_a_formula_without_a_value_is_refused_with_its_place(formula, table):
 def test_a_formula_changes_no_variable():
     """A third argument of NumPy's ``minimum`` is where its result goes."""
     factor = np.full(4, 2.0)
-    for formula in ("minimum(1.0, factor)", "-factor", "factor * 3", "maximum(factor, 5)", "exp(factor)"):
+    for formula in (
+        "minimum(1.0, factor)",
+        "-factor",
+        "factor * 3",
+        "maximum(factor, 5)",
+        "exp(factor)",
+    ):
         evaluate("fields.limits.power", formula, {"factor": factor})
     assert factor.tolist() == [2.0] * 4
     with pytest.raises(FormulaError):
@@ -170,7 +202,11 @@ def test_a_formula_changes_no_variable():
 
 def test_what_is_drawn_is_finite():
     variable = {"unit": "-", "source": "none"}
-    for distribution in ({"uniform": [-1e308, 1e308]}, {"normal": [0, 1e308]}, {"log_uniform": [1e-300, 1e300]}):
+    for distribution in (
+        {"uniform": [-1e308, 1e308]},
+        {"normal": [0, 1e308]},
+        {"log_uniform": [1e-300, 1e300]},
+    ):
         with pytest.raises(ScenarioError, match=r"variables\.factor"):
             Family.load(SMALL | {"variables": {"factor": variable | distribution}})
 
@@ -186,7 +222,10 @@ def test_what_is_drawn_is_finite():
         ({"fields": {"limits.power": "log(factor - 2)"}}, "log needs numbers above 0"),
         ({"fields": {"limits.powr": 7.0}}, "did you mean power"),
         ({"variables": {"factor": {"unit": "-", "source": "none"}}}, "must have one of uniform"),
-        ({"variables": {"factor": {"uniform": [2, 1], "unit": "-", "source": "none"}}}, "must not exceed the highest"),
+        (
+            {"variables": {"factor": {"uniform": [2, 1], "unit": "-", "source": "none"}}},
+            "must not exceed the highest",
+        ),
         ({"fields": {"limits.power": 0.01}}, "make no sense"),
         ({"splits": {"train": ["material"]}}, "draws no held-out rows"),
     ],

@@ -32,7 +32,9 @@ def test_round_trip_through_toml(preset, tmp_path):
 
 def test_digest_ignores_the_name_and_nothing_else():
     assert Scenario(name="other").digest() == Scenario().digest()
-    digests = {name: scenario.digest() for name, scenario in variants(Scenario(), slightly_different)}
+    digests = {
+        name: scenario.digest() for name, scenario in variants(Scenario(), slightly_different)
+    }
     assert len(digests) > 60
     assert len({Scenario().digest(), *digests.values()}) == 1 + len(digests)
 
@@ -41,11 +43,17 @@ def test_digest_ignores_the_name_and_nothing_else():
     ("text", "parts"),
     [
         ("[quux]\n", ["unknown key quux; list all with: python -m turning_env schema"]),
-        ("[tool]\nwear_criterium = 1\n", ["tool: unknown key wear_criterium; did you mean wear_criterion?"]),
+        (
+            "[tool]\nwear_criterium = 1\n",
+            ["tool: unknown key wear_criterium; did you mean wear_criterion?"],
+        ),
         ("[limits]\npower = -3\n", ["limits.power", "-3", "0.001 to 10000", "kW"]),
         ("[limits]\npower = nan\n", ["limits.power", "nan"]),
         ("[control]\nsub_steps = 1.5\n", ["control.sub_steps", "1.5"]),
-        ("[control]\naction = 'steps'\n", ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"]),
+        (
+            "[control]\naction = 'steps'\n",
+            ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"],
+        ),
         ("[material.wear]\nfeed = 0.1\n", ["material.wear.coefficient", "required"]),
         ("[machine]\nfeed_min = 1\n", ["machine", "feed_min is 1.0", "not exceed feed_max", "0.6"]),
         ("[control]\ninitial_feed = 5\n", ["control.initial_feed is 5.0", "0.06 to 0.6"]),
@@ -60,12 +68,24 @@ def test_digest_ignores_the_name_and_nothing_else():
         ("[workpiece]\ndepth_profile = [1, 2]\nsection_lengths = [100, 100]\n", ["bar_length"]),
         ("[workpiece]\ndepth_profile = [1, 0]\n", ["air"]),
         ("[workpiece]\ndepth_profile = [1, 2]\nsection_speeds = [100]\n", ["section_speeds"]),
-        ("[mismatch]\ninitial_wear = 0.3\n", ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"]),
-        ("base = 'forgings'\n", ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"]),
+        (
+            "[mismatch]\ninitial_wear = 0.3\n",
+            ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"],
+        ),
+        (
+            "base = 'forgings'\n",
+            ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"],
+        ),
         ("base = 'none.toml'\n", ["mine.toml: base: no preset and no file is called", "none.toml"]),
-        ("[limits]\npower = 0,5\n", ["is not TOML", "line 2", 'numbers have a decimal point: "0.5"']),
+        (
+            "[limits]\npower = 0,5\n",
+            ["is not TOML", "line 2", 'numbers have a decimal point: "0.5"'],
+        ),
         ("name = '../up'\n", ["name: '../up' is not allowed", "1 to 64"]),
-        ("[tool]\nwear_criterion = 9\n[limits]\npower = 0\n", ["tool.wear_criterion: ", "; limits.power: "]),
+        (
+            "[tool]\nwear_criterion = 9\n[limits]\npower = 0\n",
+            ["tool.wear_criterion: ", "; limits.power: "],
+        ),
     ],
 )
 def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, text, parts):
@@ -83,21 +103,32 @@ def test_a_file_may_be_based_on_files(toml, tmp_path):
     (tmp_path / "steel.toml").write_text("base = 'ck45'\n[limits]\npower = 8\nthrust_force = 900\n")
     scenario = toml("base = 'shop/lathe.toml'\n[tool]\nwear_criterion = 0.2\n")
     assert (scenario.name, scenario.material) == ("mine", Scenario.load("ck45").material)
-    assert (scenario.limits.power, scenario.limits.thrust_force, scenario.tool.wear_criterion) == (9.0, 900.0, 0.2)
+    assert (scenario.limits.power, scenario.limits.thrust_force, scenario.tool.wear_criterion) == (
+        9.0,
+        900.0,
+        0.2,
+    )
     (tmp_path / "steel.toml").write_text("base = 'shop/lathe.toml'\n")
     with pytest.raises(ScenarioError, match=r"mine.toml is based on itself, or nested too deep"):
         toml("base = 'shop/lathe.toml'\n")
     (tmp_path / "steel.toml").write_text("[limits]\npower = -1\n")
-    with pytest.raises(ScenarioError, match=r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside",
+    ):
         toml("base = 'shop/lathe.toml'\n")
 
 
 def test_a_dict_states_only_what_differs_from_its_base():
     scenario = Scenario.load({"base": "forging", "limits": {"power": 9}})
-    assert scenario.differences() == Scenario.load("forging").differences() | {"limits": {"power": 9.0}}
+    assert scenario.differences() == Scenario.load("forging").differences() | {
+        "limits": {"power": 9.0}
+    }
     assert scenario.name == "custom"
     assert Scenario.load({}).digest() == Scenario().digest()
-    assert Scenario.load({"name": "mine", "workpiece": {"depth_profile": [1.0, 2.0]}}).workpiece.depth_profile == (1.0, 2.0)
+    assert Scenario.load(
+        {"name": "mine", "workpiece": {"depth_profile": [1.0, 2.0]}}
+    ).workpiece.depth_profile == (1.0, 2.0)
     with pytest.raises(ScenarioError, match=r"unknown key limit; did you mean limits\?"):
         Scenario.load({"limit": {"power": 9}})
 
@@ -122,7 +153,10 @@ def test_an_error_cannot_command_a_terminal(text, tmp_path):
     assert r"\x1b[2J" in str(refusal.value)
 
 
-@pytest.mark.parametrize(("file_name", "name"), [("Maß (2).toml", "Ma___2_"), (".a.toml", "_a"), (70 * "x" + ".toml", 64 * "x")])
+@pytest.mark.parametrize(
+    ("file_name", "name"),
+    [("Maß (2).toml", "Ma___2_"), (".a.toml", "_a"), (70 * "x" + ".toml", 64 * "x")],
+)
 def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
     path = tmp_path / file_name
     path.write_bytes(b"\xef\xbb\xbf[limits]\r\npower = 9\r\n")
@@ -131,7 +165,9 @@ def test_any_file_name_and_a_byte_order_mark_will_do(file_name, name, tmp_path):
     assert RoughTurningEnv(path).scenario == scenario
 
 
-@pytest.mark.parametrize("make", [Scenario.load, RoughTurningEnv, lambda source: RoughTurningVectorEnv(1, source)])
+@pytest.mark.parametrize(
+    "make", [Scenario.load, RoughTurningEnv, lambda source: RoughTurningVectorEnv(1, source)]
+)
 def test_unknown_presets_are_refused(make):
     with pytest.raises(ScenarioError, match=r"'forgings'; did you mean forging( or \w+)*\?"):
         make("forgings")

@@ -9,7 +9,10 @@ from pydantic import ValidationError
 from turning_env import PowerLaw, Scenario
 from turning_env.scenario.section import Section
 
-SECTIONS = [*(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)), PowerLaw]
+SECTIONS = [
+    *(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)),
+    PowerLaw,
+]
 
 
 FIELDS = [
@@ -20,7 +23,9 @@ FIELDS = [
 
 
 @pytest.mark.parametrize(("section", "name", "field"), FIELDS)
-def test_field_has_description_unit_and_range(section: type[Section], name: str, field: Any) -> None:
+def test_field_has_description_unit_and_range(
+    section: type[Section], name: str, field: Any
+) -> None:
     assert field.description
     if field.annotation not in (float, int):
         return
@@ -30,7 +35,9 @@ def test_field_has_description_unit_and_range(section: type[Section], name: str,
     required = {"coefficient": 1.0} if section is PowerLaw else {}
     assert low <= getattr(section(**required), name) <= high
     below, above = math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
-    for outside in (math.floor(below), math.ceil(above)) if field.annotation is int else (below, above):
+    for outside in (
+        (math.floor(below), math.ceil(above)) if field.annotation is int else (below, above)
+    ):
         with pytest.raises(ValidationError, match=name) as refusal:
             section(**required | {name: outside})
         assert f"{low} to {high} {unit}" in str(refusal.value)

@@ -104,7 +104,9 @@ ATTEMPTS: dict[str, Callable[[], Any]] = {
     "memory": ask_for_memory,
     "write to another descriptor": write_to_a_free_descriptor,
     "io_uring": lambda: native("syscall", 425, 1, ctypes.create_string_buffer(120)),
-    "openat2": lambda: native("syscall", 437, -100, b"/etc/passwd", ctypes.create_string_buffer(24), 24),
+    "openat2": lambda: native(
+        "syscall", 437, -100, b"/etc/passwd", ctypes.create_string_buffer(24), 24
+    ),
 }
 """Each raises OSError if it is held back."""
 

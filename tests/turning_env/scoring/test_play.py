@@ -4,7 +4,9 @@ import pytest
 from turning_env import RoughTurningEnv, Scenario
 from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play
 
-SHORT = Scenario.load("rough_turning").model_copy(update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})})
+SHORT = Scenario.load("rough_turning").model_copy(
+    update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})}
+)
 
 
 class Wavy:
@@ -31,15 +33,21 @@ def test_every_sum_is_that_of_the_single_environment() -> None:
         policy.reset(np.ones(1, np.bool_))
         infos, rewards, ended = [], [], False
         while not ended:
-            observation, reward, terminated, truncated, info = env.step(policy.act(observation[np.newaxis])[0])
+            observation, reward, terminated, truncated, info = env.step(
+                policy.act(observation[np.newaxis])[0]
+            )
             infos.append(info)
             rewards.append(reward)
             ended = terminated or truncated
         assert episodes["return"][index] == pytest.approx(sum(rewards), rel=1e-12)
         assert episodes["steps"][index] == len(rewards)
         for name in SUMS:
-            assert episodes[name][index] == pytest.approx(sum(info[name] for info in infos), rel=1e-12)
-        assert episodes["excess"][index] == pytest.approx(sum(info["cost"] * info["time"] for info in infos), rel=1e-12)
+            assert episodes[name][index] == pytest.approx(
+                sum(info[name] for info in infos), rel=1e-12
+            )
+        assert episodes["excess"][index] == pytest.approx(
+            sum(info["cost"] * info["time"] for info in infos), rel=1e-12
+        )
         for name in LAST:
             assert episodes[name][index] == info[name]
         assert episodes["truncated"][index] == truncated

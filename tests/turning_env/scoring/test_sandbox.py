@@ -44,7 +44,11 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     found = Observed(str(folder).encode()).outcomes
     assert sorted(path.name for path in folder.iterdir()) == ["folder", "sibling"]
     after = (folder / "sibling").stat()
-    assert (after.st_mode, after.st_size, after.st_mtime) == (before.st_mode, before.st_size, before.st_mtime)
+    assert (after.st_mode, after.st_size, after.st_mtime) == (
+        before.st_mode,
+        before.st_size,
+        before.st_mtime,
+    )
     return found
 
 
@@ -61,7 +65,14 @@ def test_descriptors_that_were_left_open_are_closed(tmp_path: Path) -> None:
     with (tmp_path / "open").open("wb") as left:
         command = [sys.executable, "-c", program.format(left.fileno())]
         environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        ended = subprocess.run(command, pass_fds=[left.fileno()], capture_output=True, text=True, env=environment, check=True)
+        ended = subprocess.run(
+            command,
+            pass_fds=[left.fileno()],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
+        )
     assert "Bad file descriptor" in ended.stdout
     assert (tmp_path / "open").read_bytes() == b""
 
@@ -83,14 +94,18 @@ wire.recv(100)
 VALUES = {"observation": ["n", 11], "action": ["n", 2]}
 
 
-def written(folder: Path, body: str, graphs: dict[str, onnx.GraphProto] | None = None, **weights: object) -> Path:
+def written(
+    folder: Path, body: str, graphs: dict[str, onnx.GraphProto] | None = None, **weights: object
+) -> Path:
     """Write a file of nodes from ``observation`` to ``action``, and return its path; ``graphs``: bodies of its loops."""
     given = f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}"
     nodes = onnx.parser.parse_graph(given).node
     for node in nodes:
         if graphs and node.op_type == "Loop":
             node.attribute.append(helper.make_attribute("body", graphs[node.output[0]]))
-    inputs, outputs = (helper.make_tensor_value_info(name, TensorProto.FLOAT, VALUES[name]) for name in VALUES)
+    inputs, outputs = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, VALUES[name]) for name in VALUES
+    )
     held = [numpy_helper.from_array(np.asarray(array), name) for name, array in weights.items()]
     graph = helper.make_graph(nodes, "network", [inputs], [outputs], held)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
@@ -116,11 +131,25 @@ def test_a_plain_network_plays(tmp_path: Path) -> None:
 def endless(folder: Path) -> Path:
     """Write a network with a loop that never ends, and return its path."""
     count = helper.make_tensor_value_info("count", TensorProto.INT64, [])
-    going, on = (helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in ("going", "on"))
-    value, after = (helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2]) for name in ("value", "after"))
-    nodes = [helper.make_node("Identity", ["going"], ["on"]), helper.make_node("Identity", ["value"], ["after"])]
+    going, on = (
+        helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in ("going", "on")
+    )
+    value, after = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2])
+        for name in ("value", "after")
+    )
+    nodes = [
+        helper.make_node("Identity", ["going"], ["on"]),
+        helper.make_node("Identity", ["value"], ["after"]),
+    ]
     body = helper.make_graph(nodes, "body", [count, going, value], [on, after])
-    return written(folder, FIRST + "action = Loop(, yes, first)", {"action": body}, yes=np.array(True), **PLACES)
+    return written(
+        folder,
+        FIRST + "action = Loop(, yes, first)",
+        {"action": body},
+        yes=np.array(True),
+        **PLACES,
+    )
 
 
 @pytest.mark.slow
@@ -134,7 +163,9 @@ def test_a_loop_without_end_is_stopped(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @linux
-def test_the_command_stops_a_loop_without_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_stops_a_loop_without_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = endless(tmp_path)
     assert main(["score", str(path), "--seeds", "2", "--agent-time", "1"]) == 2
     assert "needs more than the 1 s of processor time that it may have" in capsys.readouterr().err
@@ -143,19 +174,35 @@ def test_the_command_stops_a_loop_without_end(tmp_path: Path, capsys: pytest.Cap
 @linux
 @pytest.mark.slow
 def test_a_network_that_takes_too_much_memory_is_stopped(tmp_path: Path) -> None:
-    body = FIRST + "huge = Expand(half, shape) sum = ReduceSum <keepdims = 0> (huge) action = Mul(first, sum)"
-    path = written(tmp_path, body, half=np.float32([0.5]), shape=np.array([1_250_000_000]), **PLACES)
+    body = (
+        FIRST
+        + "huge = Expand(half, shape) sum = ReduceSum <keepdims = 0> (huge) action = Mul(first, sum)"
+    )
+    path = written(
+        tmp_path, body, half=np.float32([0.5]), shape=np.array([1_250_000_000]), **PLACES
+    )
     with pytest.raises(AgentFileError, match=r"lloc|memory"):
         acted(path)
 
 
 @pytest.mark.parametrize("size_threshold", [0, 100], ids=["all", "large ones"])
-def test_a_network_cannot_read_a_sibling(size_threshold: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_network_cannot_read_a_sibling(
+    size_threshold: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     factors = np.full((1, 64), 1.0, np.float32)
-    body = FIRST + "product = Mul(first, one) sum = ReduceMax <keepdims = 0> (factors) action = Mul(product, sum)"
+    body = (
+        FIRST
+        + "product = Mul(first, one) sum = ReduceMax <keepdims = 0> (factors) action = Mul(product, sum)"
+    )
     path = written(tmp_path, body, one=np.float32([1.0]), factors=factors, **PLACES)
     location = "weights"
-    onnx.save(onnx.load(path), path, save_as_external_data=True, location=location, size_threshold=size_threshold)
+    onnx.save(
+        onnx.load(path),
+        path,
+        save_as_external_data=True,
+        location=location,
+        size_threshold=size_threshold,
+    )
     assert (tmp_path / location).is_file()
     monkeypatch.chdir(tmp_path)
     with pytest.raises(AgentFileError, match="inside the file"):
@@ -163,9 +210,16 @@ def test_a_network_cannot_read_a_sibling(size_threshold: int, tmp_path: Path, mo
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"), [(b"", "cannot be run"), (b"\x08\x07garbage" * 50, "cannot be run"), (b"PK\x03\x04", "cannot be run")]
+    ("content", "reason"),
+    [
+        (b"", "cannot be run"),
+        (b"\x08\x07garbage" * 50, "cannot be run"),
+        (b"PK\x03\x04", "cannot be run"),
+    ],
 )
-def test_garbage_is_refused_with_the_file_and_the_reason(content: bytes, reason: str, tmp_path: Path) -> None:
+def test_garbage_is_refused_with_the_file_and_the_reason(
+    content: bytes, reason: str, tmp_path: Path
+) -> None:
     (tmp_path / "agent.onnx").write_bytes(content)
     with pytest.raises(AgentFileError, match=rf"agent\.onnx: {reason}"):
         sandbox.load(tmp_path / "agent.onnx")
@@ -174,6 +228,8 @@ def test_garbage_is_refused_with_the_file_and_the_reason(content: bytes, reason:
 @pytest.mark.slow
 @pytest.mark.parametrize("value", [2.0, np.nan, -np.inf])
 def test_actions_out_of_bounds_are_refused(value: float, tmp_path: Path) -> None:
-    path = written(tmp_path, FIRST + "action = Mul(first, factor)", factor=np.float32([2.0 * value]), **PLACES)
+    path = written(
+        tmp_path, FIRST + "action = Mul(first, factor)", factor=np.float32([2.0 * value]), **PLACES
+    )
     with pytest.raises(AgentFileError, match="numbers in -1 to 1"):
         acted(path)

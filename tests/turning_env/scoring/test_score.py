@@ -24,7 +24,10 @@ from turning_env.scoring.score import FOLDER, Score, compare, score, shipped
 
 ROOT = Path(__file__).parents[3]
 AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
-OVERRIDE, PAPER = "RoughTurning-Override-v1", "RoughTurning-Paper-v0"  # an episode of the latter has few steps
+OVERRIDE, PAPER = (
+    "RoughTurning-Override-v1",
+    "RoughTurning-Paper-v0",
+)  # an episode of the latter has few steps
 
 
 def full_feed(observations: Any) -> Any:
@@ -62,10 +65,15 @@ def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
 
 
 @pytest.mark.parametrize(
-    "policy", [Counting, Counting(), Full(), f"{__name__}:full_feed"], ids=["class", "object", "torch", "name"]
+    "policy",
+    [Counting, Counting(), Full(), f"{__name__}:full_feed"],
+    ids=["class", "object", "torch", "name"],
 )
 def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
-    assert score(policy, PAPER, seeds=4).episodes["return"].tolist() == expected.episodes["return"].tolist()
+    assert (
+        score(policy, PAPER, seeds=4).episodes["return"].tolist()
+        == expected.episodes["return"].tolist()
+    )
 
 
 def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
@@ -94,7 +102,11 @@ def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
 def test_the_same_episodes_are_no_better_and_no_worse() -> None:
     others = shipped("RoughTurning-v0", 16)
     rule = next(each for each in others if each.name == "rescaled_grid_search")
-    episodes = {"return": rule.returns[0], "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
+    episodes = {
+        "return": rule.returns[0],
+        "severe_overload_time": rule.severe[0],
+        "engaged_time": rule.engaged[0],
+    }
     found = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
     (same,) = (each for each in found.comparisons if each.name == "rescaled_grid_search")
     assert (same.ahead.value, same.ahead.low, same.ahead.high) == (0.0, 0.0, 0.0)
@@ -118,7 +130,9 @@ def test_the_same_episodes_are_no_better_and_no_worse() -> None:
         (full_feed, OVERRIDE, 2, ValueError, "shape"),
     ],
 )
-def test_what_cannot_be_scored_is_said(policy: Any, env_id: str, seeds: int | None, error: type[Exception], told: str) -> None:
+def test_what_cannot_be_scored_is_said(
+    policy: Any, env_id: str, seeds: int | None, error: type[Exception], told: str
+) -> None:
     with pytest.raises(error, match=told):
         score(policy, env_id, seeds)
 
@@ -129,11 +143,15 @@ def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
         score(tmp_path / "me.zip", OVERRIDE, 2)
 
 
-def test_agents_of_the_published_simulation_are_not_ranked_and_the_score_warns(expected: Score) -> None:
+def test_agents_of_the_published_simulation_are_not_ranked_and_the_score_warns(
+    expected: Score,
+) -> None:
     assert expected.warning is not None
     assert "warning: " in str(expected)
     scenario = Scenario.load("paper")
-    gaming = replace(shipped(PAPER, 4)[0], name="gaming", kind="agent", returns=np.full((1, 4), 647.0))
+    gaming = replace(
+        shipped(PAPER, 4)[0], name="gaming", kind="agent", returns=np.full((1, 4), 647.0)
+    )
     found = compare(PAPER, expected.episodes, scenario, [*shipped(PAPER, 4), gaming])
     assert (found.rank, found.ranked) == (expected.rank, expected.ranked)
     assert next(each.unranked for each in found.comparisons if each.name == "gaming") is not None
@@ -143,7 +161,11 @@ def test_agents_of_the_published_simulation_are_not_ranked_and_the_score_warns(e
 def test_small_returns_have_decimals_and_the_load_is_told_whole() -> None:
     others = shipped(OVERRIDE, 64)
     rule = next(each for each in others if each.name == "omative")
-    fields = {"return": rule.returns[0] + 0.1, "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
+    fields = {
+        "return": rule.returns[0] + 0.1,
+        "severe_overload_time": rule.severe[0],
+        "engaged_time": rule.engaged[0],
+    }
     found = compare(OVERRIDE, fields, Scenario.load("override"), others)
     ahead = next(each for each in found.comparisons if each.name == "modified_fuzzy_override").ahead
     assert f"{ahead.value:+.2f} s" in found.table()
@@ -153,20 +175,28 @@ def test_small_returns_have_decimals_and_the_load_is_told_whole() -> None:
 def test_the_share_of_severe_overload_is_called_severe() -> None:
     others = shipped("RoughTurning-v0", 16)
     rule = next(each for each in others if each.name == "grid_search")
-    fields = {"return": rule.returns[0], "severe_overload_time": rule.severe[0], "engaged_time": rule.engaged[0]}
+    fields = {
+        "return": rule.returns[0],
+        "severe_overload_time": rule.severe[0],
+        "engaged_time": rule.engaged[0],
+    }
     found = compare("RoughTurning-v0", fields, Scenario.load("rough_turning"), others)
     assert found.feasibility == "infeasible"
     assert f"{found.severe_share:.1%} of cutting time in severe overload" in str(found)
 
 
 def learned(env: Any, **options: Any) -> PPO:
-    return PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, seed=1, device="cpu", **options).learn(32)
+    return PPO(
+        "MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, seed=1, device="cpu", **options
+    ).learn(32)
 
 
 def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: Path) -> None:
     env = VecNormalize(RoughTurningVecEnv("paper", 2))
     model = learned(env)
-    expected = score(lambda seen: model.predict(env.normalize_obs(seen), deterministic=True)[0], PAPER, seeds=4)
+    expected = score(
+        lambda seen: model.predict(env.normalize_obs(seen), deterministic=True)[0], PAPER, seeds=4
+    )
     plain = score(lambda seen: model.predict(seen, deterministic=True)[0], PAPER, seeds=4)
     found = score(model, PAPER, seeds=4).episodes["return"].tolist()
     assert found == expected.episodes["return"].tolist() != plain.episodes["return"].tolist()
@@ -175,7 +205,12 @@ def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: P
         score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
     env.save(str(tmp_path / "statistics.pkl"))
     again = VecNormalize.load(str(tmp_path / "statistics.pkl"), RoughTurningVecEnv("paper", 2))
-    assert score(PPO.load(tmp_path / "mine.zip", env=again), PAPER, seeds=4).episodes["return"].tolist() == found
+    assert (
+        score(PPO.load(tmp_path / "mine.zip", env=again), PAPER, seeds=4)
+        .episodes["return"]
+        .tolist()
+        == found
+    )
 
 
 class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
@@ -189,12 +224,17 @@ class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
     ("env", "told"),
     [
         (lambda: VecFrameStack(RoughTurningVecEnv("paper", 2), 4), "44 entries"),
-        (lambda: DummyVecEnv([lambda: NormalizeObservation(gymnasium.make(PAPER))]), "NormalizeObservation"),
+        (
+            lambda: DummyVecEnv([lambda: NormalizeObservation(gymnasium.make(PAPER))]),
+            "NormalizeObservation",
+        ),
         (lambda: DummyVecEnv([lambda: Halved(gymnasium.make(PAPER))]), "Halved"),
     ],
     ids=["frames", "normalised", "halved"],
 )
-def test_a_model_behind_a_wrapper_that_changes_observations_is_refused(env: Any, told: str, tmp_path: Path) -> None:
+def test_a_model_behind_a_wrapper_that_changes_observations_is_refused(
+    env: Any, told: str, tmp_path: Path
+) -> None:
     model = PPO("MlpPolicy", env(), device="cpu")
     with pytest.raises(ValueError, match=told):
         score(model, PAPER, seeds=4)

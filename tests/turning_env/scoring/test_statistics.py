@@ -9,7 +9,9 @@ from turning_env.scoring.statistics import Bootstrap, interquartile_mean, severe
 def test_resamples_vary_as_means_do() -> None:
     values, bootstrap = np.random.default_rng(4).normal(size=(1, 100)), Bootstrap(100)
     means, middle = bootstrap.means(values, "rule"), bootstrap.interquartile_means(values, "rule")
-    assert (means.mean(), means.std()) == pytest.approx((values.mean(), values.std() / 10.0), abs=0.01)
+    assert (means.mean(), means.std()) == pytest.approx(
+        (values.mean(), values.std() / 10.0), abs=0.01
+    )
     assert middle.mean() == pytest.approx(interquartile_mean(values[0]), abs=0.02)
     assert np.corrcoef(means, middle)[0, 1] > 0.8
 
@@ -24,9 +26,13 @@ def test_seeds_are_paired_and_training_seeds_are_not() -> None:
     bootstrap = Bootstrap(30)
     difference = bootstrap.means(values + 1.0, "one") - bootstrap.means(values, "other")
     np.testing.assert_allclose(difference, 1.0)
-    np.testing.assert_array_equal(bootstrap.means(values, "one"), Bootstrap(30).means(values, "one"))
+    np.testing.assert_array_equal(
+        bootstrap.means(values, "one"), Bootstrap(30).means(values, "one")
+    )
     trained = np.repeat([[0.0], [1.0]], 30, axis=1)
-    assert np.corrcoef(bootstrap.means(trained, "one"), bootstrap.means(trained, "other"))[0, 1] == pytest.approx(0, abs=0.1)
+    assert np.corrcoef(bootstrap.means(trained, "one"), bootstrap.means(trained, "other"))[
+        0, 1
+    ] == pytest.approx(0, abs=0.1)
 
 
 ENGAGED = np.array([100.0, 300.0, 200.0, 50.0, 250.0])

@@ -38,7 +38,9 @@ def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> Non
     factor, mark = 3, tmp_path / "process"  # they travel with the function
     expected = [(str(number), 3 * number) for number in range(5)]
     with workers.workers(1, None) as here:
-        assert list(spread(here, lambda number: factor * number, PIECES)) == expected  # in this process, in order
+        assert (
+            list(spread(here, lambda number: factor * number, PIECES)) == expected
+        )  # in this process, in order
     with processes(1) as over:
         assert dict(spread(over, lambda number: factor * number, PIECES)) == dict(expected)
         with pytest.raises(LookupError, match="no 4"):
@@ -49,7 +51,12 @@ def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> Non
             time.sleep(0.01)
     with pytest.raises(ProcessLookupError):
         os.kill(int(mark.read_text()), 0)
-    with pytest.raises(WorkersError, match=r"a process ended: .*run the same command again to go on"), processes(1) as over:
+    with (
+        pytest.raises(
+            WorkersError, match=r"a process ended: .*run the same command again to go on"
+        ),
+        processes(1) as over,
+    ):
         list(spread(over, die, [("dies", 0)]))
 
 
@@ -58,11 +65,16 @@ def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch
     here = metadata.version("numpy")
     with processes(1) as over:
         monkeypatch.setattr(metadata, "version", lambda name: "1.0")
-        with pytest.raises(WorkersError, match=rf"other results: it has .*numpy {here} instead of 1\.0"):
+        with pytest.raises(
+            WorkersError, match=rf"other results: it has .*numpy {here} instead of 1\.0"
+        ):
             list(spread(over, abs, PIECES))
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "CONNECTING", 0.1)
-    with pytest.raises(WorkersError, match="no scheduler with workers"), workers.cluster("tcp://127.0.0.1:1"):
+    with (
+        pytest.raises(WorkersError, match="no scheduler with workers"),
+        workers.cluster("tcp://127.0.0.1:1"),
+    ):
         pass
