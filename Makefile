@@ -27,9 +27,9 @@ RUN_EXTRAS = benchmark
 TEST_EXTRAS = distributed render ecosystem docs workshop programs opcua publish test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
-# Wheels only, compared with the hashes of constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without
+# Wheels only, compared with the hashes of packaging/constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without
 # CUDA, a tenth of the download.
-INSTALL = UV_FIND_LINKS=$$($(PIP) config get global.find-links 2> /dev/null) $(UV) --only-binary :all: -c constraints.txt
+INSTALL = UV_FIND_LINKS=$$($(PIP) config get global.find-links 2> /dev/null) $(UV) --only-binary :all: -c packaging/constraints.txt
 # The requirements of extras. Given the folder itself instead, uv would build it.
 NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
 	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
@@ -150,28 +150,28 @@ processors: .venv/test
 soak: .venv/test
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest -m soak -n 2 --timeout 0
-	.venv/bin/python -m studies.soak
+	.venv/bin/python -m tools.soak
 
 # The wheel in an empty environment: its contents, and that every task gives the same bytes there; likewise with other versions of Python.
 wheel: .venv/run
-	.venv/bin/python -m studies.wheel --python .venv/bin/python $(OTHER_PYTHON)
+	.venv/bin/python -m tools.wheel --python .venv/bin/python $(OTHER_PYTHON)
 
 # The recipes of other libraries (docs/ecosystem.md), each in an environment of its own; CLIENTS="skrl" tries one. Minutes each.
 clients: .venv/run
-	.venv/bin/python -m studies.clients --write docs/ecosystem.md $(CLIENTS)
+	.venv/bin/python -m tools.clients --write docs/ecosystem.md $(CLIENTS)
 
-# Licences of the installed packages, and known vulnerabilities of all that constraints.txt pins.
+# Licences of the installed packages, and known vulnerabilities of all that packaging/constraints.txt pins.
 audit: .venv/test
 	$(INSTALL) --group audit
-	.venv/bin/python -m studies.audit
-	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r constraints.txt
+	.venv/bin/python -m tools.audit
+	.venv/bin/pip-audit --require-hashes --disable-pip --progress-spinner off -r packaging/constraints.txt
 
-# Resolve pyproject.toml into constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay
+# Resolve pyproject.toml into packaging/constraints.txt, for all platforms. Versions stay, unless UPGRADE=--upgrade is given. Hashes of other builds stay
 # with their version, such as that of torch without CUDA, which the index does not serve: `pip hash` gives that of a new one.
 constraints: .venv/run
 	$(INSTALL) --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
-		--custom-compile-command "make constraints" $(UPGRADE) -o constraints.txt pyproject.toml \
+		--custom-compile-command "make constraints" $(UPGRADE) -o packaging/constraints.txt pyproject.toml \
 		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
 
 format: .venv/test
@@ -182,9 +182,9 @@ clean:
 	rm -rf .venv $(RUNS) $(RESULTS)
 
 # pip installs uv, which installs the rest in seconds.
-.venv/run: pyproject.toml constraints.txt
+.venv/run: pyproject.toml packaging/constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
-	sed -n '/^uv==/,/[^\]$$/p' constraints.txt | $(PIP) install --quiet --no-compile -r /dev/stdin
+	sed -n '/^uv==/,/[^\]$$/p' packaging/constraints.txt | $(PIP) install --quiet --no-compile -r /dev/stdin
 	$(INSTALL) --group setup
 	$(call install,$(RUN_EXTRAS))
 	$(UV) --no-deps --no-build-isolation -e .

@@ -12,7 +12,7 @@ from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
-from turning_render import plot_style as style
+from turning_env.rendering import plot_style as style
 
 PLAIN_NAMES = {
     "causal": "oracle: depth, hardness and wear known",

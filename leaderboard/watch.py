@@ -58,7 +58,7 @@ class Show:
         """Return a frame of the present state, under the policy's name."""
         from PIL import Image
 
-        from turning_render.theme import PAPER, write
+        from turning_env.rendering.theme import PAPER, write
 
         picture: Frame = self.env.render()
         caption = Image.new("RGB", (picture.shape[1], _CAPTION_HEIGHT), PAPER)

@@ -38,7 +38,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in left_out]
-    longest = ("tests/test_pages.py", "tests/test_identity.py", "tests/papers/test_reproduce.py")
+    longest = (
+        "tests/test_pages.py",
+        "tests/test_identity.py",
+        "tests/research/papers/test_reproduce.py",
+    )
     items.sort(key=lambda item: not item.nodeid.startswith(longest))
 
 

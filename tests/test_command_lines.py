@@ -16,7 +16,7 @@ from tests.train.small import ALGORITHMS
 from tests.walking import ROOT, blocks, commands
 
 PACKAGES = (
-    *("turning_env", "turning_render", "turning_shop", "turning_nc", "turning_control"),
+    *("turning_env", "turning_env.rendering", "turning_shop", "turning_nc", "turning_control"),
     *("baselines", "train", "leaderboard", "papers", "studies"),
 )
 
@@ -43,10 +43,10 @@ turning_control demo: --scenario nothing
 turning_control serve: --policy nothing | --policy programmed --scenario nothing
 turning_control opcua: --policy programmed | --policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml
 turning_control plant: --log made.csv --scenario nothing
-papers.reproduce: more
+research.papers.reproduce: more
 baselines.tune: --scenario nothing | --rules nobody | --trials 0 | --seeds 0 | --jobs 0 | --trials x
-papers.reproduce.part_programming_cases: more
-papers.figures: --only nothing | --format gif
+research.papers.reproduce.part_programming_cases: more
+research.papers.figures: --only nothing | --format gif
 train.tune: --algorithm ppo --scenario nothing | --algorithm nobody | --algorithm ppo --trials 0
 train.curves: nothing | . --out made.png | nothing --level x
 train.export: nothing --out made | . --out made | nothing
@@ -65,18 +65,18 @@ leaderboard cards: --results nothing | --results file
 leaderboard pack: --results nothing | --results file
 leaderboard run: --knows true_laws | --env RoughTurning-Family-v0 --split nothing | --env RoughTurning-Family-v0 --seeds 257
 leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out made.txt | --agent nothing.onnx --out made.gif
-studies.clients: nothing | --write
-studies.exploits: --env nothing | --seeds 0 | --search -1
-studies.one_job: --agent nothing.onnx --out made.png
+tools.clients: nothing | --write
+research.studies.exploits: --env nothing | --seeds 0 | --search -1
+research.studies.one_job: --agent nothing.onnx --out made.png
 train.guided_ppo: --env nothing
-studies.paired: ppo causal --scenarios nothing | ppo causal
-studies.headroom: --seeds 0 | --seeds 257
-studies.audit: nothing
-studies.soak: --kills 0 | --only nothing | --steps 1
+research.studies.paired: ppo causal --scenarios nothing | ppo causal
+research.studies.headroom: --seeds 0 | --seeds 257
+tools.audit: nothing
+tools.soak: --kills 0 | --only nothing | --steps 1
 studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
-studies.throughput: --repeats 0
-studies.program_times: --moves 0 | --kinds nothing | --adapt nothing
-studies.wheel: --constraints nothing | --constraints file
+research.studies.throughput: --repeats 0
+shop.examples.program_times: --moves 0 | --kinds nothing | --adapt nothing
+tools.wheel: --constraints nothing | --constraints file
 """
 SAID = """
 train.ppo: --seed -1 => the training seed is -1, but must be 0 to 998

@@ -3,10 +3,10 @@
 import re
 import tomllib
 
-from studies.audit import pinned
 from tests.walking import ROOT
+from tools.audit import pinned
 
-TEXT = (ROOT / "constraints.txt").read_text("utf-8")
+TEXT = (ROOT / "packaging/constraints.txt").read_text("utf-8")
 PINS = pinned(TEXT)
 
 

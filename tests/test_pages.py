@@ -73,7 +73,9 @@ def copy(tmp_path: Path) -> Path:
 def set_up() -> bool:
     """Return whether make has set up the present .venv; else the copy's make would, and tie it to the copy."""
     ready = ROOT / ".venv" / "test"
-    asked = max((ROOT / name).stat().st_mtime for name in ("pyproject.toml", "constraints.txt"))
+    asked = max(
+        (ROOT / name).stat().st_mtime for name in ("pyproject.toml", "packaging/constraints.txt")
+    )
     return ready.exists() and ready.stat().st_mtime >= asked
 
 

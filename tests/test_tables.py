@@ -11,7 +11,7 @@ from PIL import Image
 from leaderboard.__main__ import main as leaderboard
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import RESULTS
-from studies import paired
+from research.studies import paired
 from train import curves
 
 ROOT = Path(__file__).parents[1]
@@ -22,7 +22,7 @@ PAGES = {
 COMMAND = r"(?:```bash\n|<!-- )python -m ({}[^\n]*?)(?:\n```| -->)\n\n"
 TABLE = r"((?:\|.*\n)*)"
 SHOW = re.compile(COMMAND.format(r"leaderboard show [^\n]*--markdown") + TABLE)
-PAIRED = re.compile(COMMAND.format("studies.paired ") + TABLE)
+PAIRED = re.compile(COMMAND.format("research.studies.paired ") + TABLE)
 DRAW = re.compile(COMMAND.format(r"(?:leaderboard figure|train.curves)") + r"!\[[^]]*\]\((\S+?)\)")
 TABLES = [
     pytest.param(*found.groups(), id=page)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from studies.wheel import built
+from tools.wheel import built
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = {"turning_env", "turning_render", "turning_shop", "turning_nc", "turning_control"}
+PACKAGES = {"turning_env", "turning_env.rendering", "turning_shop", "turning_nc", "turning_control"}
 
 
 @pytest.fixture(scope="module")

@@ -28,9 +28,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from train.run import Run
 from turning_env.console import described, exits
 from turning_env.files import replace_file
+from turning_env.rendering import plot_style as style
 from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
-from turning_render import plot_style as style
 
 FILE = "learning_curves.json"  # name of the file of learning curves beside agents
 POINTS = 100

@@ -274,7 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if list(arguments[:1]) == ["--nc"]:
-        from train.nc import main as nc
+        from turning_nc.export_law import main as nc
 
         return nc(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))

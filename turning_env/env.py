@@ -46,7 +46,7 @@ class Shared:
     """Base of the single environment and the vector environment: a batch, its specification and its viewer."""
 
     _spec: EnvSpec | None = None
-    _viewer: Any = None  # turning_render's
+    _viewer: Any = None  # turning_env.rendering's
 
     def _set_up(self, batch: Batch, render_mode: str | None, rendered_envs: int) -> None:
         self._batch, self.scenario, self.render_mode = batch, batch.scenario, render_mode

@@ -22,9 +22,9 @@ from leaderboard.shown import MAX_COMMAND, MAX_VALUES, few, limited
 from leaderboard.standings import best_rule
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
+from turning_env.rendering.plot_style import policy_look
 from turning_env.scenario.family import families
 from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
-from turning_render.plot_style import policy_look
 
 SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
 _HERE = Path(__file__).parent

@@ -11,8 +11,8 @@ import pytest
 
 from baselines import tune as rule_tuning
 from leaderboard import __main__ as board
-from studies.soak import files, unreadable
 from tests.train.small import ALGORITHMS, SCENARIO, small_run
+from tools.soak import files, unreadable
 from train import ppo
 from train.training import train
 

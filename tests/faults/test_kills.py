@@ -9,8 +9,8 @@ from random import Random
 
 import pytest
 
-from studies import soak
 from tests.walking import MAX, ROOT, until
+from tools import soak
 
 SMALLER = partial(soak.leaderboard, more=("--seeds", "4"))
 

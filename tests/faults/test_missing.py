@@ -50,7 +50,7 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
     ("package", "command"),
     [
         ("torch", "train.ppo --steps 1"),
-        ("scipy", "turning_env calibrate docs/examples/cuts.csv --out FILE"),
+        ("scipy", "turning_env calibrate shop/examples/cuts.csv --out FILE"),
         (
             "asyncua",
             "turning_control opcua --url opc.tcp://127.0.0.1:1 --nodes FILE --policy programmed",

@@ -19,6 +19,11 @@ import tomli_w
 from google.protobuf import json_format
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
+from turning_nc.program import Program, read, read_file, write
+from turning_nc.words import NcError
+from turning_shop import WorkshopError
+from turning_shop.headers import COLUMNS
+from turning_shop.measurements import Measurements, read_measurements
 
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
@@ -26,11 +31,6 @@ from tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
 from turning_env import Family, Scenario, ScenarioError
 from turning_env.scoring.sandbox_child import Outline
-from turning_nc.program import Program, read, read_file, write
-from turning_nc.words import NcError
-from turning_shop import WorkshopError
-from turning_shop.headers import COLUMNS
-from turning_shop.measurements import Measurements, read_measurements
 
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"

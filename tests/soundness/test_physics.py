@@ -13,7 +13,7 @@ from tests.soundness.acting import SEEDS, action, tried
 from tests.soundness.scenarios import scenarios
 from tests.turning_env.playing import UNDISTURBED, changed, infos
 from turning_env import RoughTurningEnv, Scenario
-from turning_render.fields import Fields
+from turning_env.rendering.fields import Fields
 
 TERMS = ("metal", "time", "edge", "overload", "breakage", "roughness")
 FACTORS = st.floats(-1.0, 1.0)

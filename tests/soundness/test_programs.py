@@ -11,10 +11,6 @@ pytest.importorskip("shapely")
 
 from hypothesis import given
 from hypothesis import strategies as st
-
-from tests.soundness.acting import tried
-from tests.soundness.programs import STOCKS, TOOLS, any_program
-from turning_env import Scenario
 from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import beyond, change_wear
@@ -22,6 +18,10 @@ from turning_nc.moves import Reading, run
 from turning_nc.report import findings, implausible, rows, summary, table
 from turning_nc.stock import guessed_stock, read_stock, remove
 from turning_nc.words import NcError, divide
+
+from tests.soundness.acting import tried
+from tests.soundness.programs import STOCKS, TOOLS, any_program
+from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")
 

@@ -23,7 +23,7 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
 def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["warm-up"]) == 0
     assert "MB of machine code in " in capsys.readouterr().out
-    code = "import logging, turning_env as t; from turning_render.fields import Fields; import numpy as np\n"
+    code = "import logging, turning_env as t; from turning_env.rendering.fields import Fields; import numpy as np\n"
     code += "for env_id, preset in t.IDS.items():\n    env = t.RoughTurningEnv(preset); env.reset(seed=0)\n"
     code += "    env.step(env.action_space.sample()); Fields(t.Scenario.load(preset)).along((0, 0), 0, np.zeros(3))\n"
     again = subprocess.run(

@@ -5,7 +5,7 @@ import pytest
 
 from tests.turning_env.playing import changed
 from turning_env import Scenario
-from turning_render.fields import Fields
+from turning_env.rendering.fields import Fields
 
 WORKPIECE = Scenario().workpiece
 

@@ -1,1 +1,0 @@
-"""Comparison of the papers' numbers and claims with the project's: ``python -m papers.reproduce``. One file per paper."""

@@ -1,0 +1,129 @@
+"""Draw every figure of the papers with the project's own models and controllers.
+
+    python -m research.papers.figures
+    python -m research.papers.figures --only grid_search_03 grid_search_12 --format svg --out build/figures
+
+Without --only it also writes an index, README.md, with captions and comparisons with the papers. With --only it prints the
+captions and comparisons of the figures that it draws. All figures take about a minute.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from research.papers.catalogue import FIGURES, PAPERS, Paper
+from research.papers.figures import blanks, fuzzy, life, minutes, override, roughness, servo
+from turning_env.console import described, exits
+from turning_env.files import replace_file
+from turning_env.rendering import plot_style as style
+
+DRAW: dict[str, Callable[[], Figure]] = {
+    "grid_search_02": partial(minutes.draw_best, 1),
+    "grid_search_03": partial(minutes.draw_plane, 1),
+    "grid_search_04": partial(minutes.draw_best, 2),
+    "grid_search_06": partial(minutes.draw_plane, 2),
+    "grid_search_07": partial(minutes.draw_plane, 14),
+    "grid_search_08": partial(minutes.draw_best, 14),
+    "grid_search_09": partial(minutes.draw_best, 15),
+    "grid_search_10": partial(minutes.draw_plane, 15),
+    "grid_search_11": life.draw_responses,
+    "grid_search_12": life.draw_pairs,
+    "grid_search_13": life.draw_rivals,
+    "fuzzy_01": fuzzy.draw_correction,
+    "fuzzy_02": fuzzy.draw_aggregation,
+    "fuzzy_03": fuzzy.draw_override,
+    "fuzzy_06": fuzzy.draw_conjunction,
+    "override_steps": override.draw,
+    "roughness_control": roughness.draw_control,
+    "part_programming_psi": blanks.draw_gains,
+    "part_programming_pairs": blanks.draw_pairs,
+    "servo_current": servo.draw_current,
+    "servo_estimate": servo.draw_estimate,
+}
+"""Functions that draw the figures of ``research/papers/data/figures.toml``, called within ``style.for_print``."""
+INDEX = "README.md"
+HEAD = """# Figures of the papers
+
+`python -m research.papers.figures` writes this page and draws every figure with the project's own models and controllers. Open circles
+are values that a paper prints or states.
+
+The copies of the papers used lack their figures. Captions, tables and text say what each figure showed. The lines below each
+figure count these numbers and claims by [verdict](../papers/index.md). `python -m research.papers.reproduce` lists every comparison.
+"""
+
+
+all_checks = cache(Paper.checks)
+
+
+@exits(ValueError, interrupted="interrupted: the figures drawn so far are complete")
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m research.papers.figures", **described(__doc__))
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("docs/figures"),
+        metavar="FOLDER",
+        help="folder to write to (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        metavar="NAME",
+        help=f"figures to draw, from {', '.join(FIGURES)} (default: all)",
+    )
+    parser.add_argument(
+        "--format",
+        nargs="+",
+        choices=style.FORMATS,
+        default=["png"],
+        help="file formats (default: png)",
+    )
+    options = parser.parse_args(arguments)
+    if unknown := [name for name in options.only or () if name not in FIGURES]:
+        raise ValueError(f"there is no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")
+    chosen = [name for name in FIGURES if name in (options.only or FIGURES)]
+    for name in (bar := tqdm(chosen, unit="figure", disable=None)):
+        bar.set_postfix_str(name)
+        with style.for_print():
+            drawn = DRAW[name]()
+            for kind in options.format:
+                style.save(drawn, options.out / f"{name}.{kind}")
+    descriptions = {name: description(name) for name in chosen}
+    if options.only is None:
+        text = index(descriptions, options.format)
+        replace_file(
+            options.out / INDEX, lambda partial: partial.write_text(text, encoding="utf-8")
+        )
+        print(options.out / INDEX)
+    else:
+        for name, lines in descriptions.items():
+            print(name, *lines, sep="\n  ")
+    return 0
+
+
+def description(name: str) -> list[str]:
+    """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
+    paper, item = next(
+        (paper, item) for paper in PAPERS for item in paper.items if item.figure == name
+    )
+    return item.description(all_checks(paper) if item.pattern else [])
+
+
+def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:
+    """Return a page that shows figures, by name and description, whose files in the first of the formats lie beside it."""
+    text = HEAD
+    for name, (caption, *lines) in descriptions.items():
+        text += f"\n## {name}\n\n![{name}]({name}.{formats[0]})\n\n{caption}\n"
+        if lines:
+            text += "\n" + "".join(f"* {line}\n" for line in lines)
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

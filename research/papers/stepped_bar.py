@@ -1,0 +1,85 @@
+"""The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
+
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`). There
+are no spreads and no noise, and the edge does not break.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from research.papers import changed, record
+from turning_env import Scenario
+from turning_env.scoring.policy import PolicyFactory
+
+RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
+STEPS = (1.0, 2.0, 3.0)  # depths of cut of the paper's test [mm]
+SPREADS: dict[str, Any] = {
+    f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")
+}
+"""The spreads of a bar, none."""
+
+
+def stepped_bar(
+    depths: tuple[float, ...] = STEPS,
+    bar_length: float = 100.0,
+    ripple_period: float | None = None,
+    torque: float = 1.0,
+    **machine: float,
+) -> Scenario:
+    """Return the scenario of a bar in sections of equal length.
+
+    Args:
+        depths: depth of cut of each section [mm].
+        bar_length: length of all sections [mm].
+        ripple_period: period of a ripple of depth [s]; None for a smooth bar.
+        torque: torque of the main drive over the preset's [-].
+        machine: other values of the machine, such as its lags.
+    """
+    base = Scenario.load("override_torque")
+    ripple = {"depth_ripple": 0.0}
+    if ripple_period is not None:
+        revolutions = (
+            1000.0 * base.control.initial_cutting_speed / (np.pi * base.workpiece.diameter)
+        )  # [1/min]
+        ripple = {"depth_ripple": RIPPLE, "depth_ripple_period": ripple_period / 60.0 * revolutions}
+    return changed(
+        "override_torque",
+        tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
+        machine={"rated_power": torque * base.machine.rated_power} | machine,
+        workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
+        sensors={"power_noise": 0.0, "force_noise": 0.0},
+        limits={"power": torque * base.limits.power},
+    )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A bar turned by a policy; arrays over steps, at their ends."""
+
+    time: NDArray[np.float64]  # time since the start [s]
+    depth: NDArray[np.float64]  # depth of cut [mm], 0 in air
+    override: NDArray[np.float64]  # commanded feed over the programmed one [-]
+    load: NDArray[np.float64]  # true spindle load [-]
+
+    def _where(self, kept: NDArray[np.bool_]) -> "Trajectory":
+        return Trajectory(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+
+    def after(self, time: float) -> "Trajectory":
+        """Return the part from a time [s] on, in metal."""
+        return self._where((self.time >= time) & (self.depth > 0.0))
+
+    def at_depth(self, depth: float, settled: float) -> "Trajectory":
+        """Return the parts at a depth of cut [mm], each without its first ``settled`` seconds."""
+        there = np.isclose(self.depth, depth)
+        arrivals = np.where(there & ~np.append(False, there[:-1]), self.time, -np.inf)
+        return self._where(there & (self.time >= np.maximum.accumulate(arrivals) + settled))
+
+
+def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
+    """Return the trajectory of a policy on a bar."""
+    kept = {name: values[:, 0] for name, values in record(make_policy(1), scenario, [0]).items()}
+    override = kept["commanded_feed"] / scenario.control.initial_feed
+    return Trajectory(np.cumsum(kept["time"]), kept["depth_of_cut"], override, kept["spindle_load"])

@@ -1,0 +1,441 @@
+"""Spellings and dialects of programs: each is read as a control reads it, or named."""
+
+import itertools
+import re
+from collections.abc import Callable
+
+import pytest
+
+pytest.importorskip("shapely")
+
+from tests.turning_nc.test_moves import ISO, SIEMENS, moves
+
+from turning_env import Scenario
+from turning_nc.adapt import adapt
+from turning_nc.cutting import Machine, Situation
+from turning_nc.dialects import DIALECTS
+from turning_nc.moves import Move, Reading, run
+from turning_nc.stock import read_stock, remove
+from turning_nc.words import NcError, divide
+
+BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
+CUT = "G1 X56. F0.25\nZ-40.\nG0 X80.\nM30\n"
+
+
+def cuts(text: str) -> list[tuple[float, float]]:
+    """Return Z and diameter at the end of every move at feed."""
+    ends = [move.path.end for move in moves(text).moves if move.kind == "feed"]
+    return [(round(z, 4), round(2.0 * x, 4)) for z, x in ends]
+
+
+def without_places(text: str, go_on: bool = False) -> list[tuple[object, ...]]:
+    """Return what the moves of a program do, without places in its text."""
+
+    def of(move: Move) -> tuple[object, ...]:
+        settings = (
+            move.feed.value,
+            move.speed.value,
+            move.constant_cutting_speed,
+            move.max_spindle_speed,
+        )
+        return move.kind, move.path.end, move.line, move.tool, *settings, move.spindle_on, move.time
+
+    return [of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
+
+
+# Spelling.
+
+
+def with_mixed_ends(text: str) -> str:
+    """Return the text with LF, CR and CRLF in turn at the ends of its lines."""
+    ends = itertools.cycle(("\n", "\r", "\r\n"))
+    return "".join(line + next(ends) for line in text.splitlines())
+
+
+SPELLINGS: dict[str, Callable[[str], str]] = {
+    "CR": lambda text: text.replace("\n", "\r"),
+    "CRLF": lambda text: text.replace("\n", "\r\n"),
+    "mixed ends": with_mixed_ends,
+    "a blank after addresses": lambda text: re.sub(
+        r"(?m)\b([XZFGT])(?=-?\d)(?!.*[\"=])", r"\1 ", text
+    ),
+    "a blank after the sign": lambda text: text.replace("-", "- "),
+    "a blank before the sign": lambda text: text.replace("Z-", "Z\t- "),
+    "small letters": str.lower,
+}
+
+
+@pytest.mark.parametrize("spelling", SPELLINGS)
+@pytest.mark.parametrize("text", [ISO, SIEMENS.replace("M4\n", "M4 ; remark\n")])
+def test_blanks_and_ends_of_lines_change_nothing(text: str, spelling: str) -> None:
+    respelled = SPELLINGS[spelling](text)
+    assert respelled != text
+    assert divide(respelled).dialect == divide(text).dialect
+    assert without_places(respelled) == without_places(text)
+
+
+def test_blanks_inside_numbers_are_skipped() -> None:
+    assert cuts(BAR + "G 0 1 X 5 6. F 0. 2 5\nZ - 4 0 .\n# 1 = - 5.\nX [ # 1 + 6 5. ]") == [
+        (2.0, 56.0),
+        (-40.0, 56.0),
+        (-40.0, 60.0),
+    ]
+
+
+def test_blanks_in_conditions_are_skipped() -> None:
+    text = BAR + "# 1 = 2\nIF [# 1 EQ 2 . 0] GOTO 10\nG1 Z-1. F0.2\nN 10 G1 Z-5. F0.2\n"
+    assert cuts(text) == [(-5.0, 62.0)]
+
+
+def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
+    adapted = {}
+    for end in ("\n", "\r", "\r\n"):
+        text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("\n", end)
+        made = moves(text)
+        situation = Situation(
+            Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60"))
+        )
+        adapted[end] = adapt(situation).text
+        assert adapted[end] != text
+    assert (
+        adapted["\r"].replace("\r", "\n") == adapted["\r\n"].replace("\r\n", "\n") == adapted["\n"]
+    )
+
+
+# Dialects.
+
+
+def test_named_parameters_of_linuxcnc_are_read() -> None:
+    text = "G18 G7 G21 G90 G95\n#<_depth> = 2.0\n#<Start> = 56.0\nT1 M6\nG97 S800 M3 F0.25\nG0 X62 Z2\n"
+    text += "G1 X#<start>\nZ-40\nX[#<start> + 3*#<_depth>]"
+    assert cuts(text) == [(2.0, 56.0), (-40.0, 56.0), (-40.0, 62.0)]
+    with pytest.raises(NcError, match=r"line 7: .*#<START>"):
+        moves(text.replace("#<Start> =", "#<stop> ="))
+
+
+# Words that are not understood beside others that are.
+
+INCHES = "G20 G40 G99\nT0101\nG96 S500 M3\nG0 X2.1 Z.1\nG1 X1.8 F.012\nZ-2.5"
+TWO_TOOLS = f"{BAR}{CUT}".replace("M30", "T0505\nG0 X40. Z2.\nG1 Z-9. F0.1\nM30")
+DREHEN = "G90 G95 G71 DIAMON T1 D1\nG97 S800 M4 F0.2\nG0 X62 Z2\nG1 X56\nZ-40\nG0 X80\nM30"
+LEFT_OUT = [
+    # Units, feeds, speeds, tools and axes stay beside words of every kind that are not understood.
+    (INCHES, "G99\n", "G99 D200\n"),
+    (INCHES, "G20 G40", "G20 G777 G40"),
+    (INCHES, "G20 G40", "?! G20 G40"),
+    (INCHES, "G20 G40", "G20 MODE(A B) G40"),
+    (TWO_TOOLS, "T0505", "T0505 C30."),
+    (TWO_TOOLS, "T0505", "E7 T0505"),
+    (TWO_TOOLS, "T0505", "G65 P9001 X50. Z-30. R2. T0505"),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. Y12.5 F0.25"),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 G777 X56. F0.25 R3."),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. F0.25 S-100 C2."),
+    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. W#7 F0.25"),
+    (TWO_TOOLS, "G97 S800 M3", "G97 S800 M3 F-1"),
+    (TWO_TOOLS, "G97 S800 M3", "G97 S800 B45. M3"),
+    (TWO_TOOLS, "M30", "G65 P2 M30\nG1 X10. Z-30."),
+    (TWO_TOOLS, "Z-40.", "Z-40. K2. ,Q5"),
+    (DREHEN, "T1 D1", "T1 D1 TRAORI"),
+    (DREHEN, "G90 G95", "G17 G90 G95 WALIMON"),
+    (DREHEN, "S800 M4 F0.2", "S800 M4 F0.2 CYCLE951(80,0,60)"),
+    (DREHEN, "X56", "X56 Q=12 C=30"),
+    (DREHEN, "G1 X56", "G1 X56 F=R77"),
+    (DREHEN, "Z-40", "Z-40 SPOS[2]=90"),
+    (DREHEN, "G0 X62 Z2", "G0 X62 Z2 B30"),
+    (DREHEN, "T1 D1", "T1 D1\nG58 X0 Z45"),  # a zero offset does not move
+]
+
+
+@pytest.mark.parametrize(("clean", "word", "words"), LEFT_OUT)
+def test_only_words_that_are_not_understood_are_left_out(clean: str, word: str, words: str) -> None:
+    assert word in clean
+    text = clean.replace(word, words, 1)
+    with pytest.raises(NcError, match=r"not understood.*\n  line \d"):
+        moves(text)
+    played = without_places(text, go_on=True)
+    extra = text.count("\n", 0, text.index(words) + len(words)) - clean.count(
+        "\n", 0, clean.index(word) + len(word)
+    )
+    if extra and "M30" not in words:
+        played = [(*values[:2], values[2] - extra, *values[3:]) for values in played]
+    assert played == without_places(clean)
+    assert any(
+        note.partition(": ")[2].startswith("left out")
+        for note in run(divide(text), Reading(go_on=True)).notes
+    )
+
+
+def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
+    text = f"{BAR}G87 X20. Z-30. Q5. F0.3\n{CUT.replace(' F0.25', '')}"
+    made = run(divide(text), Reading(go_on=True)).moves
+    assert [move.path.end for move in made if move.kind == "feed"] == [(2.0, 28.0), (-40.0, 28.0)]
+    assert made[-2].feed.value == 0.3
+
+
+def test_the_contour_of_a_cycle_that_is_left_out_is_not_cut() -> None:
+    roughing = "G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\nN1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"  # turns back
+    ends = [
+        values[1] for values in without_places(BAR + roughing + "G1 X58. Z-5. F0.1", go_on=True)
+    ]
+    assert ends == [(2.0, 31.0), (-5.0, 29.0)]
+
+
+def test_every_word_of_a_line_that_is_not_understood_is_named_at_once() -> None:
+    with pytest.raises(NcError) as refused:
+        moves(f"{BAR}G1 X56. Y5. F0.25 G777 K2. TO303")
+    assert str(refused.value).count("line ") == 1
+    for word in ("Y", "G777", "K2.", "TO303"):
+        assert word in str(refused.value)
+
+
+# Axes that turning does not use.
+
+NULL = [
+    (BAR + CUT, "G1 X56.", "G1 X56. Y0."),
+    (BAR + CUT, "Z-40.", "Z-40. V0 C0. B-0.0"),
+    (BAR + CUT, "G97", "A0 Y0 G97"),
+    (BAR + CUT, "Z-40.", "Z-40. X56. A0."),
+    (BAR + "G28 U0\n" + CUT, "G28 U0", "G28 U0 V0 C0"),
+    (BAR + CUT, "M3\n", "M3\nG28 V0\nG28 H0 C0.\n"),
+    (BAR + "G90 X56. Z-40. F0.2\nX52.", "X52.", "X52. Y0"),
+    (DREHEN, "X56", "X56 Y0 C=0 V0 B0.0 A0"),
+    (DREHEN, "M4", "M4\nG74 Y0"),
+]
+
+
+@pytest.mark.parametrize(("clean", "word", "words"), NULL)
+def test_other_axes_at_0_have_no_effect(clean: str, word: str, words: str) -> None:
+    assert word in clean
+    expected, played = without_places(clean), without_places(clean.replace(word, words, 1))
+    assert [values[:2] for values in played] == [values[:2] for values in expected]
+    with pytest.raises(NcError, match="not understood"):
+        moves(clean.replace(word, f"{word} B30.", 1))
+
+
+# Dwells.
+
+DWELLS = [
+    ("G4 P500", 0.5),
+    ("G4 X1.5", 1.5),
+    ("U2. G4", 2.0),
+    ("G4 P1.25", 1.25),
+]
+
+
+@pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
+def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
+    made = moves(f"G21 G99\nM3 S800 T0303 {dwell} F0.3\nG0 X62. Z2.\nG1 X56.\nZ-9.").moves
+    assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
+    assert made[0].kind == "dwell"
+    last = made[-1]
+    assert (last.tool, last.speed.value, last.feed.value, last.spindle_on) == (
+        "T0303",
+        800.0,
+        0.3,
+        True,
+    )
+    assert (
+        moves(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.").moves[-1].kind == "dwell"
+    )  # the program ends
+
+
+def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
+    made = moves("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.").moves
+    assert [(move.kind, move.time) for move in made] == [
+        ("dwell", 1.0),
+        ("dwell", 0.5),
+        ("rapid", 0.0),
+        ("feed", 0.0),
+    ]
+    assert made[-1].speed.value == 800.0
+    with pytest.raises(NcError, match="beside G4"):
+        moves(f"{BAR}G1 X56. F0.2\nG4 P500 Z-40.")
+
+
+@pytest.mark.parametrize(
+    ("block", "seconds", "speed", "feed"),
+    [
+        ("S800 M3 G4 F2", 2.0, 800.0, 0.2),
+        ("G4 F2 S800 M3", 2.0, 800.0, 0.2),
+        ("M3 S800 G4 S40", 3.0, 800.0, 0.2),  # 40 revolutions
+        ("F0.3 G4 F1.5 S800 M3", 1.5, 800.0, 0.3),
+    ],
+)
+def test_sinumerik_dwells_for_the_word_after_g4(
+    block: str, seconds: float, speed: float, feed: float
+) -> None:
+    made = moves(f"DIAMON G71 G90 G95 G97 F0.2\n{block}\nG0 X62 Z2\nG1 Z-9").moves
+    assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
+    assert (made[-1].speed.value, made[-1].feed.value) == (speed, feed)
+
+
+def test_a_zero_point_and_a_limit_of_the_spindle_may_share_a_block() -> None:
+    made = moves("G50 X200. Z100. S1500\nG21 G99 G96 S150 M3\nG0 X62. Z2.\nG1 Z-5. F0.2").moves
+    assert made[-1].max_spindle_speed == 1500.0
+    assert made[0].path.start == (100.0, 100.0)
+
+
+# Controls that are named.
+
+OTHERS = {
+    "Okuma": [
+        "$FLANSCH.MIN%",
+        "$AB-12.SUB%",
+        "T030303",
+        "T010112 M42",
+        "N10 T000505",
+        "G71 X38.2 Z-20 B60 D0.7 U0.1 H2.45 L2 F1.5 M32 M73",
+        "G85 NLAP1 D6 F0.3",
+        "NKONT G81",
+        "G87 NAUS1",
+        "CALL O123 Q2",
+        "NOEX V1=3",
+        "V12=50",
+        "RTS",
+    ],
+    "LinuxCNC": [
+        "O<bore> CALL [5]",
+        "o100 endsub",
+        "O100 WHILE [#1 LT 3]",
+        "o<a b> sub",
+        "O#5 repeat [3]",
+        "o7 elseif [#1]",
+    ],
+    "SINUMERIK": [
+        "%MPF1005",
+        "%SPF 12",
+        "N40 G2 X60 Z-25 B5",
+        "G03X20Z-5B+2.5",
+        "N5 @714",
+        "N10 G58 X0 Z45\nN15 G92 S3000",
+    ],
+    "Heidenhain": ["0 BEGIN PGM WELLE MM"],
+    "Mazatrol": ["PNO. 3"],
+}
+
+
+@pytest.mark.parametrize(
+    ("control", "line"), [(control, line) for control, lines in OTHERS.items() for line in lines]
+)
+def test_programs_of_other_controls_are_named_with_their_line(control: str, line: str) -> None:
+    for end in ("\n", "\r"):
+        with pytest.raises(NcError, match=f"line 3: .*{control}"):
+            divide(f"(TITLE)\nG0 X60. Z2.\n{line}\nG1 Z-40. F0.2\n".replace("\n", end))
+
+
+@pytest.mark.parametrize("text", ["N10 G58 X0 Z45\n", "N15 G92 S3000\nN20 G58 X0 Z45\n"])
+def test_a_zero_offset_shows_an_old_sinumerik_only_before_a_limit_of_the_spindle(text: str) -> None:
+    lines = divide(f"{text}G0 X60. Z2.\nG1 Z-40. F0.2\n").parts[""]
+    assert lines[-1].number_of("Z") == -40.0
+
+
+@pytest.mark.parametrize("sign", ["G53.5", "G123.1", "G276 X20. P3", "M998<BORE>"])
+def test_programs_of_mazak_are_read_as_fanucs_with_a_note(sign: str) -> None:
+    text = BAR + CUT.replace("M30", f"{sign}\nM30")
+    made = run(divide(text), Reading(go_on=True))
+    assert any("Mazak" in note for note in made.notes)
+    assert [move.path.end for move in made.moves] == [
+        move.path.end for move in moves(BAR + CUT).moves
+    ]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "T0303 M8",
+        "T03",
+        "T10203",
+        "G2 X60. Z-25. R5. B0.",
+        "G3 X60. Z-5. I0. K-2. B0",
+        "G58",
+        "N5 G71 U2. R1.",
+    ],
+)
+def test_words_of_fanuc_show_no_other_control(line: str) -> None:
+    assert divide(f"G21\n{line}\n").dialect.name == "fanuc"
+
+
+@pytest.mark.parametrize("cycle", ["CYCLE951", "CYCLE952", "CYCLE930", "CYCLE940", "CYCLE99"])
+def test_cycles_of_operate_are_named(cycle: str) -> None:
+    text = DREHEN.replace("G1 X56", f"{cycle}(80,0,60,-50)\nG1 X56")
+    with pytest.raises(NcError, match=rf"line 4: {cycle}.*Operate"):
+        moves(text)
+    assert cuts(DREHEN) == [(2.0, 56.0), (-40.0, 56.0)]
+
+
+@pytest.mark.parametrize(("word", "hint"), [("R3.", ",R"), ("C2.", ",C")])
+def test_corners_without_a_comma_have_a_hint(word: str, hint: str) -> None:
+    with pytest.raises(NcError, match=f"line 4: .*write {hint} for a"):
+        moves(f"{BAR}G1 X56. {word} F0.25\nZ-40.")
+
+
+# G code systems of Fanuc.
+
+IN_A = {
+    "cylinder": "G90 X56. Z-40. F0.25\nX52.\n",
+    "cone": "G90 X50. Z-40. R-2. F0.25\n",
+    "thread": "G92 X56. Z-25. F2.\nX55.\n",
+    "face": "G94 X0. Z1. F0.2\nZ0.\n",
+    "roughing": "G71 U2. R1.\nG71 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X20.\nG1 Z-20.\nN20 X60.\nG70 P10 Q20\n",
+    "facing": "G72 W2. R1.\nG72 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 Z-20.\nG1 X40.\nN20 Z0.\n",
+    "pattern": "G73 U4. W1. R3\nG73 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X50.\nG1 Z-20.\nN20 X60.\n",
+    "threads": "G76 P010060 Q50 R0.1\nG76 X58. Z-34. P1000 Q400 F2.\n",
+    "groove": "G0 Z-10.\nG75 R1.\nG75 X56. Z-14. P2000 Q4000 F0.1\n",
+    "peck": "G0 X0.\nG74 R1.\nG74 Z-9. Q4000 F0.1\n",
+    "pitch": "G32 Z-25. F2.\n",
+}
+TO_B = {
+    "G90": "G77",
+    "G92": "G78",
+    "G94": "G79",
+    "G32": "G33",
+    "G98": "G94",
+    "G99": "G95",
+    "G50": "G92",
+}
+TO_C = {
+    "G90": "G20",
+    "G92": "G21",
+    "G94": "G24",
+    "G32": "G33",
+    "G98": "G94",
+    "G99": "G95",
+    "G50": "G92",
+    "G20": "G70",
+    "G21": "G71",
+}
+TO_C |= {f"G{70 + k}": f"G{72 + k}" for k in range(7)}
+
+
+def in_system(text: str, codes: dict[str, str]) -> str:
+    """Return a program of system A with the G functions of another system."""
+    return re.sub(r"G\d+", lambda found: codes.get(found[0], found[0]), text)
+
+
+@pytest.mark.parametrize("name", IN_A)
+@pytest.mark.parametrize(("dialect", "codes"), [("fanuc-b", TO_B), ("fanuc-c", TO_C)])
+def test_systems_b_and_c_make_the_cuts_of_system_a(
+    name: str, dialect: str, codes: dict[str, str]
+) -> None:
+    text = (
+        f"G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n{IN_A[name]}G1 X64.\nM30\n"
+    )
+    other = in_system(text, codes)
+    played = run(divide(other, DIALECTS[dialect])).moves
+    expected = moves(text).moves
+    assert [(move.kind, move.path, move.feed.value) for move in played] == [
+        (move.kind, move.path, move.feed.value) for move in expected
+    ]
+    assert {move.max_spindle_speed for move in played} == {2000.0}
+    assert divide(text).dialect.name == "fanuc"
+    shows_b = name in ("cylinder", "cone", "thread", "face")
+    shows_c = shows_b or name in ("roughing", "facing", "pattern", "threads", "groove")
+    if shows_c if dialect == "fanuc-c" else shows_b:
+        assert divide(other).dialect.name == dialect
+
+
+def test_system_b_has_absolute_and_incremental_coordinates() -> None:
+    text = "G21 G90 G95\nG92 S2000\nG97 S800 M3\nG0 X62. Z2.\nG77 X56. Z-40. F0.25\nG0 X54.\nG91 G1 Z-12. G99\nG90 X60."
+    assert cuts(text)[-2:] == [(-10.0, 54.0), (-10.0, 60.0)]
+    last = moves(text).moves[-1]
+    assert (last.per_revolution, last.max_spindle_speed) == (True, 2000.0)

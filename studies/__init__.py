@@ -1,8 +1,0 @@
-"""Comparisons as data (``*.toml``, ``python -m studies NAME``), speed, bounds, exploits, soaks, installed packages.
-
-Code that backs a number or a guarantee of the documentation belongs here; code that users or other packages call does not.
-"""
-
-from turning_env.extras import tell_plainly
-
-tell_plainly()
