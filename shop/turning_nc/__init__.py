@@ -1,5 +1,17 @@
 """Part programs for a lathe's control: read, play, adapt and write them.
 
-``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program; ``stock`` to ``report`` play and adapt those of users;
-``program`` to ``simulate`` write and play the project's own. Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
+``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program. ``stock`` to ``report``
+play and adapt the programs of users; ``program`` to ``simulate`` write and play the project's own.
+Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
 """
+
+import gymnasium
+
+PROGRAM_ID = "RoughTurning-Program-v1"
+"""The registered id of a part program as an environment; see ``environment.ProgramEnv``."""
+
+
+def register_envs() -> None:
+    """Register ``PROGRAM_ID`` with Gymnasium, unless it is registered already."""
+    if PROGRAM_ID not in gymnasium.registry:
+        gymnasium.register(PROGRAM_ID, entry_point="turning_nc.environment:ProgramEnv")
