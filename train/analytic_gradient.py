@@ -252,7 +252,12 @@ def plays(scenario: Scenario) -> bool:
 
 
 ALGORITHM = Algorithm(
-    *("analytic_gradient", AnalyticGradient, new_model, lambda policy: policy, SEARCH),
+    name="analytic_gradient",
+    model=AnalyticGradient,
+    new_model=new_model,
+    network=lambda policy: policy,
+    search=SEARCH,
+    training_information=("model gradients", "true states", "geometry", "life price", "spreads"),
     vec_env=HindsightVecEnv,
     plays=plays,
     families=False,

@@ -37,7 +37,7 @@ from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
 from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
 from train.run import HYPERPARAMETERS, Run, family_of, trained_on
-from train.training import load_actor
+from train.training import load_actor, stating_information
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
@@ -153,7 +153,8 @@ def export_torch(
 
 def _of_run(folder: Path, name: str | None) -> _Agent:
     run = Run.read(folder)
-    return _Agent(f"the agent in {folder}", metadata(run, name), load_actor(run))
+    actor = load_actor(run)
+    return _Agent(f"the agent in {folder}", metadata(stating_information(run), name), actor)
 
 
 def _of_file(

@@ -100,7 +100,12 @@ SEARCH = ppo.SEARCH | {
 }
 
 ALGORITHM = Algorithm(
-    *("lagrangian_ppo", ppo.LeanPPO, new_model, ppo.network, SEARCH),
+    name="lagrangian_ppo",
+    model=ppo.LeanPPO,
+    new_model=new_model,
+    network=ppo.network,
+    search=SEARCH,
+    training_information=("rewards", "overload share"),
     vec_env=AllowanceVecEnv,
     callbacks=lambda run: [Adaptation(run)],
     columns=columns,

@@ -206,7 +206,14 @@ SEARCH = {
     "initial_log_deviation": FloatDistribution(-2.0, 0.0),
 }
 
-ALGORITHM = Algorithm("ppo", LeanPPO, new_model, network, SEARCH)
+ALGORITHM = Algorithm(
+    name="ppo",
+    model=LeanPPO,
+    new_model=new_model,
+    network=network,
+    search=SEARCH,
+    training_information=("rewards",),
+)
 
 main = partial(command_line, ALGORITHM)
 

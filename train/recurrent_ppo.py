@@ -59,11 +59,12 @@ SEARCH = {
 }
 
 ALGORITHM = Algorithm(
-    "recurrent_ppo",
-    RecurrentPPO,
-    new_model,
-    RecurrentActor,
-    SEARCH,
+    name="recurrent_ppo",
+    model=RecurrentPPO,
+    new_model=new_model,
+    network=RecurrentActor,
+    search=SEARCH,
+    training_information=("rewards",),
     extra_state=("_last_lstm_states",),
 )
 

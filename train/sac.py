@@ -65,7 +65,14 @@ SEARCH = {
 }
 
 ALGORITHM = Algorithm(
-    "sac", SAC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100
+    name="sac",
+    model=SAC,
+    new_model=new_model,
+    network=network,
+    search=SEARCH,
+    training_information=("rewards",),
+    extra_state=("replay_buffer",),
+    log_interval=100,
 )
 
 main = partial(command_line, ALGORITHM)

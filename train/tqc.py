@@ -33,7 +33,14 @@ SEARCH = {
 }
 
 ALGORITHM = Algorithm(
-    "tqc", TQC, new_model, network, SEARCH, extra_state=("replay_buffer",), log_interval=100
+    name="tqc",
+    model=TQC,
+    new_model=new_model,
+    network=network,
+    search=SEARCH,
+    training_information=("rewards",),
+    extra_state=("replay_buffer",),
+    log_interval=100,
 )
 
 main = partial(command_line, ALGORITHM)

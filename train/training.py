@@ -12,7 +12,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from train.actor import Actor, ActorPolicy
 from train.agents.agent_file import informed, trained_policy
 from train.run import CURVE_COLUMNS, HYPERPARAMETERS, Run, overrides, trained_on, warn_of_pickle
 from train.terms import Terms
+from train.training_information import with_terms
 from turning_env import FAMILY_ID, IDS, Scenario
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.console import described, exits
@@ -59,6 +60,8 @@ class Algorithm:
         [Any], Actor
     ]  # function that returns the agent of a trained policy of Stable-Baselines3
     search: Mapping[str, BaseDistribution]  # hyperparameters to tune, with their ranges
+    training_information: tuple[str, ...]
+    """Inputs of the training beside observations, names in ``training_information.TRAINING_INPUTS``."""
     vec_env: Callable[..., RoughTurningVecEnv] = RoughTurningVecEnv
     """Function that makes the training environments from scenario, number of environments and reward scale."""
     families: bool = True  # whether it can learn on the jobs of a family
@@ -262,13 +265,23 @@ def load_actor(run: Run) -> Actor:
     return algorithm_of(run.algorithm).actor(run)
 
 
+def stating_information(run: Run) -> Run:
+    """Return a run of yours whose parameters also state the inputs of its training, as its agent's file does."""
+    declared = algorithm_of(run.algorithm).training_information
+    stated = {"training_information": list(with_terms(declared, run.parameters))}
+    return replace(run, parameters=run.parameters | stated)
+
+
 def load_agent(folder: Path) -> PolicySpec:
     """Return the finished agent of one of your own run folders, as a policy; raises as ``load_actor``."""
     run = Run.read(folder)
     actor = load_actor(run)
     digest = digest_of_files(folder, folder.rglob("*"))
     return trained_policy(
-        run, run.parameters["steps"], digest, lambda num_envs: ActorPolicy(actor, num_envs)
+        stating_information(run),
+        run.parameters["steps"],
+        digest,
+        lambda num_envs: ActorPolicy(actor, num_envs),
     )
 
 

@@ -263,7 +263,7 @@ def test_runs_of_every_network_can_be_exported(
     )
     assert (loaded.command, loaded.parameters, loaded.sha256) == (
         "a command",
-        run.parameters,
+        original.parameters,
         told["digest"],
     )
     mine, its = original.make(5), loaded.make(5)
