@@ -24,16 +24,14 @@ PYTEST = .venv/bin/pytest -n 2 --dist worksteal $(if $(DURATIONS),--durations $(
 
 # Extras by set-up: `make leaderboard` and the like need the first, tests, examples and the site also the second.
 RUN_EXTRAS = benchmark
-TEST_EXTRAS = distributed render ecosystem docs workshop programs opcua publish test
+TEST_EXTRAS = distributed render ecosystem docs programs opcua publish test
 PIP = .venv/bin/python -m pip --disable-pip-version-check
 UV = .venv/bin/uv pip install --quiet --python .venv/bin/python
 # Wheels only, compared with the hashes of packaging/constraints.txt. Torch comes from a folder of wheels if pip's settings name one with a build without
 # CUDA, a tenth of the download.
 INSTALL = UV_FIND_LINKS=$$($(PIP) config get global.find-links 2> /dev/null) $(UV) --only-binary :all: -c packaging/constraints.txt
-# The requirements of extras. Given the folder itself instead, uv would build it.
-NEEDS = import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
-	print(*project["dependencies"], *(need for extra in sys.argv[1:] for need in project["optional-dependencies"][extra]), sep="\n")
-install = .venv/bin/python -c '$(NEEDS)' $(1) | $(INSTALL) -r -
+# The requirements of both distributions and of their extras. Given the folders themselves instead, uv would build them.
+install = .venv/bin/python tools/requirements.py $(1) | $(INSTALL) -r -
 
 # Cards of the agents that ship, which say how each was trained.
 CARDS ?= $(wildcard agents/*/*/*.md)
@@ -51,7 +49,7 @@ FEATURES = import sys; from numpy._core._multiarray_umath import __cpu_dispatch_
 	print(*(name for name in names if sys.argv[1] == "all" or "AVX512" in name or name == "X86_V4"))
 TESTS ?= -m "not slow"
 
-.PHONY: setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format clean
+.PHONY: setup leaderboard agents seeds results verify check lint types fast test system control processors soak wheel clients audit constraints format density site clean
 
 # Install all that training, tuning, scoring and the papers need.
 setup: .venv/run
@@ -148,7 +146,7 @@ processors: .venv/test
 
 # The promises of docs/soundness.md on far more inputs, kills and steps than in the tests: some hours.
 soak: .venv/test
-	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
+	HYPOTHESIS_PROFILE=soak .venv/bin/pytest tests/soundness shop/tests/soundness -n 2 --timeout 0 --hypothesis-show-statistics
 	HYPOTHESIS_PROFILE=soak .venv/bin/pytest -m soak -n 2 --timeout 0
 	.venv/bin/python -m tools.soak
 
@@ -171,23 +169,31 @@ audit: .venv/test
 constraints: .venv/run
 	$(INSTALL) --group pin
 	.venv/bin/uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate \
-		--custom-compile-command "make constraints" $(UPGRADE) -o packaging/constraints.txt pyproject.toml \
+		--custom-compile-command "make constraints" $(UPGRADE) --no-emit-package rough-turning -o packaging/constraints.txt pyproject.toml shop/pyproject.toml \
 		$(addprefix --extra ,$(RUN_EXTRAS) $(TEST_EXTRAS)) --group setup --group audit --group pin
 
 format: .venv/test
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
 
+# Syntax nodes, width, comments and more of the code, package by package, beside the goals.
+density:
+	$(PYTHON) tools/density.py
+
+# The site, in site/; SERVE=1 shows it while you write.
+site: .venv/test
+	.venv/bin/python -m mkdocs $(if $(SERVE),serve,build --strict) -f packaging/mkdocs.yml
+
 clean:
 	rm -rf .venv $(RUNS) $(RESULTS)
 
 # pip installs uv, which installs the rest in seconds.
-.venv/run: pyproject.toml packaging/constraints.txt
+.venv/run: pyproject.toml shop/pyproject.toml packaging/constraints.txt
 	test -x .venv/bin/python || $(PYTHON) -m venv .venv
 	sed -n '/^uv==/,/[^\]$$/p' packaging/constraints.txt | $(PIP) install --quiet --no-compile -r /dev/stdin
 	$(INSTALL) --group setup
 	$(call install,$(RUN_EXTRAS))
-	$(UV) --no-deps --no-build-isolation -e .
+	$(UV) --no-deps --no-build-isolation -e . -e shop
 	touch $@
 
 # Bytecode, compiled code and mypy's cache are part of the set-up, so that the first `make check` is as quick as the next.

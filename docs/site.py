@@ -1,4 +1,4 @@
-"""A hook of MkDocs that generates pages from the code and from files in the repository's root."""
+"""A hook of MkDocs: it generates pages from the code, and adds the repository's root and shop/docs to the site."""
 
 import html
 import inspect
@@ -12,6 +12,7 @@ import griffe
 import gymnasium
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 import turning_env
 from leaderboard import page
@@ -27,7 +28,16 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages."""
     for path, text in pages().items():
         files.append(File.generated(config, path, content=text))
+    for source in sorted((ROOT / "shop" / "docs").iterdir()):
+        files.append(File.generated(config, f"shop/{source.name}", abs_src_path=str(source)))
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Let links between docs/ and shop/docs/ lead to the pages of the site, where shop/ is a folder of docs/."""
+    if page.file.src_uri.startswith("shop/"):
+        return markdown.replace("](../../docs/", "](../")
+    return re.sub(r"\]\(\.\./((?:\.\./)*)shop/docs/", r"](\1shop/", markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:
@@ -57,7 +67,7 @@ def pages() -> dict[str, str]:
 def _from_root(name: str) -> str:
     """Return a page of the repository's root with links relative to docs; links to files outside the site become text."""
     text = (ROOT / name).read_text("utf-8")
-    text = re.sub(r"\]\(docs/([^)]*)\)", r"](\1)", text)
+    text = re.sub(r"\]\((?:docs/|(shop/)docs/)([^)]*)\)", r"](\1\2)", text)
     for root, site in {
         "CONTRIBUTING.md": "contributing.md",
         "CHANGELOG.md": "changelog.md",

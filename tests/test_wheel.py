@@ -8,7 +8,7 @@ import pytest
 from tools.wheel import built
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = {"turning_env", "turning_env.rendering", "turning_shop", "turning_nc", "turning_control"}
+PACKAGES = {"turning_env", "baselines"}
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: Path) ->
     assert archive.read(licence).startswith(b"MIT License")
     assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == PACKAGES
     packaged = {name for name in names if ".dist-info/" not in name}
-    ends = ("py", "toml", "xz", "hal", "ini", "tbl", "html", "js", "typed")
+    ends = ("py", "toml", "json", "xz", "hal", "ini", "tbl", "html", "js", "typed")
     sources = {
         str(path.relative_to(ROOT))
         for end in ends

@@ -69,7 +69,7 @@ def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str
         requirements = {
             "pip.txt": _pip(constraints),  # an older pip ignores hashes in constraints
             "wheel.txt": f"{wheel} --hash=sha256:{sha256(wheel.read_bytes()).hexdigest()}\n",
-            "packaging/constraints.txt": constraints,
+            "constraints.txt": constraints,
             "others.txt": "\n".join(
                 re.findall(r"^(?!gymnasium=)[\w.-]+==[^\\\n]+", constraints, re.MULTILINE)
             ),
@@ -84,7 +84,7 @@ def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str
             run("-m", "pip", "--disable-pip-version-check", "--quiet", "install", *words)
 
         def play() -> None:
-            smoke = [inside, "-I", "-W", "error", "-c", SMOKE, str(ROOT / "studies" / "smoke.py")]
+            smoke = [inside, "-I", "-W", "error", "-c", SMOKE, str(ROOT / "tools" / "smoke.py")]
             said = subprocess.run(
                 smoke, cwd=empty, check=True, stdout=subprocess.PIPE, text=True
             ).stdout
@@ -96,7 +96,7 @@ def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str
             "--only-binary",
             ":all:",
             "-c",
-            f"{folder / 'packaging/constraints.txt'}",
+            f"{folder / 'constraints.txt'}",
             "-r",
             f"{folder / 'wheel.txt'}",
         )
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.wheel", **described(__doc__))
     pins = "file of pinned versions (default: that of the clone)"
     parser.add_argument(
-        "--constraints", type=Path, default=ROOT / "packaging/constraints.txt", help=pins
+        "--constraints", type=Path, default=ROOT / "packaging" / "constraints.txt", help=pins
     )
     parser.add_argument(
         "--python",

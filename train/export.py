@@ -7,8 +7,6 @@
 
 An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
 A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
-
-Run ``python -m train.export --nc --help`` to write override controllers as programs for a lathe's control.
 """
 
 import argparse
@@ -274,10 +272,6 @@ def _sources(path: Path) -> list[Path]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if list(arguments[:1]) == ["--nc"]:
-        from turning_nc.export_law import main as nc
-
-        return nc(arguments[1:])
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument(
         "agents",

@@ -93,6 +93,3 @@ for _id, (_single, _preset) in _ENTRY_POINTS.items():
 gymnasium.register(
     FAMILY_ID, f"{_FAMILY}Env", vector_entry_point=f"{_FAMILY}VectorEnv", kwargs={"family": "shop"}
 )
-gymnasium.register(
-    "RoughTurning-Program-v1", entry_point="turning_nc.environment:ProgramEnv"
-)  # needs a program

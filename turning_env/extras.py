@@ -8,38 +8,38 @@ from types import TracebackType
 from typing import Any
 
 EXTRAS = {
-    "workshop": ("matplotlib", "openpyxl", "scipy"),
-    "programs": ("ezdxf", "shapely", "tqdm"),
-    "render": ("PIL", "pygame"),
-    "sb3": ("stable_baselines3",),
-    "onnx": ("onnxruntime",),
-    "opcua": ("asyncua",),
-    "ecosystem": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
-    "benchmark": (
-        *(
-            "jinja2",
-            "joblib",
-            "onnx",
-            "onnxscript",
-            "optuna",
-            "sb3_contrib",
-            "sqlalchemy",
-            "tensorboard",
-            "torch",
-            "tqdm",
-        ),
+    "'rough-turning[render]'": ("PIL", "pygame"),
+    "'rough-turning[sb3]'": ("stable_baselines3",),
+    "'rough-turning[onnx]'": ("onnxruntime",),
+    "'rough-turning[ecosystem]'": ("h5py", "minari", "moviepy", "rl_zoo3", "torchrl"),
+    "-e '.[benchmark]' in a clone": (
+        "jinja2",
+        "joblib",
+        "matplotlib",
+        "onnx",
+        "onnxscript",
+        "optuna",
+        "sb3_contrib",
+        "scipy",
+        "sqlalchemy",
+        "tensorboard",
+        "torch",
+        "tqdm",
     ),
-    "distributed": ("dask", "distributed", "psutil"),
-    "publish": ("huggingface_hub",),
+    "-e '.[distributed]' in a clone": ("dask", "distributed", "psutil"),
+    "-e '.[publish]' in a clone": ("huggingface_hub",),
 }
-"""Import names of the packages that each extra of pyproject.toml installs."""
-_CLONE_ONLY = ("benchmark", "distributed", "publish")
+"""What ``pip install`` takes, and the import names of the packages that it brings.
+
+Other distributions add theirs by entry points of the group ``turning_env.extras``.
+"""
 
 
 def provided(what: str) -> list[Any]:
-    """Return the objects of installed packages for a group of entry points: ``commands``, ``viewer``, ``warm_up`` or ``rules``.
+    """Return the objects of installed packages for a group of entry points.
 
-    Rules are declared by every installation, but only a clone has them. ModuleNotFoundError if an optional package is missing.
+    Groups: ``commands``, ``extras``, ``viewer``, ``warm_up`` and ``rules``. ModuleNotFoundError if
+    an optional package is missing.
     """
     found = []
     for entry in entry_points(group=f"turning_env.{what}"):
@@ -54,14 +54,11 @@ def provided(what: str) -> list[Any]:
 def missing(error: ModuleNotFoundError) -> str | None:
     """Return the message for a failed import of an optional package; None for other modules."""
     name = (error.name or "").partition(".")[0]
-    for extra, packages in EXTRAS.items():
-        if name in packages:
-            source = (
-                f"-e '.[{extra}]' in a clone"
-                if extra in _CLONE_ONLY
-                else f"'rough-turning[{extra}]'"
-            )
-            return f"{name} is not installed: pip install {source}"
+    # Tables of installed distributions come first: their users may have no clone.
+    for table in [*provided("extras"), EXTRAS]:
+        for source, packages in table.items():
+            if name in packages:
+                return f"{name} is not installed: pip install {source}"
     return None
 
 

@@ -310,7 +310,7 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
     """Return a line per case: steps per CPU second of this checkout over those of another, median and range over the turns."""
     with ExitStack() as stack:
         checkouts: list[Any] = []
-        for folder in (Path(__file__).parents[1], other.resolve()):
+        for folder in (Path(__file__).parents[2], other.resolve()):
             command, variables = (
                 [sys.executable, "-P", "-c", _TURNS, str(seconds)],
                 os.environ | {"PYTHONPATH": str(folder)},

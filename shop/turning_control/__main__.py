@@ -26,6 +26,7 @@ from turning_control.opcua_security import (
 )
 from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
+
 from turning_env import IDS
 from turning_env.console import Mistake, described, exits, number_within, print_json
 from turning_env.scenario import Scenario

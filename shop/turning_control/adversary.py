@@ -12,9 +12,9 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_control.measure import Guarded, markdown, play_guarded
 from turning_control.shield import Settings
+
 from turning_env.observation import Reading, read
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario

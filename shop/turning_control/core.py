@@ -10,8 +10,8 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_control.shield import LOG, REFUSALS, Settings, Shield
+
 from turning_env.action import commanded
 from turning_env.numerics.compilation import compiled_entry
 from turning_env.numerics.functions import log

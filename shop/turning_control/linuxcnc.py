@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 import numpy as np
-
 from turning_control.core import (
     Controller,
     Readings,
@@ -34,6 +33,7 @@ from turning_control.measure import markdown
 from turning_control.plant import Plant
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.shield import LOG, Shield
+
 from turning_env.action import towards
 from turning_env.extras import provided
 from turning_env.observation import read

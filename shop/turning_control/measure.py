@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
-
 from turning_control.shield import Settings, Shield
+
 from turning_env import IDS
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario

@@ -24,8 +24,8 @@ from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_control.streams import standard_streams_taken
+
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.sandbox import Limits

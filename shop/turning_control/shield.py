@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_control.observer import Observer, Values
+
 from turning_env.action import commanded, towards
 from turning_env.observation import Reading, read
 from turning_env.physics.drives import lag_share

@@ -5,7 +5,8 @@ play and adapt the programs of users; ``program`` to ``simulate`` write and play
 Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
 """
 
-import gymnasium
+# Gymnasium calls ``register_envs`` while it is imported: only this module of it is complete by then.
+from gymnasium.envs.registration import register, registry
 
 PROGRAM_ID = "RoughTurning-Program-v1"
 """The registered id of a part program as an environment; see ``environment.ProgramEnv``."""
@@ -13,5 +14,5 @@ PROGRAM_ID = "RoughTurning-Program-v1"
 
 def register_envs() -> None:
     """Register ``PROGRAM_ID`` with Gymnasium, unless it is registered already."""
-    if PROGRAM_ID not in gymnasium.registry:
-        gymnasium.register(PROGRAM_ID, entry_point="turning_nc.environment:ProgramEnv")
+    if PROGRAM_ID not in registry:
+        register(PROGRAM_ID, entry_point="turning_nc.environment:ProgramEnv")

@@ -13,9 +13,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_shop.whatif import CHANGES
-
-from turning_env.extras import needed
 from turning_nc.cutting import (
     FINISHING_DEPTH,
     Play,
@@ -31,6 +28,9 @@ from turning_nc.expression import number_text
 from turning_nc.moves import run
 from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
+from turning_shop.whatif import CHANGES
+
+from turning_env.extras import needed
 
 with needed():
     from tqdm import tqdm

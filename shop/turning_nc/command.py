@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from turning_nc.dialects import DIALECTS
+from turning_nc.words import NcError, naming, read_program_file
 from turning_shop import refuse_existing
 
 from turning_env.console import number_within, picture_path, print_json
 from turning_env.files import replace_file
-from turning_nc.dialects import DIALECTS
-from turning_nc.words import NcError, naming, read_program_file
 
 WARNING = "simulation output: not for a machine without review"
 MARK = ".simulated"
@@ -34,8 +34,9 @@ def program(options: argparse.Namespace) -> int:
     from turning_nc import adapt, cutting, edges, moves, report, stock
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
-        from turning_env.rendering import plot_style
         from turning_nc import picture
+
+        from turning_env.rendering import plot_style
     from turning_shop.allowed import FEED_PER_NOSE, limited_by_strength
     from turning_shop.provenance import OF_PROGRAMS, load
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_nc.kinds import DRILL
+from turning_nc.moves import Moves
+from turning_nc.stock import MIN_DEPTH, Removal, Values
 from turning_shop.whatif import NO_LIMIT
 
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
-from turning_nc.kinds import DRILL
-from turning_nc.moves import Moves
-from turning_nc.stock import MIN_DEPTH, Removal, Values
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence

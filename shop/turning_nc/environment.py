@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_nc.cutting import Machine, Situation, motion
+from turning_nc.moves import run
+from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.words import NcError, naming, read_program_file
 
 from turning_env.action import set_point_action
 from turning_env.env import RoughTurningEnv
 from turning_env.scenario import Scenario, Source
 from turning_env.scenario.sections import MAX_DEPTHS
-from turning_nc.cutting import Machine, Situation, motion
-from turning_nc.moves import run
-from turning_nc.stock import guessed_stock, read_stock, remove
-from turning_nc.words import NcError, naming, read_program_file
 
 Values = NDArray[np.float64]
 
@@ -203,7 +203,7 @@ class ProgramEnv(RoughTurningEnv):
 
     Those of `ToolPath`:
 
-        gymnasium.make("turning_env:RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
+        gymnasium.make("RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
     """
 
     def __init__(

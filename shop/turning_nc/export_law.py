@@ -1,4 +1,4 @@
-"""The command line ``python -m train.export --nc``: override laws of controllers as programs for a lathe's control."""
+"""The command line ``python -m turning_nc.export_law``: override laws of controllers as programs for a lathe's control."""
 
 import argparse
 import inspect
@@ -10,17 +10,18 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from baselines import catalogue
-from train import nc_programs
-from turning_env import Scenario
-from turning_env.console import described, exits
-from turning_env.files import replace_file
-from turning_env.scoring.seeds import tuning_seeds
+from turning_nc import law_programs
 from turning_nc.program import read, read_file, write
 from turning_nc.simulate import compare, simulate
 from turning_nc.words import NcError
 
-PROGRAM = "python -m train.export --nc"
+from baselines import catalogue
+from turning_env import Scenario
+from turning_env.console import described, exits
+from turning_env.files import replace_file
+from turning_env.scoring.seeds import tuning_seeds
+
+PROGRAM = "python -m turning_nc.export_law"
 MAX_DIFFERENCE = (
     0.02  # largest relative difference of removed metal, time and wear between law and controller
 )
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str]) -> int:
                 "--rule",
                 required=True,
                 metavar="NAME",
-                help=f"one of {', '.join(nc_programs.LAWS)}",
+                help=f"one of {', '.join(law_programs.LAWS)}",
             )
             added.add_argument(
                 "--out",
@@ -83,10 +84,10 @@ def main(arguments: Sequence[str]) -> int:
 def _law(options: Options) -> dict[str, Any]:
     """Write a controller from spindle load to feed override as synchronized actions.
 
-    python -m train.export --nc law --rule modified_fuzzy_override --out override.mpf
+    python -m turning_nc.export_law law --rule modified_fuzzy_override --out override.mpf
     """
     scenario = Scenario.load(options.scenario)
-    program = nc_programs.law_program(options.rule, scenario)
+    program = law_programs.law_program(options.rule, scenario)
     by_power = f"spindle power over {scenario.machine.rated_power:g} kW"
     load = (
         by_power
@@ -129,7 +130,7 @@ def _law(options: Options) -> dict[str, Any]:
 def _check(options: Options) -> dict[str, Any]:
     """Read a program of one cut under an override law, and play it on a bar.
 
-    python -m train.export --nc check override.mpf --tuning-seed 1
+    python -m turning_nc.export_law check override.mpf --tuning-seed 1
     """
     program = read_file(options.file)
     totals = simulate(program, Scenario.load(options.scenario), options.seed)

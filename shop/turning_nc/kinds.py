@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from turning_env.extras import needed
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path
 from turning_nc.words import NcError
+
+from turning_env.extras import needed
 
 with needed():
     import shapely

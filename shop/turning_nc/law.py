@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.polynomial import Polynomial as Fitted
-
 from turning_nc.expression import DECIMALS, Expression, number_text, parse
 from turning_nc.words import Problem
 

@@ -11,6 +11,11 @@ The gain is tabulated in polynomials of third degree between loads, into ``GAIN`
 import math
 from collections.abc import Callable
 
+from turning_nc.expression import DECIMALS, number_text
+from turning_nc.law import GAIN, LOAD, MAX_LOAD, MAX_OVERRIDE, OVERRIDE, STATE, Law, LawWriter
+from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Program, rounded_within
+from turning_nc.words import NcError
+
 from baselines import catalogue
 from baselines.fuzzy_override import MIN_HEADROOM
 from baselines.load_override import LOWEST_OVERRIDE
@@ -18,10 +23,6 @@ from baselines.models.part_program import PartProgram, on_override, target_load
 from baselines.rule import Parameters
 from turning_env import Scenario
 from turning_env.physics.drives import lag_share
-from turning_nc.expression import DECIMALS, number_text
-from turning_nc.law import GAIN, LOAD, MAX_LOAD, MAX_OVERRIDE, OVERRIDE, STATE, Law, LawWriter
-from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Program, rounded_within
-from turning_nc.words import NcError
 
 
 def law_program(name: str, scenario: Scenario) -> Program:

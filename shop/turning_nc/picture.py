@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
+from turning_nc.cutting import Play, Situation
 
 from turning_env.extras import needed
-from turning_nc.cutting import Play, Situation
 
 with needed():
     import shapely

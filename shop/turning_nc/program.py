@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from turning_env import Scenario
 from turning_nc.dialects import SINUMERIK
 from turning_nc.law import Law
 from turning_nc.moves import Move, run
 from turning_nc.words import NcError, PartProgram, divide, naming, read_program_file
+
+from turning_env import Scenario
 
 SPEED_DECIMALS, FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS = 1, 3, 3, 1
 """A control's resolution: cutting speed 0.1 m/min, feed 0.001 mm/rev, lengths 0.001 mm, spindle speed 0.1 rev/min."""

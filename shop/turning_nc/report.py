@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_nc.adapt import Change
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
 from turning_nc.dialects import with_line_feeds

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from turning_nc.law import LOAD, PATH_VELOCITY, SPINDLE_SPEED, STATE
+from turning_nc.program import Program
+from turning_nc.words import NcError
 
 from turning_env import Reading, RoughTurningEnv, Scenario, read
 from turning_env.action import towards
 from turning_env.scoring.policy import Actions, Observations, PolicyFactory
-from turning_nc.law import LOAD, PATH_VELOCITY, SPINDLE_SPEED, STATE
-from turning_nc.program import Program
-from turning_nc.words import NcError
 
 
 @dataclass(frozen=True)

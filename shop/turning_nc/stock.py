@@ -14,9 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_shop import regular_file
-
-from turning_env.extras import needed
 from turning_nc.kinds import DRILL, MAX_WIDTH, MIN_WIDTH, cuts, inside_solid, kinds_of
 from turning_nc.metal import Metal, overlaps
 from turning_nc.modal import HOME
@@ -24,6 +21,9 @@ from turning_nc.moves import Move, Moves
 from turning_nc.paths import Point, shifted
 from turning_nc.sweep import SAME, Removed, Sweep
 from turning_nc.words import MAX_BYTES, NcError
+from turning_shop import regular_file
+
+from turning_env.extras import needed
 
 with needed():
     import shapely

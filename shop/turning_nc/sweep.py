@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_nc.paths import Point
 
 from turning_env.extras import needed
-from turning_nc.paths import Point
 
 with needed():
     import shapely

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
+from turning_nc.expression import MAX_SHOWN, parse
 from turning_shop import regular_file
 
 from turning_env.console import Mistake
-from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_line_feeds
-from turning_nc.expression import MAX_SHOWN, parse
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
 MAX_CHARACTERS = 1000  # of a line; the longest block of a control has some hundred

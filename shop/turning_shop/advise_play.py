@@ -12,6 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from turning_shop import WorkshopError, aligned
+from turning_shop.advise import Plan, Prices, money, part_volume
+from turning_shop.allowed import NO_STRENGTH, feed_range
+from turning_shop.provenance import BARS_VARY, assumed_in_simulation
 
 from turning_env.action import set_point_action
 from turning_env.extras import provided
@@ -21,10 +25,6 @@ from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
-from turning_shop import WorkshopError, aligned
-from turning_shop.advise import Plan, Prices, money, part_volume
-from turning_shop.allowed import NO_STRENGTH, feed_range
-from turning_shop.provenance import BARS_VARY, assumed_in_simulation
 
 FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
 RULES = "predictive", "constant_power_lead", "omative", "modified_fuzzy_override"

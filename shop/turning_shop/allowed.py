@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
+from turning_shop import WorkshopError
+from turning_shop.whatif import NO_LIMIT, Cuts
 
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
-from turning_shop import WorkshopError
-from turning_shop.whatif import NO_LIMIT, Cuts
 
 FEED_PER_NOSE = 0.5
 """Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""

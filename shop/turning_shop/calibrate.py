@@ -14,11 +14,6 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 from pydantic import ValidationError
-
-from turning_env.files import replace_file
-from turning_env.scenario import Scenario, presets
-from turning_env.scenario.scenario import name_of_file
-from turning_env.scenario.sections import Material
 from turning_shop import WorkshopError
 from turning_shop.copies import ROUNDING, without_copies
 from turning_shop.fit import (
@@ -44,6 +39,11 @@ from turning_shop.plausibility import (
 from turning_shop.prediction import Evidence, evidence_of, read_evidence
 from turning_shop.provenance import CATALOGUE, TAYLOR, is_papers, stated_by
 from turning_shop.whatif import NO_LIMIT
+
+from turning_env.files import replace_file
+from turning_env.scenario import Scenario, presets
+from turning_env.scenario.scenario import name_of_file
+from turning_env.scenario.sections import Material
 
 VAGUE = 1.0
 """Half-width of the interval of the wear law's exponent of speed above which that of catalogues is taken if it lies within."""

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from turning_shop import WorkshopError, refuse_existing, whatif
+from turning_shop.headers import COLUMNS, EDGE, named_column
+from turning_shop.measurements import read_measurements
 
 from turning_env.console import FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario
-from turning_shop import WorkshopError, refuse_existing, whatif
-from turning_shop.headers import COLUMNS, EDGE, named_column
-from turning_shop.measurements import read_measurements
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
@@ -277,8 +277,9 @@ def _map(options: argparse.Namespace) -> int:
         raise WorkshopError(
             f"--wear is {options.wear:g}, but an edge is worn out at tool.wear_criterion, {criterion:g} mm"
         )
-    from turning_env.rendering import plot_style
     from turning_shop import plots
+
+    from turning_env.rendering import plot_style
 
     plot_style.save(
         plots.draw_map(scenario, evidence, options.wear, options.depth, options.hardness),
@@ -311,8 +312,9 @@ def _advise(options: argparse.Namespace) -> int:
         played = play_all(scenario, found[0].plan, options.agent, options.seeds, on_play)
         simulated = list(played.headline())
     if options.sheet:
-        from turning_env.rendering import plot_style
         from turning_shop import plots
+
+        from turning_env.rendering import plot_style
 
         plot_style.save(plots.draw_sheet(scenario, evidence, found, simulated), options.sheet)
     if options.page:

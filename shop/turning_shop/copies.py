@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turning_shop import Values
 from turning_shop.measurements import Measurements
 

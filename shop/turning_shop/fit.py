@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from scipy import stats
-
-from turning_env.scenario.power_law import PowerLaw
-from turning_env.scoring.statistics import Estimate
 from turning_shop import Values, WorkshopError
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
+
+from turning_env.scenario.power_law import PowerLaw
+from turning_env.scoring.statistics import Estimate
 
 FACTORS = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time", "hardness"),

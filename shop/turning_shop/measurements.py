@@ -17,8 +17,6 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-
-from turning_env.extras import missing
 from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import (
     COLUMNS,
@@ -31,6 +29,8 @@ from turning_shop.headers import (
     is_unit,
     read_heading,
 )
+
+from turning_env.extras import missing
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
 MAX_BYTES = (

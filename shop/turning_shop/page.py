@@ -13,12 +13,13 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from turning_env.scenario import Scenario
-from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_shop.advise import Advice, headline, life_spread, settings
 from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.prediction import BEYOND, Evidence
 from turning_shop.whatif import NO_LIMIT
+
+from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import POWER_LAW_RECORD
 
 _HERE = Path(__file__).parent
 

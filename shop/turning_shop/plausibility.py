@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
-
 from turning_shop import Values
 from turning_shop.fit import SETTINGS, Fit, rows_correlate
 from turning_shop.measurements import Measurements

@@ -12,14 +12,14 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
-
-from turning_env.rendering.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
-from turning_env.scenario import Scenario
 from turning_shop.advise import Advice, Plan, headline, summary
 from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.fit import SETTINGS
 from turning_shop.prediction import Evidence, predict
 from turning_shop.whatif import NO_LIMIT, Cuts, what_if
+
+from turning_env.rendering.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
+from turning_env.scenario import Scenario
 
 GRID = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
 FRESH = 0.3  # wear of the fresh edge's map over the wear criterion [-]: at no wear, the laws of force and power are 0

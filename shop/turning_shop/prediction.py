@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 from scipy import stats
-
-from turning_env.scenario import Scenario
-from turning_env.scenario.power_law import PowerLaw
 from turning_shop import Values, WorkshopError
 from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
+
+from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import PowerLaw
 
 BEYOND = (
     0.01  # relative distance beyond the measured range above which a law counts as extrapolated [-]

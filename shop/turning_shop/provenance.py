@@ -15,14 +15,15 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from turning_env.scenario import Scenario, presets
-from turning_env.scenario.power_law import PowerLaw
-from turning_env.scenario.scenario import Source, flat, merged, nested
-from turning_env.scenario.sections import Material
 from turning_shop.allowed import NO_STRENGTH
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
 from turning_shop.whatif import NO_LIMIT
+
+from turning_env.scenario import Scenario, presets
+from turning_env.scenario.power_law import PowerLaw
+from turning_env.scenario.scenario import Source, flat, merged, nested
+from turning_env.scenario.sections import Material
 
 OF_PROGRAMS = {
     "machine.cutting_speed_max": "m/min",

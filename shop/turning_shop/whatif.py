@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from turning_shop import Values, aligned
 
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
-from turning_shop import Values, aligned
 
 if TYPE_CHECKING:
     from turning_shop.prediction import Prediction

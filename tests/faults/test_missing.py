@@ -34,7 +34,7 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
     """Run Python where a package is missing."""
     variables = os.environ | {
         "WITHOUT": package,
-        "PYTHONPATH": os.pathsep.join((str(ROOT), str(without))),
+        "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "shop"), str(without))),
     }
     return subprocess.run(
         [sys.executable, *arguments],
@@ -86,15 +86,13 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
-    code = (
-        "import gymnasium; gymnasium.make('turning_env:RoughTurning-Program', program='part.mpf')"
-    )
+    code = "import gymnasium; gymnasium.make('RoughTurning-Program-v1', program='part.mpf')"
     finished = python(without, "shapely", "-c", code)
     assert finished.stderr.count("Traceback") == 1
     last = finished.stderr.splitlines()[-1]
     assert (
         last
-        == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning[programs]'"
+        == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning-shop[programs]'"
     )
 
 

@@ -27,7 +27,7 @@ from turning_shop.measurements import Measurements, read_measurements
 
 from leaderboard.result import Result, ResultError, ResultFile, read_part, write_part
 from leaderboard.trajectories import Trajectories
-from tests.turning_nc.test_program import TEXT
+from shop.tests.turning_nc.test_program import TEXT
 from train.agents import agent_file, network
 from turning_env import Family, Scenario, ScenarioError
 from turning_env.scoring.sandbox_child import Outline
@@ -309,7 +309,7 @@ READERS = {
         ".csv",
         read_measurements,
         WorkshopError,
-        lambda: ((ROOT / "docs" / "examples" / "cuts.csv").read_bytes(), _OWN_TABLE),
+        lambda: ((ROOT / "shop" / "examples" / "cuts.csv").read_bytes(), _OWN_TABLE),
         _measurements,
     ),
     "result": Reader(

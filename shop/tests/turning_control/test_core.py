@@ -8,9 +8,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-
 from turning_control.core import Commands, Controller, Readings, Status, highest_feed, on_control
 from turning_control.shield import Shield
+
 from turning_env import Scenario
 from turning_env.physics.quantities import action_size
 from turning_env.scoring.policy import Actions, Observations, Policy

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from tests.programs import LINUXCNC_ALONE, NO_LINUXCNC
 from turning_control import linuxcnc
 from turning_control.core import safe_feed
 from turning_control.linuxcnc import Fault
 from turning_control.plant import Plant
+
+from tests.programs import LINUXCNC_ALONE, NO_LINUXCNC
 from turning_env import Scenario
 from turning_env.scoring.policy import Actions, Observations
 

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from tests.walking import until
 from turning_control import opcua
 from turning_control.__main__ import main
 from turning_control.core import Controller, Status
 from turning_control.opcua_security import PASSWORD, Security
+
+from tests.walking import until
 from turning_env import Scenario
 from turning_env.console import Mistake
 from turning_env.scoring.adapt import as_factory

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from turning_control.policy_process import PolicyEndedError, in_own_process
 from turning_control.shield import PATIENCE, Settings, Shield
+
 from turning_env import Scenario
 from turning_env.scoring.policy import Policy
 from turning_env.vector_env import RoughTurningVectorEnv

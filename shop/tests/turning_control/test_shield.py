@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from turning_control.adversary import Adversaries, Budget, attack, badness, switching, table
 from turning_control.measure import UniformRandom, play_guarded, rows
 from turning_control.shield import PATIENCE, Settings, Shield
+
 from turning_env import Scenario, read
 from turning_env.action import commanded
 from turning_env.physics.quantities import action_size

@@ -8,15 +8,15 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from tests.turning_nc.test_moves import ISO, SIEMENS, moves
-
-from turning_env import Scenario
 from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation
 from turning_nc.dialects import DIALECTS
 from turning_nc.moves import Move, Reading, run
 from turning_nc.stock import read_stock, remove
 from turning_nc.words import NcError, divide
+
+from shop.tests.turning_nc.test_moves import ISO, SIEMENS, moves
+from turning_env import Scenario
 
 BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
 CUT = "G1 X56. F0.25\nZ-40.\nG0 X80.\nM30\n"

@@ -8,28 +8,28 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from baselines import catalogue
-from train import export, nc_programs
-from turning_env import Scenario
+from turning_nc import export_law, law_programs
 from turning_nc.law import LOAD, Law
 from turning_nc.program import WARNING, Program, read, write
 from turning_nc.simulate import compare, simulate
 from turning_nc.words import NcError
+
+from baselines import catalogue
+from turning_env import Scenario
 
 OVERRIDES = Scenario.load("override")
 
 
 @cache
 def law_program(rule: str) -> Program:
-    program = nc_programs.law_program(rule, OVERRIDES)
+    program = law_programs.law_program(rule, OVERRIDES)
     back = read(write(program))
     assert back == program
     return back
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rule", nc_programs.LAWS)
+@pytest.mark.parametrize("rule", law_programs.LAWS)
 def test_a_law_does_what_the_controller_does(rule: str) -> None:
     program = law_program(rule)
     differences, original = compare(program, catalogue.spec(rule, OVERRIDES).make, OVERRIDES, 11)
@@ -40,7 +40,7 @@ def test_a_law_does_what_the_controller_does(rule: str) -> None:
 
 
 @given(
-    st.sampled_from(tuple(nc_programs.LAWS)), st.lists(st.floats(0, 1000), min_size=1, max_size=20)
+    st.sampled_from(tuple(law_programs.LAWS)), st.lists(st.floats(0, 1000), min_size=1, max_size=20)
 )
 def test_no_law_leaves_the_machines_range(rule: str, loads: list[float]) -> None:
     law, machine = law_program(rule).law, OVERRIDES.machine
@@ -84,13 +84,13 @@ def test_the_command_writes_a_law_with_a_summary(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "folder" / "program.mpf"
-    assert export.main(["--nc", "law", "--rule", "iadapts", "--out", str(path), "--json"]) == 0
+    assert export_law.main(["law", "--rule", "iadapts", "--out", str(path), "--json"]) == 0
     captured = capsys.readouterr()
     done, text = json.loads(captured.out), path.read_text("ascii")
     assert captured.err == ""
     assert (done["path"], done["polynomials"], done["actions"]) == (str(path), 1, 5)
     assert done["largest_difference"] < 0.01
     assert text.startswith(f"; {WARNING}\n")
-    assert "python -m train.export --nc law" in text
-    assert export.main(["--nc", "check", str(path)]) == 0
+    assert "python -m turning_nc.export_law law" in text
+    assert export_law.main(["check", str(path)]) == 0
     assert "read back and played: " in capsys.readouterr().out

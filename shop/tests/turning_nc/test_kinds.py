@@ -4,11 +4,11 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from tests.turning_nc.test_moves import moves
-
-from turning_env import Scenario
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.stock import guessed_stock, read_stock, remove
+
+from shop.tests.turning_nc.test_moves import moves
+from turning_env import Scenario
 
 HEAD = "G21 G40 G99\nT0101\nG50 S2500\nG96 S180 M3\n"
 NEXT = "G0 X150. Z100.\nT0202\nG96 S220 M3\n"

@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("shapely")
 
 import shapely
-
 from turning_nc.metal import MAX_VERTICES, Metal, overlaps
 from turning_nc.stock import tool_shape
 from turning_nc.sweep import Removed, Sweep

@@ -11,13 +11,13 @@ pytest.importorskip("shapely")
 
 import shapely
 from examples.adapt_programs import COLLECTION, path_of
-from tests.turning_nc.linuxcnc import INSTALLED, canonical
-
-from tests.programs import NO_LINUXCNC
 from turning_nc.dialects import FANUC, SINUMERIK
 from turning_nc.moves import Moves, Reading, run
 from turning_nc.stock import read_stock, remove
 from turning_nc.words import NcError, divide
+
+from shop.tests.turning_nc.linuxcnc import INSTALLED, canonical
+from tests.programs import NO_LINUXCNC
 
 ISO = """%
 O0001 (TEST)

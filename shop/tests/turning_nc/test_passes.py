@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 pytest.importorskip("shapely")
 
-from tests.turning_nc.test_moves import moves
-
-from turning_env import Scenario
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import Move
 from turning_nc.report import rows
 from turning_nc.stock import read_stock, remove, volume
+
+from shop.tests.turning_nc.test_moves import moves
+from turning_env import Scenario
 
 NECK = """G21 G40 G99
 T0101

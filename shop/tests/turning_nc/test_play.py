@@ -13,16 +13,6 @@ import pytest
 pytest.importorskip("shapely")
 
 from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
-from tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
-from tests.turning_nc.test_moves import BAR, moves
-from turning_shop import WorkshopError
-
-from baselines.models.process import Process
-from baselines.two_limits import set_point
-from tests.programs import NO_LINUXCNC
-from tests.walking import ROOT
-from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
@@ -30,6 +20,16 @@ from turning_nc.moves import run
 from turning_nc.report import implausible, summary
 from turning_nc.stock import guessed_stock, read_stock, remove, volume
 from turning_nc.words import NcError, divide
+from turning_shop import WorkshopError
+
+from baselines.models.process import Process
+from baselines.two_limits import set_point
+from shop.tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
+from shop.tests.turning_nc.test_moves import BAR, moves
+from tests.programs import NO_LINUXCNC
+from tests.walking import ROOT
+from turning_env import Scenario
+from turning_env.__main__ import main
 
 WITHOUT_CYCLES = [name for name, entry in COLLECTION.items() if not entry.get("cycles")]
 QUICK = ("inch_bar", "grooves_in_sub_program", "feed_per_minute", "welle", "gewinde", "abspanen")
@@ -281,7 +281,7 @@ def test_mistakes_end_in_one_line_and_status_2(
 def test_the_page_prints_what_the_commands_print(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
-    page = (ROOT / "docs" / "your_own_program.md").read_text("utf-8")
+    page = (ROOT / "shop" / "docs" / "your_own_program.md").read_text("utf-8")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     shown = re.findall(

@@ -3,7 +3,6 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from turning_nc.expression import parse
 from turning_nc.law import LOAD, Law
 from turning_nc.program import WARNING, Program, read, write

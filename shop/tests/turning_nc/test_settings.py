@@ -4,16 +4,16 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from tests.turning_nc.test_moves import BAR, moves
-from tests.turning_nc.test_play import situated
-
-from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.moves import Moves, Reading, run
 from turning_nc.report import implausible
 from turning_nc.stock import guessed_stock, read_stock, remove
 from turning_nc.words import NcError, divide
+
+from shop.tests.turning_nc.test_moves import BAR, moves
+from shop.tests.turning_nc.test_play import situated
+from turning_env import Scenario
+from turning_env.__main__ import main
 
 
 def warnings(

@@ -5,13 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from baselines import catalogue
-from turning_env import Scenario
-from turning_env.__main__ import main
-from turning_env.scenario import ScenarioError
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play
 from turning_shop import WorkshopError
 from turning_shop.advise import AIMS, Prices, advise, headline, part_volume, plan
 from turning_shop.advise_play import best_rule, clocked, constant, play_all
@@ -19,7 +12,14 @@ from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
 from turning_shop.whatif import what_if
 
-ROOT = Path(__file__).parents[2]
+from baselines import catalogue
+from turning_env import Scenario
+from turning_env.__main__ import main
+from turning_env.scenario import ScenarioError
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.play import play
+
+ROOT = Path(__file__).parents[3]
 EVEN = {
     "workpiece": {
         "depth_bar_spread": 0.0,

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from turning_shop.provenance import load
 
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.provenance import load
 
-EXAMPLE = str(Path(__file__).parents[2] / "docs" / "examples" / "cuts.csv")
+EXAMPLE = str(Path(__file__).parents[2] / "examples" / "cuts.csv")
 
 
 @pytest.fixture(autouse=True)

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from turning_env import PowerLaw, Scenario
 from turning_shop import WorkshopError
 from turning_shop.calibrate import Calibration, calibrate
 from turning_shop.fit import FACTORS, fit
 from turning_shop.measurements import Measurements, read_measurements
 
-ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / "docs" / "examples" / "cuts.csv"
+from turning_env import PowerLaw, Scenario
+
+ROOT = Path(__file__).parents[3]
+EXAMPLE = ROOT / "shop" / "examples" / "cuts.csv"
 BASE = Scenario()
 LAW = PowerLaw(
     coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5

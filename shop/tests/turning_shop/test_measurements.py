@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from turning_shop import WorkshopError
 from turning_shop.headers import read_heading
 from turning_shop.measurements import read_measurements

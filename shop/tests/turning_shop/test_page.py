@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
+from turning_shop.advise import advise, plan
+from turning_shop.page import render
+from turning_shop.provenance import load
 
 from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.advise import advise, plan
-from turning_shop.page import render
-from turning_shop.provenance import load
 
 pytestmark = pytest.mark.slow
 
@@ -55,7 +55,7 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
     """Fitted, with warnings, an idling spindle that is weak at low speed, and prices in a hostile currency."""
     folder = tmp_path_factory.mktemp("tool")
     (folder / "machine.toml").write_text(MACHINE)
-    sheet = str(ROOT / "docs" / "examples" / "cuts.csv")
+    sheet = str(ROOT / "shop" / "examples" / "cuts.csv")
     assert (
         main(
             [

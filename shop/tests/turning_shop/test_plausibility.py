@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from turning_shop.calibrate import Implausible, calibrate
+from turning_shop.measurements import Measurements
 
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.calibrate import Implausible, calibrate
-from turning_shop.measurements import Measurements
 
 MATERIAL = Scenario().material
 FIRST_LINE, ROWS = 2, 27

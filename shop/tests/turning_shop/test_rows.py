@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.turning_shop.sheets import forces
-
-from turning_env import Scenario
-from turning_env.__main__ import main
 from turning_shop import WorkshopError
 from turning_shop.calibrate import calibrate
 from turning_shop.measurements import read_measurements
 from turning_shop.prediction import predict
 from turning_shop.provenance import load
 from turning_shop.whatif import what_if
+
+from shop.tests.turning_shop.sheets import forces
+from turning_env import Scenario
+from turning_env.__main__ import main
 
 BASE = Scenario()
 NEAR_ZERO = (0.002, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35)

@@ -8,13 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from tests.turning_shop.sheets import wear_curves
-
-from turning_env import Scenario
-from turning_env.__main__ import main
-from turning_env.scenario import ScenarioError
-from turning_env.scoring.adapt import as_factory
-from turning_env.scoring.play import play
 from turning_shop import WorkshopError
 from turning_shop.advise import advise, headline
 from turning_shop.advise_play import clocked, constant, play_all
@@ -23,6 +16,13 @@ from turning_shop.plots import draw_sheet
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import BARS_VARY, load
 from turning_shop.whatif import NO_LIMIT, what_if
+
+from shop.tests.turning_shop.sheets import wear_curves
+from turning_env import Scenario
+from turning_env.__main__ import main
+from turning_env.scenario import ScenarioError
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.play import play
 
 MACHINE = """
 base = "rough_turning"

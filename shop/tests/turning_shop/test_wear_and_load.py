@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-PROGRAM = Path(__file__).parents[2] / "docs" / "examples" / "wear_and_load.py"
+PROGRAM = Path(__file__).parents[2] / "examples" / "wear_and_load.py"
 WEAR = np.linspace(0.02, 0.4, 39)
 
 

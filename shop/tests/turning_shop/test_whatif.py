@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from turning_shop.plots import draw_map
+from turning_shop.prediction import Evidence, LawEvidence
+from turning_shop.whatif import what_if
 
 from tests.turning_env.playing import infos
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.plots import draw_map
-from turning_shop.prediction import Evidence, LawEvidence
-from turning_shop.whatif import what_if
 
 BASE = Scenario()
 

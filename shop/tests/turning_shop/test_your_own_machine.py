@@ -6,14 +6,15 @@ import shutil
 from pathlib import Path
 
 import pytest
+from turning_shop.headers import COLUMNS, EDGE
 
 from tests.walking import ROOT, blocks, commands
 from turning_env import Scenario
 from turning_env.__main__ import main
-from turning_shop.headers import COLUMNS, EDGE
 
 PAGE = "\n".join(
-    (ROOT / "docs" / page).read_text("utf-8") for page in ("your_own_machine.md", "advice.md")
+    (ROOT / "shop" / "docs" / page).read_text("utf-8")
+    for page in ("your_own_machine.md", "advice.md")
 )
 PROMPT = ["python", "-m", "turning_env"]
 NUMBER = r"-?\d+(?:\.\d+)?"
@@ -30,7 +31,7 @@ def same(quoted: str, printed: str) -> bool:
 def test_the_tutorial_works_from_first_to_last(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples")
+    shutil.copytree(ROOT / "shop" / "examples", tmp_path / "shop" / "examples")
     monkeypatch.chdir(tmp_path)
     for block in blocks(PAGE):
         if block.language == "toml":
@@ -43,7 +44,7 @@ def test_the_tutorial_works_from_first_to_last(
                 assert words[:3] != PROMPT or main(words[3:]) == 0, line
     printed = capsys.readouterr().out.splitlines()
     quoted = [line[4:] for line in PAGE.splitlines() if line.startswith("    ")]
-    table = (ROOT / "docs" / "examples" / "cuts.csv").read_text("utf-8").splitlines()
+    table = (ROOT / "shop" / "examples" / "cuts.csv").read_text("utf-8").splitlines()
     assert [
         line
         for line in quoted

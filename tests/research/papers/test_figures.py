@@ -11,7 +11,7 @@ from research.papers.figures import minutes
 from research.papers.figures.__main__ import DRAW, INDEX, main
 from turning_env.rendering import plot_style as style
 
-DOCS = Path(__file__).parents[2] / "docs" / "figures"
+DOCS = Path(__file__).parents[3] / "docs" / "figures"
 
 
 @pytest.fixture(autouse=True)

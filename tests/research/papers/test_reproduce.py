@@ -15,7 +15,7 @@ from research.papers.reproduce.__main__ import markdown, reproduce, text
 from research.papers.reproduce.checks import PASSED, Check, at_least, at_most, claim
 from research.papers.reproduce.part_programming import Blank, gain
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ def test_ratios_are_taken_within_a_turn() -> None:
 
 @pytest.mark.slow
 def test_two_checkouts_take_turns(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    root = Path(throughput.__file__).parents[1]
+    root = Path(throughput.__file__).parents[2]
     assert throughput.main(["--against", str(root), "--repeats", "2", "--seconds", "0.01"]) == 0
     single, batch = capsys.readouterr().out.splitlines()
     assert single.startswith("one RoughTurning-v0: ")

@@ -13,7 +13,7 @@ from turning_env.rendering.fields import Fields
 from turning_env.rendering.theme import HEIGHT, WIDTH
 
 SHAPE = (HEIGHT, WIDTH, 3)
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def rendered(scenario, seed, actions):

@@ -4,7 +4,7 @@ from random import Random
 
 from examples.adapt_programs import COLLECTION, path_of
 
-from tests.turning_nc.test_moves import CUTS, ISO, SIEMENS
+from shop.tests.turning_nc.test_moves import CUTS, ISO, SIEMENS
 
 NUMBERS: tuple[str, ...] = (
     "0",

@@ -19,8 +19,8 @@ from turning_nc.report import findings, implausible, rows, summary, table
 from turning_nc.stock import guessed_stock, read_stock, remove
 from turning_nc.words import NcError, divide
 
+from shop.tests.soundness.programs import STOCKS, TOOLS, any_program
 from tests.soundness.acting import tried
-from tests.soundness.programs import STOCKS, TOOLS, any_program
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")

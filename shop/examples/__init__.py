@@ -1,0 +1,1 @@
+"""Programs that use the workshop: adapt every example program, measure its speed, fit measured data."""

@@ -1,0 +1,8 @@
+"""Optional packages of the shop: what installs them, for the message when one is missing."""
+
+EXTRAS = {
+    "rough-turning-shop": ("matplotlib", "openpyxl", "scipy"),
+    "'rough-turning-shop[programs]'": ("ezdxf", "shapely"),
+    "'rough-turning-shop[opcua]'": ("asyncua",),
+}
+"""What ``pip install`` takes, and the import names of the packages that it brings."""

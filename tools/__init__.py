@@ -1,0 +1,1 @@
+"""Programs for maintainers: soak, wheel, clients, audit, density."""
