@@ -12,8 +12,10 @@ current alternates, so its mean tells nothing of the load. Three quantities of e
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import signal, stats
-from turning_shop import Values, WorkshopError
+
+Values = npt.NDArray[np.float64]
 
 MIN_SAMPLES, MIN_LOADS = 32, 3  # lowest number of samples of a hold, and of different loads
 ORDER = 10  # order of the low-pass, forwards and backwards together
@@ -40,14 +42,14 @@ def analyse(time: Values, current: Values, load: Values) -> CurrentReport:
     """Return characteristic quantities of a current [A] sampled at times [s] and the line over each of the loads held.
 
     Raises:
-        WorkshopError: Holds or loads are too few.
+        ValueError: Holds or loads are too few.
     """
     rate = float(1.0 / np.diff(time).mean())
     changes = np.flatnonzero(np.diff(load)) + 1
     holds, loads = np.split(current, changes), load[np.append(0, changes)]
     length = min(map(len, holds))
     if len(np.unique(loads)) < MIN_LOADS or length < MIN_SAMPLES:
-        raise WorkshopError(
+        raise ValueError(
             f"load: needed are {MIN_LOADS} loads, each held for {MIN_SAMPLES} samples or more"
         )
     # Holds of one length have the same spectral lines.
