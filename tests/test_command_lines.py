@@ -73,7 +73,6 @@ tools.audit: nothing
 tools.soak: --kills 0 | --only nothing | --steps 1
 research.studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
 research.studies.throughput: --repeats 0
-shop.examples.program_times: --moves 0 | --kinds nothing | --adapt nothing
 tools.wheel: --constraints nothing | --constraints file
 """
 SAID = """

@@ -4,6 +4,7 @@ import argparse
 import inspect
 import json
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
@@ -35,8 +36,9 @@ Options = argparse.Namespace
 
 
 @exits(KeyError, ValueError, interrupted="interrupted: nothing was written")
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     about = f"Write a controller as a part program for a SINUMERIK lathe, read it back and play it. {CAUTION}"
     texts = {run: inspect.cleandoc(run.__doc__ or "").split("\n\n") for run in (_law, _check)}
     examples = "\n".join(example for _, example in texts.values())
@@ -158,3 +160,7 @@ def _lines(done: dict[str, Any]) -> str:
     if "largest_difference" in done:
         lines.append(f"largest difference: {100.0 * done['largest_difference']:.3f} %")
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
