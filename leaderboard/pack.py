@@ -1,10 +1,14 @@
-"""Move the results of a leaderboard into one file, and put the returns into the wheel, for ``turning_env.score``."""
+"""Move the results of a leaderboard into one file, and copy the returns into the wheel.
+
+``turning_env.score`` compares a user's policy with the returns in the wheel.
+"""
 
 import json
 import lzma
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +17,7 @@ from leaderboard.result import (
     PACK_FILE,
     SUFFIX,
     Manifest,
+    Result,
     ResultFile,
     read_file,
     read_part,
@@ -31,64 +36,81 @@ DIGITS = 2  # decimals of the times [s] in the wheel
 
 
 def pack(folder: Path, without: Collection[str] = ()) -> bool:
-    """Move the results on a folder's ranked task, but not of some policies, into one file; return whether anything changed."""
+    """Move the results on a folder's ranked task into one file; return whether anything changed.
+
+    Results of the policies named in ``without`` are deleted.
+    """
     task = read_part(Manifest, folder / MANIFEST_FILE).task
-    ranked = (each for each in read_results(folder).values() if each.task.digest == task.digest)
-    packed = [each for each in ranked if each.policy.name not in without]
-    own = [
+    results = [
+        result
+        for result in read_results(folder).values()
+        if result.task.digest == task.digest and result.policy.name not in without
+    ]
+    pack_file = folder / PACK_FILE
+    single_files = [
         path
         for path in result_files(folder)
-        if path.name != PACK_FILE and read_file(path)[0].task.digest == task.digest
+        if path != pack_file and read_file(path)[0].task.digest == task.digest
     ]
-    path = folder / PACK_FILE
-    if (
-        not own
-        and path.is_file()
-        and [each.checksum for each in read_file(path)] == [each.checksum for each in packed]
-    ):
+    if not single_files and _holds(pack_file, results):
         return False
-    write_part(ResultFile(task=task, results=packed), path)
-    for each in own:
-        each.unlink()
+    write_part(ResultFile(task=task, results=results), pack_file)
+    for path in single_files:
+        path.unlink()
     write_manifest(folder, task)
     return True
 
 
+def _holds(pack_file: Path, results: Sequence[Result]) -> bool:
+    """Return whether a file holds these results and no others."""
+    if not pack_file.is_file():
+        return False
+    checksums = [result.checksum for result in results]
+    return [result.checksum for result in read_file(pack_file)] == checksums
+
+
 def contents(results: Path) -> dict[Path, str]:
-    """Return the text of each board's file in the wheel, made from a folder of results: the episodes' times by policy."""
-    found = {}
-    boards = {env_id: (env_id, scenario) for env_id, scenario in IDS.items()}
-    boards |= {f"{FAMILY_ID}-{family}": (FAMILY_ID, f"{family}-{SPLIT}") for family in families()}
-    for board, place in boards.items():
-        ranked = list(read_results(result_folder(results, *place)).values())
-        ranked.sort(key=lambda each: (each.policy.title, each.policy.training_seed or 0))
-        policies = []
-        for name, group in groupby(ranked, key=lambda each: each.policy.title):
-            same = list(group)
-            fields = {
-                "returns": "return",
-                "severe": "severe_overload_time",
-                "engaged": "engaged_time",
-            }
-            times = {
-                key: np.round([each.episodes[field] for each in same], DIGITS).tolist()
-                for key, field in fields.items()
-            }
-            policies.append({"name": name, "kind": same[0].policy.kind} | times)
-        found[FOLDER / f"{board}{SUFFIX}"] = json.dumps(
-            {"env_id": place[0], "policies": policies}, allow_nan=False
-        )
-    return found
+    """Return the text of each leaderboard's file in the wheel, made from a folder of results."""
+    texts = {}
+    for env_id, scenario in IDS.items():
+        path = FOLDER / f"{env_id}{SUFFIX}"
+        texts[path] = _returns(env_id, result_folder(results, env_id, scenario))
+    for family in families():
+        path = FOLDER / f"{FAMILY_ID}-{family}{SUFFIX}"
+        folder = result_folder(results, FAMILY_ID, f"{family}-{SPLIT}")
+        texts[path] = _returns(FAMILY_ID, folder)
+    return texts
+
+
+def _returns(env_id: str, folder: Path) -> str:
+    """Return the episodes' returns and times of each policy of a folder, as JSON."""
+    results = list(read_results(folder).values())
+    results.sort(key=lambda result: (result.policy.title, result.policy.training_seed or 0))
+    policies = []
+    for name, group in groupby(results, key=lambda result: result.policy.title):
+        trainings = list(group)
+        policy: dict[str, Any] = {"name": name, "kind": trainings[0].policy.kind}
+        policy["returns"] = _rounded("return", trainings)
+        policy["severe"] = _rounded("severe_overload_time", trainings)
+        policy["engaged"] = _rounded("engaged_time", trainings)
+        policies.append(policy)
+    return json.dumps({"env_id": env_id, "policies": policies}, allow_nan=False)
+
+
+def _rounded(field: str, results: Sequence[Result]) -> Any:
+    """Return a time of all episodes as lists, one per training seed."""
+    times = [result.episodes[field] for result in results]
+    return np.round(times, DIGITS).tolist()
 
 
 def write_shipped(results: Path) -> list[Path]:
     """Write the files in the wheel that have changed, and return their paths."""
-    made = {path: text.encode() for path, text in contents(results).items()}
-    changed = {
-        path: text
-        for path, text in made.items()
-        if not path.is_file() or lzma.decompress(path.read_bytes()) != text
-    }
-    for path, text in changed.items():
-        write_whole(path, lzma.compress(text, preset=9 | lzma.PRESET_EXTREME))
-    return list(changed)
+    written = []
+    for path, text in contents(results).items():
+        content = text.encode()
+        # Compare texts: another version of xz may compress the same text to other bytes.
+        if path.is_file() and lzma.decompress(path.read_bytes()) == content:
+            continue
+        write_whole(path, lzma.compress(content, preset=9 | lzma.PRESET_EXTREME))
+        written.append(path)
+    return written

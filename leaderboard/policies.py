@@ -16,7 +16,8 @@ from baselines import catalogue, tuned
 from baselines.oracles import clairvoyant, perfect_state
 from leaderboard import family
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
-from leaderboard.result import ResultError, Task, tell_once
+from leaderboard.notices import notify_once
+from leaderboard.result import ResultError, Task
 from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
 from train.agents import onnx_policy
 from train.agents.agent_file import ONNX_SUFFIX, check_fits, informed
@@ -143,7 +144,7 @@ def named(
                 raise
             untuned.append(name)
     if untuned:
-        tell_once(
+        notify_once(
             f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them"
         )
     return specs
@@ -264,7 +265,7 @@ def _refuse(path: Path, reason: str, refused: Refusals | None, error: Exception)
     if refused is None:
         raise complaint from error
     refused[path] = complaint
-    tell_once(f"refused: {complaint}")
+    notify_once(f"refused: {complaint}")
 
 
 def reason_of(error: Exception) -> str:
@@ -342,7 +343,7 @@ def _own_name(source: object, found: str, given: str | None) -> str:
             f"{source} cannot be called {name}, as another policy is: choose another --name"
         )
     if given is None and name != found:
-        tell_once(
+        notify_once(
             f"{source} plays as {name}, as {found} comes with the project; --name gives it another name"
         )
     return name

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from leaderboard.notices import notify_once
 from leaderboard.result import (
     MANIFEST_FILE,
     TRAJECTORIES_FILE,
@@ -15,7 +16,6 @@ from leaderboard.result import (
     read_part,
     read_results,
     result_files,
-    tell_once,
 )
 from leaderboard.standings import Standing, names_of, rank
 from leaderboard.trajectories import Trajectories
@@ -112,7 +112,7 @@ def read_leaderboards(
         try:
             leaderboards.append(read_leaderboard(folder, (tasks or {}).get(folder)))
         except ResultError as error:
-            tell_once(f"skipped: {error}")
+            notify_once(f"skipped: {error}")
     if not leaderboards:
         asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
         held = ", ".join(sorted(folder.name for folder in folders))
@@ -148,5 +148,5 @@ def read_if_usable(kind: type[PartType], path: Path) -> PartType | None:
     try:
         return read_part(kind, path) if path.exists() else None
     except ResultError as error:
-        tell_once(f"skipped: {error}: the next python -m leaderboard run writes it anew")
+        notify_once(f"skipped: {error}: the next python -m leaderboard run writes it anew")
         return None

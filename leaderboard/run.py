@@ -9,6 +9,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from leaderboard.notices import notify_once
 from leaderboard.policies import is_code, is_of_another, reason_of
 from leaderboard.ranking import read_if_usable, read_leaderboard
 from leaderboard.result import (
@@ -17,7 +18,6 @@ from leaderboard.result import (
     ResultError,
     Task,
     read_results,
-    tell_once,
     write_manifest,
     write_part,
     write_result,
@@ -193,7 +193,7 @@ def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultE
         if other is None or not is_of_another(other.policy, spec):
             policies.append(spec)
         elif replace_others:
-            tell_once(
+            notify_once(
                 f"{spec.label} in {run.folder} is the result of another agent, which makes way"
             )
             policies.append(spec)

@@ -1,6 +1,7 @@
 """Texts of agents' files as cards and pages show them: short, in one line, and never markup.
 
-A file may come from a stranger. Its parameters hold any JSON, up to a megabyte, with HTML, Markdown or control characters.
+A file may come from a stranger. Its parameters hold any JSON, up to a megabyte, with HTML, Markdown
+or control characters.
 """
 
 import re
@@ -13,14 +14,23 @@ MAX_VALUE = 200  # characters of a value
 MAX_COMMAND = 2_000  # characters of a command
 MAX_VALUES = 100  # values of a table
 _MARKUP = re.compile(r"[^\w ,.;+=%/-]|(?<!\w)_|_(?!\w)")
-"""Characters that may begin markup in Markdown or HTML: all but those of words, numbers and lists."""
+"""Characters that may begin markup in Markdown or HTML.
+
+These are all but the characters of words, numbers and lists. An underscore inside a word is safe.
+"""
 
 
-def limited(value: object, most: int = MAX_VALUE) -> str:
-    """Return a value as one line of at most ``most`` characters and a note of how many there were."""
+def limited(value: object, max_length: int = MAX_VALUE) -> str:
+    """Return a value as one line of at most ``max_length`` characters.
+
+    A note follows a text that is cut and says how long it was.
+    """
     text = str(value)
-    shown = printable(text[:most])[:most]
-    return shown if len(text) <= most else f"{shown}... ({len(text):,} characters)"
+    # Escaping makes a text longer, so it is cut before (to bound the work) and after.
+    shown = printable(text[:max_length])[:max_length]
+    if len(text) <= max_length:
+        return shown
+    return f"{shown}... ({len(text):,} characters)"
 
 
 def few(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -29,15 +39,25 @@ def few(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def markdown_text(value: object) -> str:
-    """Return a value as Markdown that shows it as it is: what may be markup is written as a character reference."""
+    """Return a value as Markdown that shows it unchanged.
+
+    Characters that may be markup become character references.
+    """
     if isinstance(value, list) and len(str(value)) <= MAX_VALUE:
         return f"[{', '.join(map(markdown_text, value))}]"
-    return _MARKUP.sub(lambda found: f"&#{ord(found[0])};", limited(value))
+    return _MARKUP.sub(_character_reference, limited(value))
+
+
+def _character_reference(match: re.Match[str]) -> str:
+    return f"&#{ord(match[0])};"
 
 
 def fenced(lines: list[str]) -> str:
     """Return commands as a block of code, with a fence that none of them can close."""
     shown = [limited(line, MAX_COMMAND) for line in lines]
-    longest = max((len(run) for line in shown for run in re.findall("`+", line)), default=0)
+    longest = 0
+    for line in shown:
+        for backticks in re.findall("`+", line):
+            longest = max(longest, len(backticks))
     fence = "`" * max(3, longest + 1)
     return "\n".join([f"{fence}bash", *shown, fence])

@@ -18,16 +18,25 @@ SERIES = (
     "cutting_speed",  # [m/min]
     "feed",  # [mm/rev]
     "thrust_force",  # [N]; of a whole part, its mean
-    "power",  # [kW]; likewise
+    "power",  # [kW]; of a whole part, its mean
     "wear",  # [mm]
     "roughness",  # [um], 0 where none is held
-    "roughness_reference",  # [um], likewise
+    "roughness_reference",  # [um], 0 where none is held
 )
 """Recorded from ``info`` at the end of steps, beside ``minutes``, the machine time elapsed."""
-RECORDED_SEEDS = 3  # so many of the first seeds of a task are recorded
-MAX_RECORDED = 12  # so many of the best policies are recorded, beside those that others are compared with and one's own
+PART_MEANS = {"thrust_force": "mean_thrust_force", "power": "mean_power"}
+"""Entries of ``info`` that are recorded if a step is a whole part, after which the tool may be in
+air."""
+RECORDED_SEEDS = 3  # number of a task's first seeds that are recorded
+MAX_RECORDED = 12
+"""Number of the best policies that are recorded.
+
+The policies that others are compared with, and one's own, are recorded as well.
+"""
 MAX_STEPS = 300  # steps kept of an episode; a screen does not show more
-_DIGITS = {"minutes": 5, "path": 5}  # significant ones, enough to draw; of others 4
+DIGITS = 4  # significant digits, enough to draw
+LONG_DIGITS = 5  # of series that grow throughout the episode
+_GROWING = ("minutes", "path")
 
 
 class Trajectory(Part):
@@ -35,14 +44,15 @@ class Trajectory(Part):
 
     policy: PolicySpec
     seed: int
-    steps: int  # steps played; see kept for those in series
+    steps: int  # steps played; see steps_to_keep for those in series
     series: dict[str, list[float]]  # minutes and each of SERIES, one value per step kept
 
     @model_validator(mode="after")
-    def _is_whole(self) -> Self:
-        if set(self.series) != {"minutes", *SERIES}:
+    def _check_series(self) -> Self:
+        required = ("minutes", *SERIES)
+        if set(self.series) != set(required):
             raise ValueError(
-                f"series holds {', '.join(self.series)}, but must hold {', '.join(('minutes', *SERIES))}"
+                f"series holds {', '.join(self.series)}, but must hold {', '.join(required)}"
             )
         lengths = {len(values) for values in self.series.values()}
         if len(lengths) != 1 or not 1 <= min(lengths) <= self.steps:
@@ -61,37 +71,51 @@ class Trajectories(Part):
 
 
 def record(spec: PolicySpec, scenario: Scenario, seed: int) -> Trajectory:
-    """Play one episode and keep its trajectory, thinned. Raise ValueError if an action has the wrong shape or is not finite."""
-    # After a whole part the tool may be in air, so the part's means are recorded.
-    reported = (
-        {"thrust_force": "mean_thrust_force", "power": "mean_power"}
-        if scenario.control.action == "part"
-        else {}
-    )
-    env, policy = RoughTurningEnv(scenario), spec.make(1)
+    """Play one episode and keep its trajectory, thinned.
+
+    Raise ValueError if an action has the wrong shape or is not finite.
+    """
+    entries = {name: name for name in SERIES}
+    if scenario.control.action == "part":
+        entries |= PART_MEANS
+    env = RoughTurningEnv(scenario)
+    policy = spec.make(1)
     observation, _ = env.reset(seed=seed)
     policy.reset(np.ones(1, np.bool_))
-    rows: list[tuple[float, ...]] = []
-    elapsed, ended = 0.0, False
+
+    recorded: dict[str, list[float]] = {name: [] for name in ("minutes", *SERIES)}
+    minutes = 0.0
+    ended = False
     while not ended:
-        observation, _, terminated, truncated, info = env.step(policy.act(observation[None])[0])
-        elapsed += info["time"] / 60.0
-        rows.append((elapsed, *(info[reported.get(name, name)] for name in SERIES)))
+        actions = policy.act(observation[None])
+        observation, _, terminated, truncated, info = env.step(actions[0])
+        minutes += info["time"] / 60.0
+        recorded["minutes"].append(minutes)
+        for name, entry in entries.items():
+            recorded[name].append(info[entry])
         ended = terminated or truncated
-    whole = dict(zip(("minutes", *SERIES), np.array(rows).T, strict=True))
-    steps = kept(whole, scenario)
-    series = {
-        name: [float(f"{value:.{_DIGITS.get(name, 4)}g}") for value in values[steps]]
-        for name, values in whole.items()
-    }
-    return Trajectory(policy=spec, seed=seed, steps=len(rows), series=series)
+
+    trajectory = {name: np.array(values, np.float64) for name, values in recorded.items()}
+    kept = steps_to_keep(trajectory, scenario)
+    series = {name: _rounded(name, values[kept]) for name, values in trajectory.items()}
+    return Trajectory(policy=spec, seed=seed, steps=len(recorded["minutes"]), series=series)
 
 
-def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDArray[np.intp]:
-    """Return the steps of a trajectory to keep: all if they are no more than ``MAX_STEPS``.
+def _rounded(name: str, values: NDArray[np.float64]) -> list[float]:
+    """Return the values of a series in few significant digits."""
+    digits = LONG_DIGITS if name in _GROWING else DIGITS
+    return [float(f"{value:.{digits}g}") for value in values]
 
-    Otherwise the steps with the least and the greatest load relative to a limit in each group of neighbours, so that no overload
-    is lost however short. Steps in metal come before steps in air. The last step is always kept.
+
+def steps_to_keep(
+    trajectory: dict[str, NDArray[np.float64]], scenario: Scenario
+) -> NDArray[np.intp]:
+    """Return the indices of the steps of a trajectory to keep, in order.
+
+    These are all steps if there are no more than ``MAX_STEPS``. Otherwise the steps are split into
+    groups of neighbours. Each group keeps the steps with the least and the greatest load relative
+    to a limit, so that no overload is lost however short. Steps in metal come before steps in air.
+    The last step is always kept.
     """
     count = len(trajectory["minutes"])
     if count <= MAX_STEPS:
@@ -100,9 +124,13 @@ def kept(trajectory: dict[str, NDArray[np.float64]], scenario: Scenario) -> NDAr
         trajectory["thrust_force"] / scenario.limits.thrust_force,
         trajectory["power"] / scenario.limits.power,
     )
+    in_metal = trajectory["depth_of_cut"] > 0.0
     chosen = {count - 1}
+    # Each group keeps two steps, and one place is for the last step.
     for group in np.array_split(np.arange(count), (MAX_STEPS - 1) // 2):
-        metal = group[trajectory["depth_of_cut"][group] > 0.0]
-        seen = metal if metal.size else group
-        chosen |= {int(seen[np.argmin(load[seen])]), int(seen[np.argmax(load[seen])])}
+        candidates = group[in_metal[group]]
+        if not candidates.size:
+            candidates = group
+        chosen.add(int(candidates[np.argmin(load[candidates])]))
+        chosen.add(int(candidates[np.argmax(load[candidates])]))
     return np.array(sorted(chosen))

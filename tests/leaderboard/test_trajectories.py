@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from leaderboard.trajectories import MAX_STEPS, SERIES, kept
+from leaderboard.trajectories import MAX_STEPS, SERIES, steps_to_keep
 from turning_env import Scenario
 
 
@@ -14,7 +14,7 @@ def test_thinning_loses_no_overload_and_prefers_metal() -> None:
     trajectory["power"][1234] = 2.0 * scenario.limits.power
     trajectory["thrust_force"][4321] = 2.0 * scenario.limits.thrust_force
     trajectory["depth_of_cut"][2000:2100] = 0.0
-    steps = kept(trajectory, scenario)
+    steps = steps_to_keep(trajectory, scenario)
     assert len(steps) <= MAX_STEPS
     assert (np.diff(steps) > 0).all()
     assert {1234, 4321, count - 1} <= set(steps.tolist())
