@@ -1,7 +1,9 @@
-"""Read and evaluate the formulas of families (``family.py``): numbers, names, + - * / **, and a few functions.
+"""Read and evaluate the formulas of families (``family.py``).
 
-A file may come from anywhere, so a formula is refused unless it is short and every number on the way to its value is finite.
-Values are numbers or arrays of them. They are never changed, and the same bits come out on every processor.
+A formula has numbers, names, + - * / **, and a few functions. A file may come from anywhere, so a
+formula is refused unless it is short and every number on the way to its value is finite. Values
+are numbers or arrays of them. They are never changed, and the same bits come out on every
+processor.
 """
 
 import ast
@@ -9,7 +11,7 @@ import operator
 import re
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,16 +23,20 @@ MAX_DEPTH = 100  # levels of brackets, signs and operators: a sum of n terms has
 MAX_EXPONENT = 708.0  # largest absolute argument of exp that ``numerics.functions`` takes
 MIN_POSITIVE = sys.float_info.min  # smallest argument of log
 MAX_EXACT = 2**53  # up to which a number holds every whole number
-_SHOWN = 80  # characters of a formula that an error quotes
+MAX_SHOWN = 80  # characters of a formula that an error quotes
 _CHARACTERS = re.compile(r"[\w\s.+\-*/(),]*")
+_TOO_LARGE = "is too large: allowed are numbers up to 1.79e308"
 
 
 class FormulaError(ValueError):
-    """A formula that cannot be evaluated. The message names its place in the file, the formula and what is allowed."""
+    """A formula that cannot be evaluated.
+
+    The message names its place in the file, the formula and what is allowed.
+    """
 
 
-class _Refused(Exception):
-    """Why an operation has no value."""
+class _NoValueError(Exception):
+    """An operation has no value; the message says why."""
 
 
 class _Function(NamedTuple):
@@ -41,7 +47,9 @@ class _Function(NamedTuple):
 
 
 def evaluate(place: str, formula: Any, variables: Mapping[str, Any]) -> Any:
-    """Return the value of a formula, or FormulaError. A value that is no text is no formula, and is returned as it is.
+    """Return the value of a formula; FormulaError if it has none.
+
+    A value that is no text is no formula, and is returned as it is.
 
     Args:
         place: where the formula stands, such as ``fields.limits.power``.
@@ -51,73 +59,76 @@ def evaluate(place: str, formula: Any, variables: Mapping[str, Any]) -> Any:
     if not isinstance(formula, str):
         return formula
     reader = _Reader(place, formula, variables)
-    # What overflows or is no number is an error below, and needs no warning too.
+    # Results that overflow or are NaN raise an error below; NumPy need not warn of them, too.
     with np.errstate(all="ignore"):
-        return reader.value(_tree(reader), 1)
+        return reader.value(reader.tree(), depth=1)
 
 
 class _Reader:
     """Evaluates one formula."""
 
     def __init__(self, place: str, formula: str, variables: Mapping[str, Any]) -> None:
-        self.place = place
-        self.formula = formula.strip()
+        self._place = place
+        self._formula = formula.strip()
         self._variables = variables
 
-    def refuse(self, reason: str, node: ast.AST | None = None) -> NoReturn:
-        """Raise the error, with the place in the formula of what is wrong."""
-        shown = self.formula if len(self.formula) <= _SHOWN else f"{self.formula[:_SHOWN]}..."
-        column = getattr(node, "col_offset", None)
-        if column is not None:
-            # Python counts bytes.
-            before = self.formula.encode()[:column].decode("utf-8", "ignore")
-            reason = f"{reason} (character {len(before) + 1})"
-        raise FormulaError(f"{self.place}: {shown!r}: {reason}")
+    def tree(self) -> ast.expr:
+        """Return the syntax tree of the formula; check its length and characters first."""
+        if len(self._formula) > MAX_LENGTH:
+            raise self._error(
+                f"has {len(self._formula)} characters, but at most {MAX_LENGTH} are allowed"
+            )
+        if not _CHARACTERS.fullmatch(self._formula):
+            raise self._error(_ALLOWED)
+        try:
+            return ast.parse(self._formula, mode="eval").body
+        except (SyntaxError, ValueError, MemoryError, RecursionError):
+            raise self._error(f"is not a formula: {_ALLOWED}") from None
 
     def value(self, node: ast.AST, depth: int) -> Any:
         """Return the value of a part of the formula, which lies ``depth`` levels below its top."""
         if depth > MAX_DEPTH:
-            self.refuse(
-                f"has more than the {MAX_DEPTH} levels of brackets, signs and operators that are allowed",
-                node,
-            )
+            levels = f"{MAX_DEPTH} levels of brackets, signs and operators"
+            raise self._error(f"has more than the {levels} that are allowed", node)
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 return self._number(node, number)
             case ast.Name(id=name):
                 return self._variable(node, name)
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _SIGNS:
-                return self._applied(node, _SIGNS[type(op)], [operand], depth)
+                return self._apply(_SIGNS[type(op)], [operand], node=node, depth=depth)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-                return self._applied(node, _OPERATORS[type(op)], [left, right], depth)
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
-                name in _FUNCTIONS
-            ):
-                function = _FUNCTIONS[name]
-                if len(arguments) != function.arity:
-                    self.refuse(
-                        f"{name} has {len(arguments)} arguments, but needs {function.arity}", node
-                    )
-                return self._applied(node, function.apply, arguments, depth)
-        self.refuse(_ALLOWED, node)
+                return self._apply(_OPERATORS[type(op)], [left, right], node=node, depth=depth)
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                return self._call(node, name, arguments=arguments, depth=depth)
+            case _:
+                raise self._error(_ALLOWED, node)
 
     def _number(self, node: ast.AST, number: float) -> float:
         # Not ``float(number)``: a whole number may be too large to be one.
         if abs(number) > sys.float_info.max:
-            self.refuse("a number is too large: allowed are numbers up to 1.79e308", node)
+            raise self._error(f"a number {_TOO_LARGE}", node)
         # A whole number stays one, for fields that count, as long as every number can hold it.
         return number if abs(number) <= MAX_EXACT else float(number)
 
     def _variable(self, node: ast.AST, name: str) -> Any:
         if name not in self._variables:
-            self.refuse(
-                f"there is no variable {name!r}; {names_instead(name, self._variables, 'the variables')}",
-                node,
-            )
+            advice = names_instead(name, self._variables)
+            raise self._error(f"there is no variable {name!r}; {advice}", node)
         return self._variables[name]
 
-    def _applied(
-        self, node: ast.AST, function: Callable[..., Any], arguments: list[ast.expr], depth: int
+    def _call(self, node: ast.AST, name: str, arguments: list[ast.expr], depth: int) -> Any:
+        if name not in _FUNCTIONS:
+            raise self._error(_ALLOWED, node)
+        function = _FUNCTIONS[name]
+        if len(arguments) != function.arity:
+            raise self._error(
+                f"{name} has {len(arguments)} arguments, but needs {function.arity}", node
+            )
+        return self._apply(function.apply, arguments, node=node, depth=depth)
+
+    def _apply(
+        self, function: Callable[..., Any], arguments: list[ast.expr], node: ast.AST, depth: int
     ) -> Any:
         values = []
         for argument in arguments:
@@ -126,43 +137,42 @@ class _Reader:
             values.append(float(value) if isinstance(value, int) else value)
         try:
             result = function(*values)
-        except _Refused as refusal:
-            self.refuse(str(refusal), node)
+        except _NoValueError as error:
+            raise self._error(str(error), node) from None
         if not np.all(np.isfinite(result)):
-            self.refuse("a result is too large: allowed are numbers up to 1.79e308", node)
+            raise self._error(f"a result {_TOO_LARGE}", node)
         return result
 
-
-def _tree(reader: _Reader) -> ast.expr:
-    """Return the syntax tree of a formula, which is checked for its length and characters first."""
-    if len(reader.formula) > MAX_LENGTH:
-        reader.refuse(f"has {len(reader.formula)} characters, but at most {MAX_LENGTH} are allowed")
-    if not _CHARACTERS.fullmatch(reader.formula):
-        reader.refuse(_ALLOWED)
-    try:
-        return ast.parse(reader.formula, mode="eval").body
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
-        reader.refuse(f"is not a formula: {_ALLOWED}")
+    def _error(self, reason: str, node: ast.AST | None = None) -> FormulaError:
+        """Return the error that quotes the formula and says where in it a part is wrong."""
+        shown = self._formula
+        if len(shown) > MAX_SHOWN:
+            shown = f"{shown[:MAX_SHOWN]}..."
+        column = getattr(node, "col_offset", None)
+        if column is not None:
+            # Python counts bytes.
+            before = self._formula.encode()[:column].decode("utf-8", "ignore")
+            reason = f"{reason} (character {len(before) + 1})"
+        return FormulaError(f"{self._place}: {shown!r}: {reason}")
 
 
 def _divide(dividend: Any, divisor: Any) -> Any:
     if np.any(np.equal(divisor, 0.0)):
-        raise _Refused("/ needs a divisor other than 0, but 0 is among them")
+        raise _NoValueError("/ needs a divisor other than 0, but 0 is among them")
     return operator.truediv(dividend, divisor)
 
 
 def _power(base: Any, exponent: Any) -> Any:
     _check_above_zero("**", base)
     if np.any(np.abs(exponent * log(base)) > MAX_EXPONENT):
-        raise _Refused("a result of ** is too large or too small: allowed are 1e-307 to 1e307")
+        raise _NoValueError("a result of ** is too large or too small: allowed are 1e-307 to 1e307")
     return real_power(base, exponent)
 
 
 def _exp(x: Any) -> Any:
     if np.any(np.abs(x) > MAX_EXPONENT):
-        raise _Refused(
-            f"exp needs numbers within -{MAX_EXPONENT:g} to {MAX_EXPONENT:g}, but {_farthest(x)} is among them"
-        )
+        allowed = f"within -{MAX_EXPONENT:g} to {MAX_EXPONENT:g}"
+        raise _NoValueError(f"exp needs numbers {allowed}, but {_farthest(x)} is among them")
     return exp(x)
 
 
@@ -173,11 +183,12 @@ def _log(x: Any) -> Any:
 
 def _sqrt(x: Any) -> Any:
     if np.any(np.less(x, 0.0)):
-        raise _Refused(f"sqrt needs numbers of 0 or more, but {np.min(x)} is among them")
+        raise _NoValueError(f"sqrt needs numbers of 0 or more, but {np.min(x)} is among them")
     return np.sqrt(x)
 
 
 def _minimum(x: Any, y: Any) -> Any:
+    # Not ``np.minimum`` itself, whose third argument is where it writes its result.
     return np.minimum(x, y)
 
 
@@ -187,7 +198,7 @@ def _maximum(x: Any, y: Any) -> Any:
 
 def _check_above_zero(name: str, x: Any) -> None:
     if np.any(np.less(x, MIN_POSITIVE)):
-        raise _Refused(f"{name} needs numbers above 0, but {np.min(x)} is among them")
+        raise _NoValueError(f"{name} needs numbers above 0, but {np.min(x)} is among them")
 
 
 def _farthest(x: Any) -> float:

@@ -1,4 +1,7 @@
-"""Declare configured quantities: every number has a default, a unit and an allowed range, which is checked."""
+"""The base of a scenario's sections: numbers with a default, a unit and a range that is checked.
+
+Which numbers there are is declared in ``sections.py`` and ``power_law.py``.
+"""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -6,9 +9,11 @@ from typing import Any, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+MAX_LISTED = 8  # names that an error lists; of more, it says where they are listed
+
 
 def quantity(default: Any, low: float, high: float, unit: str, description: str) -> Any:
-    """Declare a number with its default, its allowed range (ends included), its unit and its meaning."""
+    """Declare a number: its default, allowed range (ends included), unit and meaning."""
     return Field(
         default,
         description=f"{description} [{unit}]",
@@ -16,23 +21,35 @@ def quantity(default: Any, low: float, high: float, unit: str, description: str)
     )
 
 
-def names_instead(name: str, allowed: Iterable[str], lists_all: str) -> str:
-    """Return advice on an unknown name: similar names, or all names if they are few, or the command that lists them."""
+def names_instead(name: str, allowed: Iterable[str], lists_all: str = "") -> str:
+    """Return advice on an unknown name: similar names, or all names if they are few.
+
+    Of many names, the advice is ``lists_all``, the command or function that lists them; without
+    one, the first few.
+    """
     names = list(allowed)
-    if close := get_close_matches(name[:100], names, 3, 0.7):
+    close = get_close_matches(name[:100], names, n=3, cutoff=0.7)
+    if close:
         return f"did you mean {' or '.join(close)}?"
-    return f"allowed are {', '.join(names)}" if len(names) <= 8 else f"list all with: {lists_all}"
+    if len(names) <= MAX_LISTED:
+        return f"allowed are {', '.join(names)}"
+    if lists_all:
+        return f"list all with: {lists_all}"
+    return f"allowed are {', '.join(names[:MAX_LISTED])} and {len(names) - MAX_LISTED} others"
 
 
 def _with_tuples(value: Any) -> Any:
-    """Return a value with tuples in place of the lists that TOML and JSON have: fields are frozen."""
+    """Return a value with tuples for the lists that TOML and JSON have: fields are frozen."""
     if isinstance(value, dict):
-        return {key: _with_tuples(each) for key, each in value.items()}
+        return {key: _with_tuples(entry) for key, entry in value.items()}
     return tuple(value) if isinstance(value, list) else value
 
 
 class Section(BaseModel):
-    """A frozen group of fields that refuses unknown keys, wrong types, NaN and infinity. Field docstrings are descriptions."""
+    """A frozen group of fields that refuses unknown keys, wrong types, NaN and infinity.
+
+    The docstring of a field is its description in the schema.
+    """
 
     # Defaults are validated so that 3 becomes 3.0, as it would from a file.
     model_config = ConfigDict(
@@ -47,34 +64,39 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _keys_known(cls, values: Any) -> Any:
-        if isinstance(values, dict):
-            values = _with_tuples(values)
-            unknown = [str(key) for key in values if key not in cls.model_fields]
-            if unknown:
-                known = cls.model_fields, "python -m turning_env schema"
-                raise ValueError(
-                    "; ".join(f"unknown key {key}; {names_instead(key, *known)}" for key in unknown)
-                )
+        """Refuse unknown keys with advice, which Pydantic's own message lacks."""
+        if not isinstance(values, dict):
+            return values
+        values = _with_tuples(values)
+        faults = []
+        for key in map(str, values):
+            if key not in cls.model_fields:
+                advice = names_instead(key, cls.model_fields, "python -m turning_env schema")
+                faults.append(f"unknown key {key}; {advice}")
+        if faults:
+            raise ValueError("; ".join(faults))
         return values
 
     @field_validator("*")
     @classmethod
     def _within_range(cls, value: Any, info: ValidationInfo) -> Any:
-        declared = cls.model_fields[str(info.field_name)].json_schema_extra
-        if isinstance(declared, dict) and "unit" in declared:
-            low, high, unit = declared["minimum"], declared["maximum"], declared["unit"]
-            if not low <= value <= high:
-                raise ValueError(f"{value} is outside the allowed range {low} to {high} {unit}")
+        allowed = _range_of(cls.model_fields[str(info.field_name)])
+        if allowed and not allowed.low <= value <= allowed.high:
+            raise ValueError(f"{value} is outside the allowed range {allowed.text()}")
         return value
 
     @model_validator(mode="after")
-    def _ranges_open(self) -> Self:
-        for name in type(self).model_fields:
-            other = name.removesuffix("_min") + "_max"
-            if name.endswith("_min") and (low := getattr(self, name)) > (
-                high := getattr(self, other)
-            ):
-                raise ValueError(f"{name} is {low}, but must not exceed {other}, which is {high}")
+    def _minimum_below_maximum(self) -> Self:
+        for name_of_min in type(self).model_fields:
+            if not name_of_min.endswith("_min"):
+                continue
+            name_of_max = name_of_min.removesuffix("_min") + "_max"
+            low = getattr(self, name_of_min)
+            high = getattr(self, name_of_max)
+            if low > high:
+                raise ValueError(
+                    f"{name_of_min} is {low}, but must not exceed {name_of_max}, which is {high}"
+                )
         return self
 
 
@@ -85,16 +107,26 @@ class Range(NamedTuple):
     high: float
     unit: str
 
+    def text(self) -> str:
+        """Return the range as an error states it."""
+        return f"{self.low} to {self.high} {self.unit}"
+
+
+def _range_of(field: Any) -> Range | None:
+    """Return the range that ``quantity`` declared for a field of a model, or None."""
+    declared = field.json_schema_extra
+    if not isinstance(declared, dict) or "unit" not in declared:
+        return None
+    return Range(low=declared["minimum"], high=declared["maximum"], unit=declared["unit"])
+
 
 def declared_ranges(section: type[BaseModel], prefix: str = "") -> dict[str, Range]:
-    """Return the range of every quantity of a section and of the sections in it, by dotted names."""
+    """Return the range of every quantity of a section and the sections in it, by dotted names."""
     ranges: dict[str, Range] = {}
     for name, field in section.model_fields.items():
-        declared: Any = field.json_schema_extra
+        allowed = _range_of(field)
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             ranges |= declared_ranges(field.annotation, f"{prefix}{name}.")
-        elif isinstance(declared, dict) and "unit" in declared:
-            ranges[prefix + name] = Range(
-                declared["minimum"], declared["maximum"], declared["unit"]
-            )
+        elif allowed:
+            ranges[prefix + name] = allowed
     return ranges
