@@ -27,8 +27,8 @@ from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
 from turning_env.numerics.functions import log
 from turning_env.observation import read
 from turning_env.physics.quantities import layout
-from turning_env.scenario.plan import unchecked
-from turning_env.scenario.scenario import flat, nested
+from turning_env.scenario.scenario import flat
+from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 LIMIT = 10.0  # highest absolute value of an entry
@@ -98,7 +98,7 @@ class Belief:
         self._numbers = {
             name: np.array([each[name] for each in values]) for name in numbers
         }  # of each environment
-        self._scenario = unchecked(nested((values[0] | self._numbers).items()))
+        self._scenario = ScenarioBatch(values[0] | self._numbers, len(scenarios))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
         """Give an environment another nominal model and forget its estimates; models are kept by their number."""

@@ -11,6 +11,7 @@ from baselines.models.part_program import PROGRAM
 from baselines.rule import Array, Range, Rule
 from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
+from turning_env.scenario import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED = 145.0, 0.32
@@ -22,14 +23,17 @@ class FixedParameters(Policy):
     """A policy of one cutting speed [m/min] and feed [mm/rev], numbers or of shape (num_envs,), clipped to the machine."""
 
     def __init__(
-        self, scenario: Scenario, cutting_speed: float | Array, feed: float | Array
+        self,
+        scenario: Scenario | ScenarioBatch,
+        cutting_speed: float | Array,
+        feed: float | Array,
     ) -> None:
         self._scenario, machine = scenario, scenario.machine
         speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
         self._set_point = speed, np.clip(feed, machine.feed_min, machine.feed_max)
 
     @classmethod
-    def programmed(cls, scenario: Scenario, override: float = 1.0) -> Self:
+    def programmed(cls, scenario: Scenario | ScenarioBatch, override: float = 1.0) -> Self:
         """Return the policy that commands the scenario's initial cutting speed and feed, the feed times an override [-]."""
         return cls(
             scenario,

@@ -21,7 +21,7 @@ from turning_env import Family, ScenarioError
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.numerics.functions import log
-from turning_env.scenario.family import CHUNK, Draw
+from turning_env.scenario.family import CHUNK, DrawnJobs
 from turning_env.scenario.power_law import log_response
 
 FILE = Path(__file__).with_suffix(".json")
@@ -33,7 +33,7 @@ def read() -> LawErrors:
     return LawErrors(np.array(values["mean"]), np.array(values["covariance"]))
 
 
-def errors_of(draw: Draw) -> Array:
+def errors_of(draw: DrawnJobs) -> Array:
     """Return the errors of some jobs, shape (jobs, errors), in the order of ``LawErrors``."""
     true, nominal = draw.true.material, draw.nominal.material
     control, depth = draw.true.control, draw.true.workpiece.depth_of_cut

@@ -26,7 +26,7 @@ from baselines.rule import Array, Mask, Range, Rule, Scenarios
 from turning_env import Reading, Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
-from turning_env.scenario.plan import columns_of
+from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 USED_LIVES = np.linspace(0.0, 1.0, 41)[
@@ -61,7 +61,7 @@ class Optimiser(Policy):
         errors: Any = None,
     ) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
-        self._scenario: Any = scenarios[0] if len(scenarios) == 1 else columns_of(scenarios)
+        self._scenario: Any = scenarios[0] if len(scenarios) == 1 else ScenarioBatch.of(scenarios)
         self._scenarios, self._severity, self._caution, self._wear_caution = (
             scenarios,
             severity,

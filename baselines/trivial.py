@@ -14,7 +14,7 @@ from baselines.fixed import FixedParameters
 from baselines.rule import Array, Mask, Rule
 from turning_env.physics.quantities import action_size
 from turning_env.scenario import Scenario
-from turning_env.scenario.plan import columns_of
+from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 Words = NDArray[np.uint64]
@@ -110,7 +110,7 @@ def _changes_edges(scenario: Scenario) -> bool:
 
 def _wait_then_play(scenarios: Sequence[Scenario], num_envs: int) -> FirstThen:
     first, idle = scenarios[0], extreme(scenarios[0], -1.0)
-    each: Any = first if len(scenarios) == 1 else columns_of(scenarios)
+    each: Any = first if len(scenarios) == 1 else ScenarioBatch.of(scenarios)
     if first.control.action == "part":
         return FirstThen(num_envs, idle, first.workpiece.bars / 2.0, ConstantActions(zero(first)))
     steps = each.control.time_limit * 60.0 / each.control.interval

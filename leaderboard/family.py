@@ -20,8 +20,9 @@ from turning_env.action import towards
 from turning_env.family_env import Context
 from turning_env.observation import read
 from turning_env.physics.quantities import OBS
-from turning_env.scenario.family import Draw, Family, Job
-from turning_env.scenario.plan import columns_of, features, plan_of
+from turning_env.scenario.family import DrawnJobs, Family, Job
+from turning_env.scenario.plan import features, plan_of
+from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
 from turning_env.scoring.policy import (
     Actions,
@@ -132,17 +133,21 @@ class Truthful(Family):
         """Pickle the family without its jobs."""
         return Truthful.model_validate, (self.model_dump(),)
 
-    def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
-        draw = super()._drawn(split, numbers)
-        nominal, true = draw.fields
-        told = {
-            name: true[name] if name.startswith(self.right) else value
-            for name, value in nominal.items()
-        }
-        columns = self.columns(told)
-        plan = plan_of(columns, len(numbers))
-        context = features(columns, plan) | {name: draw.features[name] for name in self.shown}
-        return replace(draw, nominal=columns, plan=plan, fields=(told, true), features=context)
+    def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
+        jobs = super().draw_numbers(split, numbers)
+        fields = {}
+        for name, value in jobs.nominal_fields.items():
+            fields[name] = jobs.true_fields[name] if name.startswith(self.right) else value
+        nominal = self.batch_of(fields, len(numbers))
+        plan = plan_of(nominal)
+        shown = {name: jobs.features[name] for name in self.shown}
+        return replace(
+            jobs,
+            nominal=nominal,
+            plan=plan,
+            nominal_fields=fields,
+            features=features(nominal, plan) | shown,
+        )
 
 
 @dataclass(frozen=True)
@@ -219,7 +224,7 @@ class FixedNominalOptimum(Policy):
     """The nominal model's best set point of each job on a half-worn edge; edges are changed by nominal wear."""
 
     def __init__(self, jobs: Sequence[Job]) -> None:
-        self._scenarios: Any = columns_of([job.scenario for job in jobs])
+        self._scenarios: Any = ScenarioBatch.of([job.scenario for job in jobs])
         self._speeds, self._feeds = np.array([[job.cutting_speed, job.feed] for job in jobs]).T
 
     def act(self, observations: Observations) -> Actions:

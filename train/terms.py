@@ -242,14 +242,16 @@ class HiddenObservation(VectorWrapper):
         self._scale = np.array([1.0, scenario.workpiece.depth_of_cut, scenario.tool.wear_criterion])
         self._errors = np.zeros((0, 0))
         if family := getattr(env.unwrapped, "family", None):
-            draws = [
-                family.draw("train", chunk).fields
-                for chunk in range(math.ceil(family.jobs / CHUNK))
+            chunks = [
+                family.draw("train", chunk) for chunk in range(math.ceil(family.jobs / CHUNK))
             ]
-            errors = [
-                np.hstack([np.full(CHUNK, 1.0 * true[name] - told[name]) for told, true in draws])
-                for name in draws[0][1]
-            ]
+            errors = []
+            for name in chunks[0].true_fields:
+                columns = []
+                for jobs in chunks:
+                    error = 1.0 * jobs.true_fields[name] - jobs.nominal_fields[name]
+                    columns.append(np.full(CHUNK, error))
+                errors.append(np.hstack(columns))
             self._errors = np.stack(
                 [each / each.std() for each in errors if np.ptp(each) > 0.0], axis=1
             )

@@ -10,6 +10,7 @@ from turning_env.observation import parameters_of
 from turning_env.physics.lathe import command
 from turning_env.physics.quantities import WIDTH
 from turning_env.physics.records import SCRATCH, STATE, new_records
+from turning_env.scenario import ScenarioBatch
 from turning_env.scoring.policy import Actions
 
 
@@ -30,7 +31,7 @@ def set_point_action(value: NDArray[np.float64], low: float, high: float) -> NDA
 
 def towards(
     reading: Reading,
-    scenario: Scenario,
+    scenario: Scenario | ScenarioBatch,
     cutting_speed: NDArray[np.float64],
     feed: NDArray[np.float64],
     change_edge: NDArray[np.bool_] | None = None,

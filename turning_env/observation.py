@@ -27,7 +27,7 @@ from turning_env.physics.quantities import (
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, capacity_at, idle_power
 from turning_env.physics.wear import log_wear
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, ScenarioBatch
 
 
 def bounds(scenario: Scenario) -> NDArray[np.float32]:
@@ -171,8 +171,8 @@ parameters_of = cache(parameter_records)
 """Parameters of one block of environments of a scenario, to be read only."""
 
 
-def read(observation: NDArray[np.float32], scenario: Scenario) -> Reading:
-    """Convert observations of shape (environments, entries) to physical units. The scenario can hold arrays (``plan.py``)."""
+def read(observation: NDArray[np.float32], scenario: Scenario | ScenarioBatch) -> Reading:
+    """Convert observations of shape (environments, entries) to physical units."""
     rows = np.asarray(observation, np.float64).T
     columns = dict(zip(layout(scenario), rows, strict=True))
     unknown = np.full(rows.shape[1], np.nan)

@@ -1,6 +1,6 @@
 """The table of parameters: all that the transition reads of a scenario, each declared once.
 
-``parameter_records`` of ``records.py`` takes the values also from many scenarios at once (``scenario/plan.py``).
+``parameter_records`` of ``records.py`` takes the values of one scenario or of a batch (``ScenarioBatch``).
 """
 
 from collections.abc import Callable

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, ScenarioBatch
 from turning_env.scenario.sections import MAX_DELAY
 
 WIDTH = 32  # environments of a block, whose quantities are arrays over them: they fit the processor's first cache
@@ -44,7 +44,7 @@ class Entry(NamedTuple):
     meaning: str
     low: float
     high: float
-    present: Callable[[Scenario], bool] = lambda scenario: True
+    present: Callable[[Scenario | ScenarioBatch], bool] = lambda scenario: True
 
 
 Q = Quantity
@@ -293,7 +293,7 @@ OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(O
 """Indices of entries in observations: ``OBS.power``. ``layout(scenario)`` has those that only some scenarios have."""
 
 
-def layout(scenario: Scenario) -> tuple[str, ...]:
+def layout(scenario: Scenario | ScenarioBatch) -> tuple[str, ...]:
     """Return the names of the entries of a scenario's observations, in order."""
     return tuple(entry.name for entry in OBSERVATION if entry.present(scenario))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from turning_env.physics import parameters, quantities
 from turning_env.physics.quantities import WIDTH
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, ScenarioBatch
 
 
 def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
@@ -69,17 +69,19 @@ def new_records(dtype: np.dtype[Any], count: int) -> Any:
 
 
 def parameter_records(
-    scenario: Scenario, count: int = WIDTH, nominal: Scenario | None = None
+    scenario: Scenario | ScenarioBatch,
+    count: int = WIDTH,
+    nominal: Scenario | ScenarioBatch | None = None,
 ) -> Any:
     """Return the parameters of blocks with ``count`` environments, a multiple of ``WIDTH``: shape (blocks,).
 
-    The numbers of the scenario and of its ``nominal`` model can be arrays of ``count`` numbers (``scenario/plan.py``).
+    All environments have the same scenario, or one each of a batch of ``count``, which needs a batch of ``nominal`` models.
     """
+    if nominal is None:
+        assert isinstance(scenario, Scenario)
+        nominal = scenario.nominal()
     records = new_records(PARAMETERS, count // WIDTH)
-    for columns, source in (
-        (records, scenario),
-        (records["nominal"], nominal or scenario.nominal()),
-    ):
+    for columns, source in ((records, scenario), (records["nominal"], nominal)):
         fields = {
             key: value
             for name, each in source

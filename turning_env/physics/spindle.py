@@ -11,10 +11,10 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, ScenarioBatch
 
 
-def capacity_at(scenario: Scenario, cutting_speed: Any) -> Any:
+def capacity_at(scenario: Scenario | ScenarioBatch, cutting_speed: Any) -> Any:
     """Return ``capacity`` [-] at cutting speeds [m/min], scalar or array."""
     return np.minimum(cutting_speed / (scenario.base_cutting_speed or cutting_speed), 1.0)
 

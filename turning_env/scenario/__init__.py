@@ -1,4 +1,4 @@
-"""The configuration: the scenario, its sections, the power law, validation and the presets.
+"""The configuration: scenarios with their sections, checks and presets, and families of scenarios.
 
 A scenario holds values and no state; equations of the process belong in ``physics``.
 """
@@ -11,5 +11,14 @@ from turning_env.scenario.scenario import (
     Source,
     presets,
 )
+from turning_env.scenario.scenario_batch import ScenarioBatch
 
-__all__ = ["SPLITS", "PortableScenario", "Scenario", "ScenarioError", "Source", "presets"]
+__all__ = [
+    "SPLITS",
+    "PortableScenario",
+    "Scenario",
+    "ScenarioBatch",
+    "ScenarioError",
+    "Source",
+    "presets",
+]

@@ -1,12 +1,15 @@
-"""Families of scenarios: distributions from which jobs are drawn, each a true scenario and the nominal model of its control.
+"""Families of scenarios: distributions from which jobs are drawn.
 
-A family is a TOML file. Its ``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for
-the scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal model's best set point
-(``plan.py``), and ``hidden`` fields are the truth's alone. A variable with a ``truth`` has a true value, too, and the fields that
-depend on it differ between truth and nominal model. ``docs/family.md`` describes the families that ship.
+A job is a true scenario and the nominal model of its control. A family is a TOML file. Its
+``variables`` and the columns of its ``tables`` are drawn. Its ``fields`` are formulas of them, for
+the scenario's fields that are not those of its ``base``; ``planned`` fields also know the nominal
+model's best set point (``plan.py``), and ``hidden`` fields are the truth's alone. A variable with
+a ``truth`` has a true value, too, and the fields that depend on it differ between truth and
+nominal model. ``docs/family.md`` describes the families that ship.
 
-A job depends on family, split and number alone. Its numbers are keyed by the name of their variable (``numerics.keyed_random``),
-so a variable that is added changes no other. A job that makes no sense (``makes_sense``) is drawn again.
+A job depends on family, split and number alone. Its numbers are keyed by the name of their
+variable (``numerics.keyed_random``), so a variable that is added changes no other. A job that
+makes no sense (``makes_sense``) is drawn again.
 """
 
 import os
@@ -23,11 +26,20 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, ValidationError, mo
 from turning_env.files import digest_of
 from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.numerics.keyed_random import JOB_CHANNEL, philox_4x32
-from turning_env.scenario import Scenario, ScenarioError
 from turning_env.scenario.formula import evaluate
-from turning_env.scenario.plan import MIDDLE, USED_LIVES, Loads, Plan, features, plan_of, unchecked
+from turning_env.scenario.plan import (
+    MIDDLE,
+    USED_LIVES,
+    Plan,
+    SetPointGrid,
+    features,
+    plan_of,
+)
 from turning_env.scenario.scenario import (
-    always_told,
+    Scenario,
+    ScenarioError,
+    TomlTable,
+    always_known,
     complaints_of,
     flat,
     merged,
@@ -35,27 +47,33 @@ from turning_env.scenario.scenario import (
     shipped,
     table_of,
 )
+from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scenario.section import Section, declared_ranges, names_instead
 
 Array = NDArray[np.float64]
 Values = dict[str, Any]
 
+CHUNK = 256
+"""Jobs that are drawn together, as one alone takes almost as long.
+
+The first chunk of the training jobs standardises the context.
+"""
+MAX_JOBS = 2**32
+MAX_RATIO = 1e300
+"""Largest ratio of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact
+beyond."""
+MAX_LOG_SPREAD = 100.0
+"""Largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away."""
+CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
+
 _FAMILIES = shipped("families")
 _SCHEMA = "python -m turning_env schema"
-_SHIPPED = _FAMILIES, "family", "families()"
 _RANGES = declared_ranges(Scenario)
-CHUNK = 256
-"""Jobs that are drawn together, as one alone takes almost as long. The first of training standardise the context."""
-MAX_JOBS = 2**32
-MAX_RATIO = (
-    1e300  # of the ends of a logarithmic distribution: ``exp`` and ``log`` are not exact beyond
-)
-MAX_LOG_SPREAD = (
-    100.0  # largest standard deviation of a logarithm, so that ``exp`` is exact seven of them away
-)
-CONTEXT_LIMIT = 10.0  # highest absolute value of a number of the context
 _STRIDE = 2654435769  # odd, so that the episodes of a seed visit every job of a split
 _MAX_ATTEMPTS = 200
+_MIN_NOMINAL_LIFE = 4.0  # of an edge at the best set point [min]
+_MAX_NOMINAL_LIFE = 60.0  # likewise
+_MIN_TRUE_LIFE = 2.0  # likewise
 
 
 class Distribution(Section):
@@ -64,54 +82,57 @@ class Distribution(Section):
     uniform: tuple[float, float] | None = None  # lowest and highest value
     log_uniform: tuple[PositiveFloat, float] | None = None  # likewise
     normal: tuple[float, NonNegativeFloat] | None = None  # mean and standard deviation
-    log_normal: tuple[PositiveFloat, NonNegativeFloat] | None = (
-        None  # median, and standard deviation of the logarithm
-    )
+    log_normal: tuple[PositiveFloat, NonNegativeFloat] | None = None
+    """Median, and standard deviation of the logarithm."""
 
     @property
-    def _given(self) -> list[tuple[str, tuple[float, float]]]:
-        return [
-            (name, getattr(self, name))
-            for name in Distribution.model_fields
-            if getattr(self, name) is not None
-        ]
+    def _kinds(self) -> list[str]:
+        """Names of the kinds that are given."""
+        return [name for name in Distribution.model_fields if getattr(self, name) is not None]
 
     @model_validator(mode="after")
-    def _one_that_makes_sense(self) -> Self:
-        if len(given := self._given) != 1:
-            names = ", ".join(name for name, _ in given) or "none"
-            raise ValueError(
-                f"must have one of {', '.join(Distribution.model_fields)}, but has {names}"
-            )
-        ((name, (first, second)),) = given
-        if "uniform" in name and first > second:
-            raise ValueError(
-                f"{name} is [{first}, {second}], but the lowest value must not exceed the highest"
-            )
-        if name == "log_uniform" and not second <= MAX_RATIO * first:
-            raise ValueError(
-                f"{name} is [{first}, {second}], but the highest value may be {MAX_RATIO:g} times the lowest"
-            )
-        if name == "log_normal" and second > MAX_LOG_SPREAD:
-            raise ValueError(
-                f"{name} is [{first}, {second}], but its standard deviation may be at most {MAX_LOG_SPREAD:g}"
-            )
+    def _is_one_that_makes_sense(self) -> Self:
+        kinds = self._kinds
+        if len(kinds) != 1:
+            allowed = ", ".join(Distribution.model_fields)
+            raise ValueError(f"must have one of {allowed}, but has {', '.join(kinds) or 'none'}")
+        kind = kinds[0]
+        first, second = getattr(self, kind)
+        fault = ""
+        if kind in ("uniform", "log_uniform") and first > second:
+            fault = "the lowest value must not exceed the highest"
+        elif kind == "log_uniform" and not second <= MAX_RATIO * first:
+            fault = f"the highest value may be {MAX_RATIO:g} times the lowest"
+        elif kind == "log_normal" and second > MAX_LOG_SPREAD:
+            fault = f"its standard deviation may be at most {MAX_LOG_SPREAD:g}"
+        if fault:
+            raise ValueError(f"{kind} is [{first}, {second}], but {fault}")
         return self
 
-    def values(self, uniforms: tuple[Array, Array]) -> Any:
+    def values(self, first_uniform: Array, second_uniform: Array) -> Any:
         """Return values made of two uniform numbers each."""
-        ((name, (low, high)),) = self._given
-        if name == "uniform":
-            return low + uniforms[0] * (high - low)
-        if name == "log_uniform":
-            return low * exp(uniforms[0] * log(high / low))
-        normals = np.sqrt(-2.0 * log(uniforms[0])) * sine_and_cosine(uniforms[1])[1]  # Box-Muller
-        return low + high * normals if name == "normal" else low * exp(high * normals)
+        kind = self._kinds[0]
+        if kind == "uniform":
+            low, high = getattr(self, kind)
+            return low + first_uniform * (high - low)
+        if kind == "log_uniform":
+            low, high = getattr(self, kind)
+            return low * exp(first_uniform * log(high / low))
+        # The Box-Muller transform.
+        _, cosine = sine_and_cosine(second_uniform)
+        normals = np.sqrt(-2.0 * log(first_uniform)) * cosine
+        middle, spread = getattr(self, kind)
+        return middle + spread * normals if kind == "normal" else middle * exp(spread * normals)
 
-    def true_values(self, told: Array, uniforms: tuple[Array, Array]) -> Any:
-        """Return true values: a ``normal`` or ``uniform`` deviation is added to nominal ones, a logarithmic one is a factor."""
-        deviation = self.values(uniforms)
-        return told * deviation if self.log_normal or self.log_uniform else told + deviation
+    def true_values(self, nominal: Array, first_uniform: Array, second_uniform: Array) -> Any:
+        """Return true values by nominal ones and two uniform numbers each.
+
+        A ``normal`` or ``uniform`` deviation is added, a logarithmic one is a factor.
+        """
+        deviation = self.values(first_uniform, second_uniform)
+        if self.log_normal or self.log_uniform:
+            return nominal * deviation
+        return nominal + deviation
 
 
 class Variable(Distribution):
@@ -123,7 +144,10 @@ class Variable(Distribution):
 
 
 class Table(Section):
-    """Rows of numbers that belong together, such as those of a material: one row is drawn, and its columns are variables."""
+    """Rows of numbers that belong together, such as those of a material.
+
+    One row is drawn, and its columns are variables.
+    """
 
     columns: tuple[str, ...]
     rows: dict[str, tuple[float, ...]]
@@ -140,18 +164,22 @@ class Table(Section):
                 raise ValueError(
                     f"rows.{name} has {len(row)} numbers, but there are {len(self.columns)} columns"
                 )
-        for field, kind, known in (
-            ("held_out", "row", self.rows),
-            ("truth", "column", self.columns),
-        ):
-            for name in getattr(self, field):
-                if name not in known:
-                    raise ValueError(
-                        f"{field}: there is no {kind} {name!r}; {names_instead(name, known, 'the table')}"
-                    )
+        for name in self.held_out:
+            if name not in self.rows:
+                advice = names_instead(name, self.rows)
+                raise ValueError(f"held_out: there is no row {name!r}; {advice}")
+        for name in self.truth:
+            if name not in self.columns:
+                advice = names_instead(name, self.columns)
+                raise ValueError(f"truth: there is no column {name!r}; {advice}")
         if self.rows.keys() <= set(self.held_out):
             raise ValueError("every row is held out, but the training jobs need some")
         return self
+
+    def choices(self, held_out: bool) -> Array:
+        """Return the rows of numbers that are held out or those that are not."""
+        rows = [row for name, row in self.rows.items() if (name in self.held_out) == held_out]
+        return np.array(rows)
 
 
 def _finite(place: str, values: Any) -> Any:
@@ -163,65 +191,64 @@ def _finite(place: str, values: Any) -> Any:
     return values
 
 
-def _in_range(fields: Values, jobs: int) -> NDArray[np.bool_]:
+def _in_range(fields: Values, num_jobs: int) -> NDArray[np.bool_]:
     """Return in which jobs all fields are within their ranges, shape (jobs,).
 
     Raise ValueError if a field that has one value in all jobs is outside.
     """
-    inside = np.ones(jobs, np.bool_)
-    for name, (low, high, unit) in _RANGES.items():
+    inside = np.ones(num_jobs, np.bool_)
+    for name, allowed in _RANGES.items():
         if name not in fields:
             continue
         value = fields[name]
-        within = np.logical_and(low <= value, value <= high)
+        within = np.logical_and(allowed.low <= value, value <= allowed.high)
         if np.ndim(value) == 0 and not within:
-            raise ValueError(f"{name}: {value} is outside the allowed range {low} to {high} {unit}")
+            raise ValueError(f"{name}: {value} is outside the allowed range {allowed.text()}")
         inside &= within
     return inside
 
 
 class Job(NamedTuple):
-    """A job: the true scenario, which also holds its nominal model, and the plan of the nominal model."""
+    """A job: the true scenario, which also holds its nominal model, and the model's plan."""
 
     scenario: Scenario
     cutting_speed: float  # the nominal model's best cutting speed on a half-worn edge [m/min]
     feed: float  # likewise the feed [mm/rev]
-    context: Array  # context: numbers that describe the nominal model, standardised; shape (``len(Family.context_names)``,)
+    context: Array
+    """Numbers that describe the nominal model, standardised; shape
+    (``len(Family.context_names)``,)."""
     numbers: dict[str, float]  # the same numbers by name, not standardised
 
 
 @dataclass(frozen=True)
-class Draw:
+class DrawnJobs:
     """Some jobs of a split. Arrays have shape (jobs,)."""
 
-    true: Scenario  # the true scenarios, with arrays of numbers (``plan.py``)
-    nominal: Scenario  # the nominal models, likewise
-    plan: Plan
-    fields: tuple[Values, Values]  # nominal and true values by dotted names
+    true: ScenarioBatch
+    nominal: ScenarioBatch
+    plan: Plan  # of the nominal models
+    true_fields: Values  # drawn values of the true scenarios by dotted names
+    nominal_fields: Values  # likewise of the nominal models
     features: dict[str, Array]  # context before standardisation
     in_range: NDArray[np.bool_]  # whether all fields are within the ranges that scenarios allow
 
 
-def makes_sense(true: Scenario, plan: Plan) -> NDArray[np.bool_]:
+def makes_sense(true: ScenarioBatch, plan: Plan) -> NDArray[np.bool_]:
     """Return which jobs make sense, shape (jobs,).
 
-    * By the nominal model some set point is within the limits at every wear, and an edge lasts 4 to 60 min at the best one.
-    * In truth some set point exceeds no limit by more than the tolerance, at 95 % of an edge's life and on bars two standard
-      deviations deeper and harder.
+    * By the nominal model some set point is within the limits at every wear, and an edge lasts
+      4 to 60 min at the best one.
+    * In truth some set point exceeds no limit by more than the tolerance, at 95 % of an edge's
+      life and on bars two standard deviations deeper and harder.
     * In truth an edge lasts more than 2 min at the nominal model's best set point.
     """
-    nominal_life, jobs = plan.life[:, MIDDLE], len(plan.life)
-    loads = Loads(true, jobs)
-    bearable = (loads.excess(USED_LIVES[-1], deviations=2.0) <= true.limits.overload_tolerance).any(
-        axis=(1, 2)
-    )
-    true_life = (
-        1.0
-        / loads.life_rate[
-            np.arange(jobs), *loads.nearest(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
-        ]
-    )
-    lasts = (nominal_life > 4.0) & (nominal_life < 60.0) & (true_life > 2.0)
+    grid = SetPointGrid(true)
+    nominal_life = plan.life[:, MIDDLE]
+    true_life = 1.0 / grid.life_rate_near(plan.speed[:, MIDDLE], plan.feed[:, MIDDLE])
+    lasts = (nominal_life > _MIN_NOMINAL_LIFE) & (nominal_life < _MAX_NOMINAL_LIFE)
+    lasts &= true_life > _MIN_TRUE_LIFE
+    excess = grid.excess(USED_LIVES[-1], deviations=2.0)
+    bearable = (excess <= true.limits.overload_tolerance).any(axis=(1, 2))
     return np.asarray(plan.feasible.all(axis=1) & lasts & bearable)
 
 
@@ -231,23 +258,22 @@ class Family(Section):
     name: str
     base: str = "shift"  # preset with the values of all fields that are not drawn
     jobs: int = Field(default=4096, ge=1, le=MAX_JOBS)  # number of training jobs
-    held_out_jobs: int = Field(
-        default=256, ge=1, le=MAX_JOBS
-    )  # number of jobs of every other split
-    held_out_key: str = (
-        ""  # text that determines the jobs of every other split, with their names and numbers
-    )
+    held_out_jobs: int = Field(default=256, ge=1, le=MAX_JOBS)
+    """Number of jobs of every other split."""
+    held_out_key: str = ""
+    """Text that determines the jobs of every other split, with their names and numbers."""
     variables: dict[str, Variable]
-    tables: dict[str, Table] = {}  # noqa: RUF012
-    derived: dict[str, float | str] = {}  # noqa: RUF012
+    tables: dict[str, Table] = {}  # noqa: RUF012 - frozen, and copied by Pydantic
+    derived: dict[str, float | str] = {}  # noqa: RUF012 - likewise
     """Further variables: formulas of nominal values, in order."""
     fields: dict[str, float | bool | str]
-    hidden: dict[str, float | str] = {}  # noqa: RUF012
-    """Fields that the nominal model leaves at the base's values: formulas of true values, for forms that its laws do not have."""
+    hidden: dict[str, float | str] = {}  # noqa: RUF012 - likewise
+    """Fields that the nominal model leaves at the base's values: formulas of true values, for
+    forms that its laws do not have."""
     shown: tuple[str, ...] = ()
     """Variables and columns whose nominal values join the context."""
-    planned: dict[str, float | bool | str] = {}  # noqa: RUF012
-    splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012
+    planned: dict[str, float | bool | str] = {}  # noqa: RUF012 - likewise
+    splits: dict[str, tuple[str, ...]] = {"train": ()}  # noqa: RUF012 - likewise
     """Names of splits, and of the tables whose held-out rows each of them draws."""
 
     @model_validator(mode="after")
@@ -262,19 +288,17 @@ class Family(Section):
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:
-        drawn = [
-            *self.variables,
-            *(column for table in self.tables.values() for column in table.columns),
-            *self.derived,
-        ]
+        drawn = [*self.variables]
+        for table in self.tables.values():
+            drawn += table.columns
+        drawn += self.derived
         for name in self.shown:
             if name not in drawn:
-                raise ValueError(
-                    f"shown: there is no variable {name!r}; {names_instead(name, drawn, 'the variables')}"
-                )
-        for table in ("fields", "hidden", "planned"):
-            for name, value in getattr(self, table).items():
-                self._check_field(f"{table}.{name}", name, value)
+                advice = names_instead(name, drawn)
+                raise ValueError(f"shown: there is no variable {name!r}; {advice}")
+        for formulas in ("fields", "hidden", "planned"):
+            for name, value in getattr(self, formulas).items():
+                self._check_field(f"{formulas}.{name}", name, value)
         return self
 
     def _check_field(self, place: str, name: str, value: float | bool | str) -> None:
@@ -293,46 +317,43 @@ class Family(Section):
     def _no_field(self, name: str) -> str:
         """Return what is wrong with the name of a field that no scenario has."""
         section, _, last = name.rpartition(".")
-        known = [
-            field.removeprefix(f"{section}.")
-            for field in self._base
-            if field.startswith(f"{section}.")
-        ]
-        instead = (
-            names_instead(last, known, _SCHEMA)
-            if known
-            else names_instead(name, self._base, _SCHEMA)
-        )
-        return f"a scenario has no field {name!r}; {instead}"
+        in_section = []
+        for field in self._base:
+            if field.startswith(f"{section}."):
+                in_section.append(field.removeprefix(f"{section}."))
+        if in_section:
+            advice = names_instead(last, in_section, lists_all=_SCHEMA)
+        else:
+            advice = names_instead(name, self._base, lists_all=_SCHEMA)
+        return f"a scenario has no field {name!r}; {advice}"
 
     @classmethod
     def load(cls, source: "str | os.PathLike[str] | Mapping[str, Any] | Family") -> "Family":
-        """Return the family of a preset's name, a TOML file's path or a dict; ScenarioError names the field and its fault."""
+        """Return the family of a preset's name, a TOML file's path or a dict.
+
+        A ``Family`` is returned unchanged. ScenarioError names the field and its fault.
+        """
         if isinstance(source, Family):
             return source
         if isinstance(source, Mapping):
             return cls._from_values("family", dict(source))
-        return (
-            _preset(str(source))
-            if source in _FAMILIES
-            else cls._from_values(*table_of(source, *_SHIPPED))
-        )
+        if source in _FAMILIES:
+            return _preset(str(source))
+        table = _table_of(source)
+        return cls._from_values(table.title, table.values)
 
     @classmethod
-    def _from_values(cls, source: str, values: Values) -> "Family":
+    def _from_values(cls, title: str, values: Values) -> "Family":
+        """Return the family of a table, which errors call by its title."""
         try:
-            if "extends" in values:  # on top of the values of another family that ships
-                other = str(values.pop("extends"))
-                if other not in _FAMILIES:
-                    raise ValueError(
-                        f"extends is {other!r}; {names_instead(other, _FAMILIES, 'families()')}"
-                    )
-                values = merged(_preset(other).model_dump(exclude_none=True), values)
+            if "extends" in values:
+                values = _extended(values)
             family = cls.model_validate(values)
+            # Formulas that have no value, and jobs that make no sense, are refused here.
             family.job(0)
         except ValueError as error:
             faults = complaints_of(error) if isinstance(error, ValidationError) else [str(error)]
-            raise ScenarioError(f"{source}: " + "; ".join(faults)) from error
+            raise ScenarioError(f"{title}: " + "; ".join(faults)) from error
         return family
 
     def __eq__(self, other: object) -> bool:
@@ -356,50 +377,35 @@ class Family(Section):
     def digest(self) -> str:
         """Return the SHA-256 of all values; a field that was added later counts if it is used."""
         values = self.model_dump(mode="json")
-        return digest_of(
-            {
-                name: value
-                for name, value in values.items()
-                if value or name not in ("hidden", "shown")
-            }
-        )
+        for name in ("hidden", "shown"):
+            if not values[name]:
+                del values[name]
+        return digest_of(values)
 
     def number(self, seed: int, episode: int, split: str) -> int:
         """Return the number of the job that an episode of a seed plays."""
-        return (int(seed) + _STRIDE * int(episode)) % (
-            self.jobs if split == "train" else self.held_out_jobs
-        )
+        num_jobs = self.jobs if split == "train" else self.held_out_jobs
+        return (int(seed) + _STRIDE * int(episode)) % num_jobs
 
     def job(self, seed: int, split: str = "train", episode: int = 0) -> Job:
         """Return the job that an episode of a seed plays; ValueError if there is no such split."""
         number = self.number(seed, episode, split)
-        draw, i = self.draw(split, number // CHUNK), number % CHUNK
-        nominal, true = (
-            {
-                name: value[i].item() if isinstance(value, np.ndarray) else value
-                for name, value in fields.items()
-            }
-            for fields in draw.fields
-        )
-        differing = {
-            name: value
-            for name, value in nominal.items()
-            if value != true[name] and not always_told(name)
-        }
-        name = "-".join((self.name, split, str(number)))
-        values = (
-            {"base": self.base, "name": name}
-            | nested(true.items())
-            | {"nominal_model": nested(differing.items())}
-        )
-        speed, feed = draw.plan.speed[i, MIDDLE], draw.plan.feed[i, MIDDLE]
-        numbers = {name: float(values[i]) for name, values in draw.features.items()}
+        chunk, i = divmod(number, CHUNK)
+        jobs = self.draw(split, chunk)
+        true = _fields_of(jobs.true_fields, i)
+        differing = {}
+        for name, value in _fields_of(jobs.nominal_fields, i).items():
+            if value != true[name] and not always_known(name):
+                differing[name] = value
+        values: Values = {"base": self.base, "name": f"{self.name}-{split}-{number}"}
+        values |= nested(true.items())
+        values["nominal_model"] = nested(differing.items())
         return Job(
             scenario=Scenario.load(values),
-            cutting_speed=float(speed),
-            feed=float(feed),
-            context=self.context(draw.features)[i],
-            numbers=numbers,
+            cutting_speed=float(jobs.plan.speed[i, MIDDLE]),
+            feed=float(jobs.plan.feed[i, MIDDLE]),
+            context=self.context(jobs.features)[i],
+            numbers={name: float(column[i]) for name, column in jobs.features.items()},
         )
 
     @property
@@ -408,150 +414,224 @@ class Family(Section):
         return tuple(self.draw("train", 0).features)
 
     def context(self, features: Mapping[str, Any]) -> Array:
-        """Return the context of each job by its features, standardised by training jobs: shape (jobs, numbers)."""
+        """Return the context of each job by its features, shape (jobs, numbers).
+
+        It is standardised by training jobs.
+        """
         mean, spread = self.context_scale
         return np.clip((_stacked(features) - mean) / spread, -CONTEXT_LIMIT, CONTEXT_LIMIT)
 
     def context_of(self, scenario: Scenario, shown: Mapping[str, float]) -> Array:
-        """Return the context of one's own scenario, shape (numbers,), by its nominal model and values of ``Family.shown``."""
+        """Return the context of a scenario of one's own, shape (numbers,).
+
+        It describes the nominal model. ``shown`` has the values of ``Family.shown``.
+        """
         if shown.keys() != set(self.shown):
             names = ", ".join(self.shown) or "no values"
             raise ValueError(
                 f"the context of family {self.name!r} needs {names}, got {dict(shown)}"
             )
-        nominal = scenario.nominal()
-        return self.context(features(nominal, plan_of(nominal, 1)) | dict(shown)).ravel()
+        nominal = ScenarioBatch.of([scenario.nominal()])
+        return self.context(features(nominal, plan_of(nominal)) | dict(shown)).ravel()
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
-        """Return mean and spread by which the context is standardised, shape (numbers,) each."""
+        """Mean and spread by which the context is standardised, shape (numbers,) each."""
         sample = _stacked(self.draw("train", 0).features)
         spread = sample.std(axis=0)
+        # A number that training jobs share is only centred.
         return sample.mean(axis=0), np.where(spread > 1e-6, spread, 1.0)
 
     @cached_property
     def _deviations(self) -> dict[str, Distribution]:
-        own = {name: variable.truth for name, variable in self.variables.items() if variable.truth}
-        return own | {
-            name: truth for table in self.tables.values() for name, truth in table.truth.items()
-        }
+        """Deviations of true from nominal values, by the names of variables and columns."""
+        deviations = {}
+        for name, variable in self.variables.items():
+            if variable.truth:
+                deviations[name] = variable.truth
+        for table in self.tables.values():
+            deviations |= table.truth
+        return deviations
 
     @cached_property
     def _base(self) -> Values:
+        """Values of the base by dotted names."""
         return flat(Scenario.load(self.base).model_dump(exclude={"name", "nominal_model"}))
 
-    def columns(self, fields: Values) -> Scenario:
-        """Return scenarios, with arrays of numbers, that have these fields by dotted names, and the base's others."""
-        return unchecked(nested((self._base | fields).items()))
+    @cached_property
+    def _chunks(self) -> dict[tuple[str, int], DrawnJobs]:
+        """Jobs that have been drawn, by split and chunk."""
+        return {}
 
-    def draw(self, split: str, chunk: int) -> Draw:
-        """Return the jobs with the numbers from ``CHUNK * chunk`` on; ValueError if there is no such split."""
+    def batch_of(self, fields: Values, num_jobs: int) -> ScenarioBatch:
+        """Return scenarios that have these fields by dotted names, and the base's others."""
+        return ScenarioBatch(self._base | fields, num_jobs)
+
+    def draw(self, split: str, chunk: int) -> DrawnJobs:
+        """Return the jobs with the numbers from ``CHUNK * chunk`` on.
+
+        ValueError if there is no such split.
+        """
         if split not in self.splits:
-            raise ValueError(
-                f"there is no split {split!r}; {names_instead(split, self.splits, 'the splits of the family')}"
-            )
-        known: dict[tuple[str, int], Draw] = vars(self).setdefault("_known", {})
-        if (split, chunk) not in known:
-            known[split, chunk] = self._drawn(
-                split, np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64)
-            )
-        return known[split, chunk]
+            advice = names_instead(split, self.splits)
+            raise ValueError(f"there is no split {split!r}; {advice}")
+        if (split, chunk) not in self._chunks:
+            numbers = np.arange(chunk * CHUNK, (chunk + 1) * CHUNK, dtype=np.uint64)
+            self._chunks[split, chunk] = self.draw_numbers(split, numbers)
+        return self._chunks[split, chunk]
 
     @np.errstate(all="ignore")  # numbers that are not finite are refused, or make no sense
-    def _drawn(self, split: str, numbers: NDArray[np.uint64]) -> Draw:
-        attempts, pending = np.zeros(len(numbers), np.uint64), np.arange(len(numbers))
+    def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
+        """Return the jobs with these numbers; jobs that make no sense are drawn again."""
+        attempts = np.zeros(len(numbers), np.uint64)
+        pending = np.arange(len(numbers))
         while pending.size:
-            draw = self._attempt(split, numbers[pending], attempts[pending])
-            pending = pending[~(draw.in_range & makes_sense(draw.true, draw.plan))]
+            jobs = self._attempt(split, numbers[pending], attempts[pending])
+            accepted = jobs.in_range & makes_sense(jobs.true, jobs.plan)
+            pending = pending[~accepted]
             attempts[pending] += np.uint64(1)
             if attempts.max() > _MAX_ATTEMPTS:
-                outside = [
-                    name
-                    for name in self.fields
-                    if not _in_range({name: draw.fields[0][name]}, len(draw.in_range)).all()
-                ]
-                where = f"; outside their ranges are {', '.join(outside)}" if outside else ""
                 raise ValueError(
-                    f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: check ranges and limits{where}"
+                    f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: "
+                    f"check ranges and limits{self._fields_outside(jobs)}"
                 )
         return self._attempt(split, numbers, attempts)
 
+    def _fields_outside(self, jobs: DrawnJobs) -> str:
+        """Return a note on the fields of jobs that are outside their ranges."""
+        outside = []
+        for name in self.fields:
+            field = {name: jobs.nominal_fields[name]}
+            if not _in_range(field, len(jobs.in_range)).all():
+                outside.append(name)
+        return f"; outside their ranges are {', '.join(outside)}" if outside else ""
+
     def _attempt(
         self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]
-    ) -> Draw:
-        names = [*self.variables, *self.tables, *(f"{name}.truth" for name in self._deviations)]
-        keys = np.array([crc32(name.encode()) for name in names], np.uint64)[:, None]
-        split_key = (
-            crc32(b"train")
-            if split == "train"
-            else int(digest_of([self.held_out_key, split])[:16], 16)
-        )
-        words = philox_4x32(keys, attempts, JOB_CHANNEL, numbers, np.uint64(split_key))
-        uniforms = dict(
-            zip(
-                names,
-                zip(*((word + 0.5) * 2.0**-32 for word in words[:2]), strict=True),
-                strict=True,
-            )
-        )
+    ) -> DrawnJobs:
+        """Draw jobs, whether they make sense or not.
 
-        told: Values = {}
-        for name, variable in self.variables.items():
-            told[name] = _finite(f"variables.{name}", variable.values(uniforms[name]))
-        for name, table in self.tables.items():
-            held_out = name in self.splits[split]
-            choices = np.array(
-                [row for each, row in table.rows.items() if (each in table.held_out) == held_out]
-            )
-            told |= dict(
-                zip(
-                    table.columns,
-                    choices[(uniforms[name][0] * len(choices)).astype(np.int64)].T,
-                    strict=True,
-                )
-            )
-        for name, formula in self.derived.items():
-            told[name] = evaluate(f"derived.{name}", formula, told)
-        true = dict(told)
-        for name, truth in self._deviations.items():
-            true[name] = _finite(
-                f"{name}.truth", truth.true_values(told[name], uniforms[f"{name}.truth"])
-            )
+        Args:
+            split: name of the split.
+            numbers: numbers of the jobs, shape (jobs,).
+            attempts: how often each job has been drawn before.
+        """
+        num_jobs = len(numbers)
+        uniforms = self._uniforms(split, numbers, attempts)
+        nominal_values = self._nominal_values(split, uniforms)
+        true_values = self._true_values(nominal_values, uniforms)
 
-        nominal_fields = {
-            name: evaluate(f"fields.{name}", formula, told) for name, formula in self.fields.items()
+        nominal_fields = {}
+        for name, formula in self.fields.items():
+            nominal_fields[name] = evaluate(f"fields.{name}", formula, nominal_values)
+        in_range = _in_range(nominal_fields, num_jobs)
+        plan = plan_of(self.batch_of(nominal_fields, num_jobs))
+        best = {
+            "best_cutting_speed": plan.speed[:, MIDDLE],
+            "best_feed": plan.feed[:, MIDDLE],
+            "best_life": plan.life[:, MIDDLE],
+            "best_removal_rate": plan.removal_rate,
         }
-        in_range = _in_range(nominal_fields, len(numbers))
-        plan = plan_of(self.columns(nominal_fields), len(numbers))
-        planned = {"best_cutting_speed": plan.speed[:, MIDDLE], "best_feed": plan.feed[:, MIDDLE]}
-        planned |= {"best_life": plan.life[:, MIDDLE], "best_removal_rate": plan.removal_rate}
         for name, formula in self.planned.items():
-            nominal_fields[name] = evaluate(f"planned.{name}", formula, told | planned)
+            nominal_fields[name] = evaluate(f"planned.{name}", formula, nominal_values | best)
+
         true_fields = {}
         for name, value in nominal_fields.items():
-            same = always_told(name) or name in self.planned
-            true_fields[name] = (
-                value if same else evaluate(f"fields.{name}", self.fields[name], true)
-            )
-        nominal_fields |= {name: self._base[name] for name in self.hidden}
+            if always_known(name) or name in self.planned:
+                true_fields[name] = value
+            else:
+                true_fields[name] = evaluate(f"fields.{name}", self.fields[name], true_values)
         for name, formula in self.hidden.items():
-            true_fields[name] = evaluate(f"hidden.{name}", formula, true | planned)
-        nominal = self.columns(nominal_fields)
+            nominal_fields[name] = self._base[name]
+            true_fields[name] = evaluate(f"hidden.{name}", formula, true_values | best)
+
         # The true fields hold the planned ones, too; hidden nominal ones are those of the base.
-        in_range &= _in_range(true_fields, len(numbers))
-        return Draw(
-            true=self.columns(true_fields),
+        in_range &= _in_range(true_fields, num_jobs)
+        nominal = self.batch_of(nominal_fields, num_jobs)
+        shown = {name: nominal_values[name] for name in self.shown}
+        return DrawnJobs(
+            true=self.batch_of(true_fields, num_jobs),
             nominal=nominal,
             plan=plan,
-            fields=(nominal_fields, true_fields),
-            features=features(nominal, plan) | {name: told[name] for name in self.shown},
+            true_fields=true_fields,
+            nominal_fields=nominal_fields,
+            features=features(nominal, plan) | shown,
             in_range=in_range,
         )
+
+    def _uniforms(
+        self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]
+    ) -> dict[str, tuple[Array, Array]]:
+        """Return two uniform numbers per job for every variable, table and deviation.
+
+        They are keyed by its name, so that one that is added changes no other.
+        """
+        names = [*self.variables, *self.tables]
+        names += [f"{name}.truth" for name in self._deviations]
+        keys = np.array([crc32(name.encode()) for name in names], np.uint64)
+        if split == "train":
+            split_key = crc32(b"train")
+        else:
+            split_key = int(digest_of([self.held_out_key, split])[:16], 16)
+        words = philox_4x32(
+            keys[:, np.newaxis], attempts, JOB_CHANNEL, numbers, np.uint64(split_key)
+        )
+        first = (words[0] + 0.5) * 2.0**-32
+        second = (words[1] + 0.5) * 2.0**-32
+        return {name: (first[row], second[row]) for row, name in enumerate(names)}
+
+    def _nominal_values(self, split: str, uniforms: Mapping[str, tuple[Array, Array]]) -> Values:
+        """Return the nominal values of variables, columns and derived variables."""
+        values: Values = {}
+        for name, variable in self.variables.items():
+            first, second = uniforms[name]
+            values[name] = _finite(f"variables.{name}", variable.values(first, second))
+        for name, table in self.tables.items():
+            choices = table.choices(held_out=name in self.splits[split])
+            first, _ = uniforms[name]
+            rows = choices[(first * len(choices)).astype(np.int64)]
+            values.update(zip(table.columns, rows.T, strict=True))
+        for name, formula in self.derived.items():
+            values[name] = evaluate(f"derived.{name}", formula, values)
+        return values
+
+    def _true_values(
+        self, nominal_values: Values, uniforms: Mapping[str, tuple[Array, Array]]
+    ) -> Values:
+        """Return the true values of all variables, which differ where there is a deviation."""
+        values = dict(nominal_values)
+        for name, deviation in self._deviations.items():
+            first, second = uniforms[f"{name}.truth"]
+            true = deviation.true_values(nominal_values[name], first, second)
+            values[name] = _finite(f"{name}.truth", true)
+        return values
+
+
+def _fields_of(fields: Values, i: int) -> Values:
+    """Return the fields of one of some jobs."""
+    values = {}
+    for name, value in fields.items():
+        values[name] = value[i].item() if isinstance(value, np.ndarray) else value
+    return values
 
 
 def _stacked(numbers: Mapping[str, Any]) -> Array:
     """Return the context before standardisation, shape (jobs, numbers)."""
     return np.stack(np.broadcast_arrays(*numbers.values()), axis=1)
+
+
+def _extended(values: Values) -> Values:
+    """Return the values of the family that ``extends`` names, overwritten by the others."""
+    values = dict(values)
+    name = str(values.pop("extends"))
+    if name not in _FAMILIES:
+        advice = names_instead(name, _FAMILIES, lists_all="families()")
+        raise ValueError(f"extends is {name!r}; {advice}")
+    return dict(merged(_preset(name).model_dump(exclude_none=True), values))
+
+
+def _table_of(source: Any) -> TomlTable:
+    return table_of(source, _FAMILIES, kind="family", lists_all="families()")
 
 
 def families() -> tuple[str, ...]:
@@ -561,4 +641,5 @@ def families() -> tuple[str, ...]:
 
 @cache
 def _preset(name: str) -> Family:
-    return Family._from_values(*table_of(name, *_SHIPPED))
+    table = _table_of(name)
+    return Family._from_values(table.title, table.values)

@@ -2,9 +2,10 @@
 
     response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
 
-with V the cutting speed [m/min], f the feed [mm/rev], d the depth of cut [mm], t the cutting time of the edge [min],
-W the flank wear [mm] and H the hardness relative to nominal [-]. A factor that a response does not depend on has
-exponent 0. (Form: Alaskari and Oraby 2018, equations (1)-(8), recovered from their tables.)
+with V the cutting speed [m/min], f the feed [mm/rev], d the depth of cut [mm], t the cutting time
+of the edge [min], W the flank wear [mm] and H the hardness relative to nominal [-]. A factor that a
+response does not depend on has exponent 0. (Form: Alaskari and Oraby 2018, equations (1)-(8),
+recovered from their tables.)
 """
 
 from typing import Any
@@ -16,18 +17,16 @@ from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
     [
-        (name, np.float64)
-        for name in (
-            "log_coefficient",
-            "cutting_speed",
-            "feed",
-            "depth_of_cut",
-            "time",
-            "wear",
-            "hardness",
-        )
+        ("log_coefficient", np.float64),
+        ("cutting_speed", np.float64),
+        ("feed", np.float64),
+        ("depth_of_cut", np.float64),
+        ("time", np.float64),
+        ("wear", np.float64),
+        ("hardness", np.float64),
     ]
 )
+"""A law as the compiled transition reads it."""
 
 
 def log_response(
@@ -45,8 +44,16 @@ def log_response(
     )
 
 
+def log_coefficient(law: Any) -> Any:
+    """Return the natural logarithm of a law's coefficient, with the reference depth folded in."""
+    return log(law.coefficient) - law.depth_of_cut * log(law.reference_depth_of_cut)
+
+
 class PowerLaw(Section):
-    """A machinability model. Exponents are dimensionless; the coefficient has the response's unit."""
+    """A machinability model.
+
+    Exponents are dimensionless; the coefficient has the response's unit.
+    """
 
     coefficient: float = quantity(
         ..., 1e-12, 1e12, "response", "response at V = f = d/d0 = t = W = H = 1"
@@ -65,8 +72,8 @@ class PowerLaw(Section):
 
     @property
     def log_coefficient(self) -> Any:
-        """Return the natural logarithm of the coefficient, with the reference depth folded in."""
-        return log(self.coefficient) - self.depth_of_cut * log(self.reference_depth_of_cut)
+        """Natural logarithm of the coefficient, with the reference depth folded in."""
+        return log_coefficient(self)
 
     def __call__(
         self,
@@ -79,7 +86,21 @@ class PowerLaw(Section):
     ) -> Any:
         """Return the response to positive scalars or broadcastable arrays.
 
-        They are cutting speed [m/min], feed [mm/rev], depth of cut [mm], cutting time [min], wear [mm] and hardness [-].
+        Args:
+            cutting_speed: cutting speed [m/min].
+            feed: feed [mm/rev].
+            depth_of_cut: depth of cut [mm].
+            time: cutting time of the edge [min].
+            wear: flank wear [mm].
+            hardness: hardness relative to nominal [-].
         """
-        factors = (cutting_speed, feed, depth_of_cut, time, wear, hardness)
-        return exp(log_response(self, *(log(factor) for factor in factors)))
+        response = log_response(
+            self,
+            log_cutting_speed=log(cutting_speed),
+            log_feed=log(feed),
+            log_depth_of_cut=log(depth_of_cut),
+            log_time=log(time),
+            log_wear=log(wear),
+            log_hardness=log(hardness),
+        )
+        return exp(response)

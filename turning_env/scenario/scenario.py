@@ -1,4 +1,7 @@
-"""The scenario: one frozen, validated value with a section per subject (``sections.py``), and its TOML files."""
+"""The scenario: one frozen, validated value with a section per subject, and its TOML files.
+
+The sections are in ``sections.py``, the checks that they agree in ``validation.py``.
+"""
 
 import math
 import os
@@ -9,14 +12,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from importlib import resources
 from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
-import numpy as np
 import tomli_w
 from pydantic import (
     BeforeValidator,
     Field,
     PlainSerializer,
+    PrivateAttr,
     ValidationError,
     WithJsonSchema,
     field_validator,
@@ -26,74 +29,82 @@ from pydantic import (
 from turning_env.console import printable
 from turning_env.files import digest_of, replace_file
 from turning_env.scenario import sections
+from turning_env.scenario.derived import DerivedQuantities
 from turning_env.scenario.section import Section, names_instead
 from turning_env.scenario.validation import complaints
 
-_SOURCE, _CALIBRATION = (
-    "_source",
-    "_calibration",
-)  # beside the fields, as Pydantic would compare a private attribute
-_STATED_START = "_stated_start"  # likewise: which fields of the start the files or the dict state
 START = ("initial_cutting_speed", "initial_feed")
 """Fields of ``control`` that move into the machine's range if no file states them."""
-_ALL_PRESETS = "python -m turning_env presets"
 
 SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
-"""Presets that test generalisation, with other bars, tools, sensors and steels; no policy was tuned or trained on them.
+"""Presets that test generalisation, with other bars, tools, sensors and steels.
 
-The first four have its nominal model and a model mismatch. The nominal models of the last two have another diameter and another
-steel. Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
+No policy was tuned or trained on them. The first four have the nominal model of ``rough_turning``
+and a model mismatch. The nominal models of the last two have another diameter and another steel.
+Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
 """
 
-
-ALWAYS_TOLD = (
-    *("name", "mismatch", "nominal_model", "control", "surface", "economics", "limits"),
-    *("sensors.force", "sensors.probe", "sensors.inspects_edges"),
-    *(
-        "tool.wear_criterion",
-        "tool.wear_rule",
-        "machine.cutting_speed_min",
-        "machine.cutting_speed_max",
-        "machine.feed_min",
-    ),
-    *(
-        "machine.feed_max",
-        "machine.rated_power",
-        "spindle",
-        "workpiece.bars",
-        "workpiece.diameter",
-        "workpiece.depth_of_cut",
-    ),
-    *("workpiece.depth_profile", "workpiece.bar_length", "workpiece.approach", "workpiece.support"),
+ALWAYS_KNOWN = (
+    "name",
+    "mismatch",
+    "nominal_model",
+    "control",
+    "surface",
+    "economics",
+    "limits",
+    "sensors.force",
+    "sensors.probe",
+    "sensors.inspects_edges",
+    "tool.wear_criterion",
+    "tool.wear_rule",
+    "machine.cutting_speed_min",
+    "machine.cutting_speed_max",
+    "machine.feed_min",
+    "machine.feed_max",
+    "machine.rated_power",
+    "spindle",
+    "workpiece.bars",
+    "workpiece.diameter",
+    "workpiece.depth_of_cut",
+    "workpiece.depth_profile",
+    "workpiece.bar_length",
+    "workpiece.approach",
+    "workpiece.support",
 )
-"""Sections and values that the control knows, so the nominal model has no others: observations and actions are scaled by them."""
+"""Sections and values that the control knows, so that the nominal model has no others.
+
+Observations and actions are scaled by them.
+"""
+
+_ALL_PRESETS = "python -m turning_env presets"
+_MAX_SHOWN = 200  # characters of a value that an error quotes
 
 
 def shipped(folder: str) -> dict[str, Any]:
     """Return the TOML files that ship in a folder of this package, by name."""
-    files = {
-        each.name: each for each in (resources.files("turning_env.scenario") / folder).iterdir()
-    }
-    return {
-        name.removesuffix(".toml"): files[name] for name in sorted(files) if name.endswith(".toml")
-    }
+    files = sorted(
+        (resources.files("turning_env.scenario") / folder).iterdir(), key=lambda file: file.name
+    )
+    return {file.name.removesuffix(".toml"): file for file in files if file.name.endswith(".toml")}
 
 
 _PRESETS = shipped("presets")
 
 
-def always_told(name: str) -> bool:
+def always_known(name: str) -> bool:
     """Return whether the control knows the value of a dotted name."""
-    return any(name == each or name.startswith(each + ".") for each in ALWAYS_TOLD)
+    return any(name == known or name.startswith(f"{known}.") for known in ALWAYS_KNOWN)
 
 
 def flat(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Return the values of a nested table by their dotted names."""
     values: dict[str, Any] = {}
     for key, value in table.items():
-        values |= (
-            flat(value, f"{before}{key}.") if isinstance(value, dict) else {f"{before}{key}": value}
-        )
+        name = f"{before}{key}"
+        if isinstance(value, dict):
+            values |= flat(value, f"{name}.")
+        else:
+            values[name] = value
     return values
 
 
@@ -101,9 +112,9 @@ def nested(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Return values by dotted names as a nested table."""
     table: dict[str, Any] = {}
     for name, value in values:
-        *above, key = name.split(".")
+        *sections_above, key = name.split(".")
         inner = table
-        for section in above:
+        for section in sections_above:
             inner = inner.setdefault(section, {})
         inner[key] = value
     return table
@@ -116,21 +127,33 @@ def merged(base: Any, values: Any) -> Any:
     return base | {key: merged(base.get(key), value) for key, value in values.items()}
 
 
+def _sorted_pairs(values: Any) -> Any:
+    """Return a nested table as pairs of dotted name and value, which can be hashed."""
+    return tuple(sorted(flat(values).items())) if isinstance(values, dict) else values
+
+
 NominalModel = Annotated[
     tuple[tuple[str, Any], ...],
-    BeforeValidator(
-        lambda values: tuple(sorted(flat(values).items())) if isinstance(values, dict) else values
-    ),
+    BeforeValidator(_sorted_pairs),
     PlainSerializer(nested),
     WithJsonSchema({"type": "object"}),
 ]
 
 
-class Scenario(Section):
-    """Everything that defines an episode, except its seed and the actions. Properties also work on arrays (``plan.py``)."""
+class _Origin(NamedTuple):
+    """The origin of a scenario. It is no part of its identity."""
+
+    file: Path | None = None
+    calibration: Any = None
+    stated_start: frozenset[str] = frozenset()  # fields of ``START`` that the file or dict states
+
+
+class Scenario(Section, DerivedQuantities):
+    """Everything that defines an episode, except its seed and the actions."""
 
     name: str = "rough_turning"
-    """Also the name of folders of trainings and results, so only characters that are safe in paths are allowed."""
+    """Also the name of folders of trainings and results, so only characters that are safe in paths
+    are allowed."""
     material: sections.Material = sections.Material()
     tool: sections.Tool = sections.Tool()
     edge_failure: sections.EdgeFailure = sections.EdgeFailure()
@@ -149,217 +172,235 @@ class Scenario(Section):
         (), description="values of the nominal model that differ from the true ones, by section"
     )
 
+    _origin: _Origin = PrivateAttr(default=_Origin())
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all values are equal, whatever file they come from."""
+        if not isinstance(other, Scenario):
+            return NotImplemented
+        return dict(self) == dict(other)
+
     @field_validator("name")
     @classmethod
     def _names_a_folder(cls, name: str) -> str:
         if not re.fullmatch(r"(?!\.)[A-Za-z0-9_.-]{1,64}", name):
-            allowed = '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", the first of them not "."'
             raise ValueError(
-                f"{name!r} is not allowed: a scenario's name also names a folder, so only {allowed}"
+                f"{name!r} is not allowed: a scenario's name also names a folder, so only "
+                '1 to 64 of the characters A-Z, a-z, 0-9, "_", "-" and ".", '
+                'the first of them not "."'
             )
         return name
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
-        told = (name for name, _ in self.nominal_model if always_told(name))
-        wrong = [*complaints(self)]
-        wrong += [
-            f"nominal_model.{name} is set, but the control always knows {name}: leave it out"
-            for name in told
-        ]
-        try:
-            if not wrong:
+        faults = [*complaints(self)]
+        for name, _ in self.nominal_model:
+            if always_known(name):
+                reason = f"the control always knows {name}"
+                faults.append(f"nominal_model.{name} is set, but {reason}: leave it out")
+        if not faults:
+            try:
                 self.nominal()
-        except ValidationError as error:
-            wrong = [f"nominal_model.{each}" for each in complaints_of(error)]
-        if wrong:
-            raise ValueError("; ".join(wrong))
+            except ValidationError as error:
+                faults = [f"nominal_model.{fault}" for fault in complaints_of(error)]
+        if faults:
+            raise ValueError("; ".join(faults))
         return self
 
     @property
     def file(self) -> Path | None:
-        """Return the TOML file from which the scenario was loaded, or None. Copies keep it; it is not part of the identity."""
-        file: Path | None = vars(self).get(_SOURCE)
-        return file
+        """TOML file from which the scenario was loaded, or None. Copies keep it."""
+        return self._origin.file
 
     @property
     def calibration(self) -> Any:
-        """Return the table ``calibration`` of the file or its base: how the laws were measured (``workshop``). Not identity."""
-        return vars(self).get(_CALIBRATION)
+        """Table ``calibration`` of the file or its base: how the laws were measured."""
+        return self._origin.calibration
 
     @classmethod
     def load(cls, source: "Source") -> "Scenario":
-        """Return the scenario of a preset's name, a TOML file's path or a dict; return a ``Scenario`` unchanged.
+        """Return the scenario of a preset's name, a TOML file's path or a dict.
 
-        A TOML file or a dict states only the values that differ from the defaults or, with ``base``, from that preset or TOML
-        file. The path of a base is relative to the file's folder. Without a ``name``, a file's scenario gets the file's name,
-        with "_" for characters that are not allowed; a dict's scenario is called "custom". A start speed or feed that only a
-        preset states moves to the nearest value in the machine's range. TypeError if ``source`` is none of the four;
-        ScenarioError names file, field, value and what is allowed.
+        A ``Scenario`` is returned unchanged. A TOML file or a dict states only the values that
+        differ from the defaults or, with ``base``, from that preset or TOML file. The path of a
+        base is relative to the file's folder. Without a ``name``, a file's scenario gets the
+        file's name, with "_" for characters that are not allowed; a dict's scenario is called
+        "custom". A start speed or feed that only a preset states moves to the nearest value in
+        the machine's range.
 
             Scenario.load({"base": "forging", "tool": {"wear_criterion": 0.2}})
+
+        Raises:
+            TypeError: if ``source`` is none of the four.
+            ScenarioError: names file, field, value and what is allowed.
         """
         if isinstance(source, Scenario):
             return source
         if not isinstance(source, str | os.PathLike | Mapping):
+            kind = type(source).__name__
             raise TypeError(
-                f"a scenario is a preset's name, a path, a dict or a Scenario, not {type(source).__name__}"
+                f"a scenario is a preset's name, a path, a dict or a Scenario, not {kind}"
             )
         try:
             if isinstance(source, Mapping):
-                return cls._from_values("scenario", {"name": "custom"} | dict(source), Path())
+                return cls._from_values(
+                    "scenario", {"name": "custom"} | dict(source), folder=Path()
+                )
             return cls._read(source)
         except RecursionError as error:
-            what = "the dict" if isinstance(source, Mapping) else source
+            title = "the dict" if isinstance(source, Mapping) else source
             raise ScenarioError(
-                f"{what} is based on itself, or nested too deep to be a scenario"
+                f"{title} is based on itself, or nested too deep to be a scenario"
             ) from error
 
     @classmethod
     def _read(cls, source: str | os.PathLike[str]) -> "Scenario":
         """Return the scenario of a preset or a file."""
-        path = None if source in _PRESETS else Path(source)
-        shown, values = table_of(source, _PRESETS, "preset", _ALL_PRESETS)
-        loaded = cls._from_values(shown, values, path.parent if path else Path())
-        vars(loaded)[_SOURCE] = path
-        return loaded
+        file = None if source in _PRESETS else Path(source)
+        table = table_of(source, _PRESETS, kind="preset", lists_all=_ALL_PRESETS)
+        scenario = cls._from_values(
+            table.title, table.values, folder=file.parent if file else Path()
+        )
+        scenario._origin = scenario._origin._replace(file=file)
+        return scenario
 
     @classmethod
-    def _from_values(cls, source: str, values: dict[str, Any], folder: Path) -> "Scenario":
-        """Return the scenario of a table. A base's path is relative to ``folder``."""
-        base, calibration = values.pop("base", None), values.pop(_CALIBRATION[1:], None)
+    def _from_values(cls, title: str, values: dict[str, Any], folder: Path) -> "Scenario":
+        """Return the scenario of a table, which errors call by its title.
+
+        The path of a base is relative to ``folder``.
+        """
+        base = values.pop("base", None)
+        calibration = values.pop("calibration", None)
         control = values.get("control", {})
-        stated_start = {name for name in START if not isinstance(control, dict) or name in control}
+        if isinstance(control, dict):
+            stated_start = frozenset(name for name in START if name in control)
+        else:
+            stated_start = frozenset(START)  # validation refuses such a section
         if base is not None:
-            if not isinstance(base, str) or (base not in _PRESETS and not base.endswith(".toml")):
-                instead = names_instead(
-                    base if isinstance(base, str) else "", _PRESETS, _ALL_PRESETS
-                )
-                raise ScenarioError(
-                    f"{source}: base: {_shown(base)} is neither a preset nor a TOML file; {instead}"
-                )
-            try:
-                above = cls._read(base if base in _PRESETS else folder / base)
-            except ScenarioError as error:
-                raise ScenarioError(f"{source}: base: {error}") from error
+            above = cls._base_of(title, base, folder=folder)
             values = merged(above.model_dump(exclude={"name"}), values)
-            calibration = above.calibration if calibration is None else calibration
+            if calibration is None:
+                calibration = above.calibration
+            # A preset's start is for its own machine, so the start of a file based on it may move.
             if base not in _PRESETS:
-                stated_start |= vars(above)[_STATED_START]
+                stated_start |= above._origin.stated_start
         try:
-            loaded = cls.model_validate(start_in_range(values, stated_start))
-            vars(loaded)[_CALIBRATION] = calibration
-            vars(loaded)[_STATED_START] = stated_start
-            return loaded
+            scenario = cls.model_validate(start_in_range(values, stated_start))
         except ValidationError as error:
-            raise ScenarioError(f"{source}: " + "; ".join(complaints_of(error))) from error
+            raise ScenarioError(f"{title}: " + "; ".join(complaints_of(error))) from error
+        scenario._origin = _Origin(calibration=calibration, stated_start=stated_start)
+        return scenario
+
+    @classmethod
+    def _base_of(cls, title: str, base: Any, folder: Path) -> "Scenario":
+        """Return the scenario on which a table is based."""
+        is_text = isinstance(base, str)
+        if not is_text or (base not in _PRESETS and not base.endswith(".toml")):
+            advice = names_instead(base if is_text else "", _PRESETS, lists_all=_ALL_PRESETS)
+            raise ScenarioError(
+                f"{title}: base: {_shown(base)} is neither a preset nor a TOML file; {advice}"
+            )
+        try:
+            return cls._read(base if base in _PRESETS else folder / base)
+        except ScenarioError as error:
+            raise ScenarioError(f"{title}: base: {error}") from error
 
     def to_toml(self) -> str:
-        """Return the whole scenario as TOML, with units as comments; ``Scenario.load`` reads back an equal scenario."""
+        """Return the whole scenario as TOML, with units as comments.
+
+        ``Scenario.load`` reads back an equal scenario.
+        """
         section: Any = self
         lines = []
         for line in tomli_w.dumps(self.model_dump()).splitlines():
-            if line.startswith("["):  # nominal values have the units of the true ones
+            if line.startswith("["):
+                # Nominal values have the units of the true ones.
                 name = line[1:-1].removeprefix("nominal_model").removeprefix(".")
                 section = attrgetter(name)(self) if name else self
-            field = type(section).model_fields.get(line.partition(" = ")[0])
-            unit = field.json_schema_extra["unit"] if field and field.json_schema_extra else "-"
-            noted = unit not in ("-", "response") and line[-1] not in "[{"
-            lines.append(
-                f"{line} # {unit.replace('money', self.economics.currency)}" if noted else line
-            )
+            unit = self._unit_of_line(line, section)
+            lines.append(f"{line} # {unit}" if unit else line)
         return "\n".join(lines) + "\n"
 
+    def _unit_of_line(self, line: str, section: Section) -> str:
+        """Return the unit of a line ``name = number`` of a section in TOML; "" if it has none."""
+        field = type(section).model_fields.get(line.partition(" = ")[0])
+        declared: Any = field.json_schema_extra if field else None
+        # A table or an array that goes on in the next lines is no number.
+        if not declared or line[-1] in "[{":
+            return ""
+        unit: str = declared["unit"]
+        if unit in ("-", "response"):
+            return ""
+        return unit.replace("money", self.economics.currency)
+
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the whole scenario as a TOML file, whole or not at all; make its folder if it is missing."""
+        """Write the whole scenario as a TOML file, whole or not at all; make a missing folder."""
         replace_file(Path(path), lambda partial: partial.write_text(self.to_toml(), "utf-8"))
 
     def differences(self) -> dict[str, Any]:
-        """Return the values that differ from the defaults, nested by section, without the name. They identify a scenario."""
-        values, defaults = flat(self.model_dump(exclude={"name"})), flat(_DEFAULTS.model_dump())
-        return nested(
-            (name, value) for name, value in values.items() if value != defaults.get(name)
-        )
+        """Return the values that differ from the defaults, nested by section, without the name.
+
+        They identify a scenario.
+        """
+        defaults = flat(_DEFAULTS.model_dump())
+        values = flat(self.model_dump(exclude={"name"}))
+        differing = {}
+        for name, value in values.items():
+            if value != defaults.get(name):
+                differing[name] = value
+        return nested(differing.items())
 
     def digest(self) -> str:
-        """Return the SHA-256 of ``differences()``. Equal digests mean equal physics, even under different names."""
+        """Return the SHA-256 of ``differences()``.
+
+        Equal digests mean equal physics, even under different names.
+        """
         return digest_of(self.differences())
 
     def portable(self) -> str | dict[str, Any]:
-        """Return a source for ``load`` that JSON can hold and that works anywhere: a preset's name, or a dict of differences."""
+        """Return a source for ``load`` that JSON can hold and that works anywhere.
+
+        It is a preset's name, or a dict of differences.
+        """
         if self.name in _PRESETS and self == self._read(self.name):
             return self.name
         return {"base": _DEFAULTS.name, "name": self.name} | self.differences()
 
-    @property
-    def cutting_speed_max(self) -> Any:
-        """The highest cutting speed that the machine's range and the spindle's highest speed allow at the diameter [m/min]."""
-        reached = self._circumference * self.spindle.max_speed
-        return np.minimum(
-            self.machine.cutting_speed_max, np.where(np.equal(reached, 0.0), np.inf, reached)
-        )
-
-    @property
-    def feed_range(self) -> tuple[Any, Any]:
-        """Lowest and highest feed of the machine at which chips break, if they can tangle [mm/rev]."""
-        machine, swarf = self.machine, self.swarf
-        tangle = np.greater(swarf.tangle_rate, 0.0)
-        low = np.maximum(machine.feed_min, np.where(tangle, swarf.chip_feed_min, 0.0))
-        return low, np.minimum(machine.feed_max, np.where(tangle, swarf.chip_feed_max, np.inf))
-
-    @property
-    def base_cutting_speed(self) -> Any:
-        """The cutting speed at the spindle's base speed [m/min]."""
-        return self._circumference * self.spindle.base_speed
-
-    @property
-    def _circumference(self) -> Any:
-        return math.pi * self.workpiece.diameter / 1000.0  # [m]
-
-    @property
-    def max_episode_steps(self) -> int | None:
-        """The largest number of steps of an episode; None if edge changes can add steps."""
-        control = self.control
-        if control.action == "part":
-            return self.workpiece.bars
-        steps = control.time_limit * 60.0 / control.interval
-        if control.edge_changes == "end":
-            return round(steps)
-        if self.economics.edge_change_time * 60.0 < control.interval:
-            return None
-        return math.ceil(
-            steps - 0.5 / control.sub_steps
-        )  # half a sub-step, as the clock is a sum and rounded
-
     def nominal(self) -> "Scenario":
-        """Return the nominal model, with which controllers are built: the values of ``nominal_model``, and no model mismatch."""
-        update: dict[str, Any] = {"mismatch": sections.Mismatch(), "nominal_model": ()}
+        """Return the nominal model, with which controllers are built.
+
+        It has the values of ``nominal_model`` and no model mismatch.
+        """
+        fields: dict[str, Any] = {"mismatch": sections.Mismatch(), "nominal_model": ()}
         if self.nominal_model:
-            update |= Scenario.model_validate(
-                merged(self.model_dump(exclude=set(update)), nested(self.nominal_model))
-            )
-        return self.model_copy(update=update)
+            values = self.model_dump(exclude=set(fields))
+            fields = dict(Scenario.model_validate(merged(values, nested(self.nominal_model))))
+        return self.model_copy(update=fields)
 
 
-Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario  # types that ``Scenario.load`` takes
+Source = str | os.PathLike[str] | Mapping[str, Any] | Scenario
+"""Types that ``Scenario.load`` takes."""
 
 _DEFAULTS = Scenario()
 
 
+def _with_defaults(values: Any) -> Any:
+    return merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
+
+
+def _without_defaults(scenario: Scenario) -> dict[str, Any]:
+    return {"name": scenario.name} | scenario.differences()
+
+
 PortableScenario = Annotated[
-    Scenario,
-    BeforeValidator(
-        lambda values: (
-            merged(_DEFAULTS.model_dump(), values) if isinstance(values, dict) else values
-        )
-    ),
-    PlainSerializer(lambda scenario: {"name": scenario.name} | scenario.differences()),
+    Scenario, BeforeValidator(_with_defaults), PlainSerializer(_without_defaults)
 ]
 """A field of a file's model that keeps a scenario's name and its differences from the defaults."""
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be used. The message names the field, its value and the allowed values.
+    """A scenario that cannot be used. The message names the field, its value and what is allowed.
 
     It is one line that a terminal can show: it may quote keys and values of a stranger's file.
     """
@@ -374,17 +415,17 @@ def presets() -> tuple[str, ...]:
 
 
 def name_of_file(path: Path) -> str:
-    """Return the name for a file that states none: the file's, without accents, "_" for characters that are not allowed."""
-    letters = [
-        letter
-        for letter in unicodedata.normalize("NFKD", path.stem)
-        if not unicodedata.combining(letter)
-    ]
+    """Return the name for the scenario of a file that states none.
+
+    It is the file's, without accents, and with "_" for characters that are not allowed.
+    """
+    decomposed = unicodedata.normalize("NFKD", path.stem)
+    letters = [letter for letter in decomposed if not unicodedata.combining(letter)]
     return re.sub(r"^\.|[^A-Za-z0-9_.-]", "_", "".join(letters))[:64]
 
 
 def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str, Any]:
-    """Return a scenario's values with a start that is not stated moved to the nearest value in the machine's range.
+    """Return a scenario's values with a start that is not stated moved into the machine's range.
 
     Values that are not valid come back as they are: the scenario's own validation names the fault.
     """
@@ -395,14 +436,15 @@ def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str,
         control = sections.Control.model_validate(values.get("control", {}))
     except ValidationError:
         return values
-    fastest = machine.cutting_speed_max
+    highest_speed = machine.cutting_speed_max
     if spindle.max_speed > 0.0:
-        fastest = min(fastest, math.pi * work.diameter / 1000.0 * spindle.max_speed)
+        by_spindle = math.pi * work.diameter / 1000.0 * spindle.max_speed
+        highest_speed = min(highest_speed, by_spindle)
     highest_feed = machine.feed_max
     if control.action == "override":
         highest_feed /= control.override_max  # an override of 100 % is the start
     ranges = {
-        "initial_cutting_speed": (machine.cutting_speed_min, fastest),
+        "initial_cutting_speed": (machine.cutting_speed_min, highest_speed),
         "initial_feed": (machine.feed_min, highest_feed),
     }
     moved = {}
@@ -413,35 +455,52 @@ def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str,
     return merged(values, {"control": moved}) if moved else values
 
 
-def table_of(
-    source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str
-) -> tuple[str, dict[str, Any]]:
-    """Return what errors call a TOML file that ships or of a path, and its table with a name; ScenarioError if there is none."""
-    path = shipped[source] if source in shipped else Path(source)
-    shown = f"{kind} {source}" if source in shipped else str(path)
+class TomlTable(NamedTuple):
+    """The values of a TOML file."""
+
+    title: str  # what errors call the file
+    values: dict[str, Any]
+
+
+def table_of(source: Any, shipped: Mapping[str, Any], kind: str, lists_all: str) -> TomlTable:
+    """Return the table of a TOML file that ships, by its name, or of a path; add a missing name.
+
+    Args:
+        source: a name in ``shipped``, or a path.
+        shipped: files that ship, by name.
+        kind: what a file is, such as "preset".
+        lists_all: command or function that lists the names in ``shipped``.
+
+    Raises:
+        ScenarioError: if there is no such file, or it is not TOML.
+    """
+    ships = source in shipped
+    path = shipped[source] if ships else Path(source)
+    title = f"{kind} {source}" if ships else str(path)
     try:
         if not path.is_file():
-            raise ScenarioError(
-                f"no {kind} and no file is called {shown!r}; {names_instead(shown, shipped, lists_all)}"
-            )
-        text: bytes = path.read_bytes()
+            advice = names_instead(title, shipped, lists_all=lists_all)
+            raise ScenarioError(f"no {kind} and no file is called {title!r}; {advice}")
+        content: bytes = path.read_bytes()
     except OSError as error:
-        raise ScenarioError(f"{shown[:200]!r} cannot be read: {error.strerror}") from error
+        raise ScenarioError(f"{title[:_MAX_SHOWN]!r} cannot be read: {error.strerror}") from error
     try:
-        name = source if source in shipped else name_of_file(path)
-        return shown, {"name": name} | tomllib.loads(
-            text.decode("utf-8-sig")
-        )  # with or without a byte-order mark
-    except (
-        ValueError
-    ) as error:  # also of bytes that are no text, and of whole numbers of thousands of digits
-        comma = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", text)
-        advice = (
-            f'; numbers have a decimal point: "{comma[1].decode()}.{comma[2].decode()}"'
-            if comma
-            else ""
-        )
-        raise ScenarioError(f"{shown} is not TOML: {error}{advice}") from error
+        # With or without a byte-order mark. ValueError also if the bytes are no text, or a whole
+        # number has thousands of digits.
+        values = tomllib.loads(content.decode("utf-8-sig"))
+    except ValueError as error:
+        advice = _advice_on_comma(content)
+        raise ScenarioError(f"{title} is not TOML: {error}{advice}") from error
+    name = source if ships else name_of_file(path)
+    return TomlTable(title, {"name": name} | values)
+
+
+def _advice_on_comma(content: bytes) -> str:
+    """Return advice if a number in a TOML file has a decimal comma, else ""."""
+    number = re.search(rb"(?m)^[^\n=#]*=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$", content)
+    if not number:
+        return ""
+    return f'; numbers have a decimal point: "{number[1].decode()}.{number[2].decode()}"'
 
 
 def complaints_of(error: ValidationError) -> Iterator[str]:
@@ -459,4 +518,4 @@ def _shown(value: Any) -> str:
         text = repr(value)
     except ValueError:  # Python writes no whole number of thousands of digits, though it reads some
         return "a whole number of thousands of digits"
-    return text if len(text) <= 200 else f"{text[:200]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."

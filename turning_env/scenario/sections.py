@@ -1,8 +1,9 @@
 """The sections of a scenario: every field with its default, range, unit and source.
 
-Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 insert on a Colchester Mascot lathe
-(Alaskari and Oraby 2018). If the papers state no value, the description says "assumption". A field that is added later must have
-a neutral default, because the values that differ from the defaults identify a scenario.
+Defaults are those of ``RoughTurning-v0``: 709M40 (En 19) steel cut by a GC435 insert on a
+Colchester Mascot lathe (Alaskari and Oraby 2018). If the papers state no value, the description
+says "assumption". A field that is added later must have a neutral default, because the values that
+differ from the defaults identify a scenario.
 """
 
 from typing import Literal, Self
@@ -31,7 +32,8 @@ class Material(Section):
         time=0.245,
         hardness=0.5,
     )
-    """Flank wear of a fresh edge under constant parameters [mm]. Exponents of depth of cut and hardness: assumptions."""
+    """Flank wear of a fresh edge under constant parameters [mm]. Exponents of depth of cut and
+    hardness: assumptions."""
     thrust_force: PowerLaw = PowerLaw(
         coefficient=106580.08,
         cutting_speed=-0.484,
@@ -59,7 +61,8 @@ class Tool(Section):
         0.3, 0.01, 5, "mm", "flank wear at which the edge is worn out (tool-life criterion)"
     )
     wear_rule: Literal["equivalent_time", "clock_time"] = "equivalent_time"
-    """Accumulation of wear under changing parameters; "clock_time" is the grid search paper's rule."""
+    """Accumulation of wear under changing parameters; "clock_time" is the grid search paper's
+    rule."""
     wear_factor_spread: float = quantity(
         0.10, 0, 1, "-", "log standard deviation of wear of inserts (grid search paper, tests)"
     )
@@ -79,13 +82,13 @@ class Tool(Section):
 
 
 class EdgeFailure(Section):
-    """Wear and failures of the edge that the papers' laws leave out. The defaults leave them out, too."""
+    """Wear and failures of the edge that the papers' laws leave out, as the defaults do."""
 
     temperature: PowerLaw = PowerLaw(
         coefficient=186.8, cutting_speed=0.4, feed=0.1, depth_of_cut=0.05, wear=0.25, hardness=0.4
     )
-    """Temperature of the edge above the workshop [K]. 1000 K in test T9 of the grid search paper, when its edge collapsed;
-    scale and exponents: assumptions."""
+    """Temperature of the edge above the workshop [K]. 1000 K in test T9 of the grid search paper,
+    when its edge collapsed; scale and exponents: assumptions."""
     collapse_temperature: float = quantity(
         0, 0, 1e4, "K", "temperature above which an edge collapses at once; 0: never"
     )
@@ -129,7 +132,7 @@ class EdgeFailure(Section):
 
 
 class Swarf(Section):
-    """Chips: outside the chip breaker's window of feed and depth of cut they tangle and stop the machine."""
+    """Chips: they tangle and stop the machine outside a window of feed and depth of cut."""
 
     tangle_rate: float = quantity(
         0, 0, 1e3, "1/min", "stops per cutting time outside the window; 0: none"
@@ -186,7 +189,7 @@ class Machine(Section):
 
 
 class Spindle(Section):
-    """The spindle's motor: its torque over speed, idling, and short-time overload. The defaults are neutral."""
+    """The spindle's motor: torque over speed, idling, short-time overload. Neutral by default."""
 
     base_speed: float = quantity(
         0,
@@ -212,12 +215,15 @@ class Spindle(Section):
         10, 0.1, 1e4, "min", "time constant of the motor's heating (assumption)"
     )
     reading: Literal["power", "torque"] = "power"
-    """Meaning of the load that the control reads. "power": share of rated power; "torque": share of the torque that the motor
-    has at its present speed (fuzzy override paper)."""
+    """Meaning of the load that the control reads. "power": share of rated power; "torque": share of
+    the torque that the motor has at its present speed (fuzzy override paper)."""
 
 
 class FeedDrive(Section):
-    """Ball screw and permanent-magnet motor of the feed drive (servo current paper, eq. 1 to 9). All values: assumptions."""
+    """Ball screw and permanent-magnet motor of the feed drive.
+
+    Servo current paper, eq. 1 to 9. All values: assumptions.
+    """
 
     guide_friction: float = quantity(200, 0, 1e6, "N", "friction force of the guides, F_0")
     screw_lead: float = quantity(10, 0.1, 1000, "mm", "travel per revolution of the screw, L_0")
@@ -255,11 +261,14 @@ class Workpiece(Section):
         2.5, 0.01, 50, "mm", "nominal depth of cut; with parts, the nominal allowance"
     )
     depth_profile: tuple[float, ...] = ()
-    """Nominal depths of cut of sections of equal length along every bar [mm], 0.01 to 50; empty: ``depth_of_cut`` throughout."""
+    """Nominal depths of cut of sections of equal length along every bar [mm], 0.01 to 50; empty:
+    ``depth_of_cut`` throughout."""
     section_lengths: tuple[float, ...] = ()
-    """Lengths of these sections [mm], which add up to ``bar_length``; a section of depth 0 is air. Empty: equal lengths."""
+    """Lengths of these sections [mm], which add up to ``bar_length``; a section of depth 0 is air.
+    Empty: equal lengths."""
     section_speeds: tuple[float, ...] = ()
-    """Highest cutting speeds of these sections [m/min], where the spindle's limit counts. Empty: the machine's highest."""
+    """Highest cutting speeds of these sections [m/min], where the spindle's limit counts. Empty:
+    the machine's highest."""
     depth_bar_spread: float = quantity(
         0.25, 0, 20, "mm", "standard deviation of depth of cut from bar to bar"
     )
@@ -274,7 +283,8 @@ class Workpiece(Section):
     )
     depth_ripple_period: float = quantity(1, 0.001, 1000, "rev", "period of the depth's ripple")
     support: Literal["rigid", "chuck", "tailstock"] = "rigid"
-    """Support of the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck and tailstock."""
+    """Support of the bar. "rigid": it does not bend; "chuck": the chuck alone; "tailstock": chuck
+    and tailstock."""
     elastic_modulus: float = quantity(
         210_000, 1e3, 1e6, "N/mm2", "modulus of elasticity of the bar (steel, handbooks)"
     )
@@ -295,7 +305,8 @@ class Workpiece(Section):
     def _sections_agree(self) -> Self:
         if len(self.depth_profile) > MAX_DEPTHS:
             raise ValueError(
-                f"depth_profile has {len(self.depth_profile)} sections, more than the allowed {MAX_DEPTHS}"
+                f"depth_profile has {len(self.depth_profile)} sections, "
+                f"more than the allowed {MAX_DEPTHS}"
             )
         for depth in self.depth_profile:
             if depth != 0.0 and not 0.01 <= depth <= 50:
@@ -334,14 +345,17 @@ class Control(Section):
         10, 1, 10000, "sub-steps", "integration steps per step; with parts, per pass"
     )
     action: Literal["incremental", "set_point", "override", "part"] = "incremental"
-    """Meaning of an action. "incremental": changes of the logarithms of speed and feed; "set_point": -1 to 1 maps linearly to
-    the ranges of speed and feed; "override": override of the programmed feed, at a fixed speed; "part": passes of a whole part,
-    with speed and feed of each."""
+    """Meaning of an action. "incremental": changes of the logarithms of speed and feed;
+    "set_point": -1 to 1 maps linearly to the ranges of speed and feed; "override": override of the
+    programmed feed, at a fixed speed; "part": passes of a whole part, with speed and feed of
+    each."""
     edge_changes: Literal["end", "automatic", "commanded"] = "end"
-    """Consequence of an edge that is worn out or broken. "end": the episode ends; "automatic": the edge is changed, which takes
-    time; "commanded": the same, and a further action changes the edge before."""
+    """Consequence of an edge that is worn out or broken. "end": the episode ends; "automatic": the
+    edge is changed, which takes time; "commanded": the same, and a further action changes the edge
+    before."""
     aim: Literal["removal", "roughness"] = "removal"
-    """Aim of the reward. "removal": remove metal; "roughness": follow a reference of surface roughness, which is observed."""
+    """Aim of the reward. "removal": remove metal; "roughness": follow a reference of surface
+    roughness, which is observed."""
     override_max: float = quantity(2.0, 0.01, 100, "-", "highest feed over the programmed feed")
     passes_max: int = quantity(4, 1, MAX_PASSES, "passes", "largest number of passes of a part")
     cutting_speed_step: float = quantity(
@@ -360,7 +374,10 @@ class Control(Section):
 
 
 class Surface(Section):
-    """Roughness of the turned surface, Ra = a exp(b F) with the thrust force F (roughness control paper, equation (5))."""
+    """Roughness of the turned surface, Ra = a exp(b F) with the thrust force F.
+
+    Roughness control paper, equation (5).
+    """
 
     roughness_at_no_force: float = quantity(
         0.2401, 1e-6, 1000, "um", "a, the roughness without force"
@@ -383,12 +400,13 @@ class Sensors(Section):
     """The sensors between the process and the policy."""
 
     force: Literal["dynamometer", "servo_current"] = "dynamometer"
-    """Sensor of the thrust force. "servo_current": the current of the feed drive's motor is measured instead of the force,
-    with the force's lag and noise."""
+    """Sensor of the thrust force. "servo_current": the current of the feed drive's motor is
+    measured instead of the force, with the force's lag and noise."""
     probe: bool = False
     """Whether the size of every blank is measured before it is turned; only with parts."""
     inspects_edges: bool = False
-    """Whether the flank wear of every edge is measured when it is taken out, without error (assumption)."""
+    """Whether the flank wear of every edge is measured when it is taken out, without error
+    (assumption)."""
     power_noise: float = quantity(
         0.02, 0, 1, "-", "relative standard deviation of measured power (assumption)"
     )
@@ -404,7 +422,10 @@ class Sensors(Section):
 
 
 class Mismatch(Section):
-    """The model mismatch: how bars, edges and sensors differ from the nominal model, which is the rest of the scenario."""
+    """The model mismatch: differences of bars, edges and sensors from the nominal model.
+
+    The nominal model is the rest of the scenario.
+    """
 
     hardness_factor: float = quantity(1, 0.1, 10, "-", "mean hardness of the bars over nominal")
     skin_thickness: float = quantity(
@@ -442,7 +463,10 @@ class Mismatch(Section):
 
 
 class Economics(Section):
-    """Prices in machine time, which the reward counts: money divided by the machine's hourly rate; and money, for ``advise``."""
+    """Prices in machine time, which the reward counts, and in money, for ``advise``.
+
+    Machine time is money divided by the machine's hourly rate.
+    """
 
     reference_removal_rate: float = quantity(
         115, 0.001, 1e5, "cm3/min", "removal rate that pays for machine time (assumption)"
@@ -482,9 +506,10 @@ NO_LIMIT = 1e-12
 
 
 class FeedLimit(PowerLaw):
-    """A further limit: a response that grows with feed, depth of cut and hardness, and its largest value. It bounds the feed.
+    """A further limit: a response that grows with feed, depth of cut and hardness.
 
-    By default it is never reached. Form and use: adaptive part programming paper, "boundary conditions".
+    Its largest allowed value bounds the feed. By default it is never reached. Form and use:
+    adaptive part programming paper, "boundary conditions".
     """
 
     coefficient: float = quantity(
@@ -510,7 +535,8 @@ class Limits(Section):
     )
     power: float = quantity(7, 0.001, 1e4, "kW", "largest allowed spindle power")
     radial_force: FeedLimit = FeedLimit()
-    """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force if it is the largest."""
+    """Radial force P_y [N]. Its excess, as that of the next two, counts as an excess of force if it
+    is the largest."""
     torque: FeedLimit = FeedLimit()
     """Spindle torque M [N m]."""
     roughness: FeedLimit = FeedLimit()

@@ -96,7 +96,7 @@ def digest_of_jobs(split):
     digest = hashlib.sha256()
     for chunk in range(-(-(SHOP.jobs if split == "train" else SHOP.held_out_jobs) // CHUNK)):
         draw = SHOP.draw(split, chunk)
-        for name, values in (*draw.fields[0].items(), *draw.fields[1].items()):
+        for name, values in (*draw.nominal_fields.items(), *draw.true_fields.items()):
             digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
         digest.update(SHOP.context(draw.features).tobytes())
     return digest.hexdigest()[:16]
@@ -126,7 +126,7 @@ def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
         0.0,
     )
     for name, formula in UNMODELLED.hidden.items():
-        drawn = np.broadcast_to(draw.fields[1][name], CHUNK)
+        drawn = np.broadcast_to(draw.true_fields[name], CHUNK)
         assert true[name] == drawn[3]
         assert (len(np.unique(drawn)) > 1) == isinstance(formula, str)
 
