@@ -188,7 +188,7 @@ def _show(options: argparse.Namespace) -> None:
         options.results,
         env_id=options.env,
         scenarios=options.scenario,
-        most=None if options.all else 1,
+        max_count=None if options.all else 1,
     )
     if options.markdown is not None:
         print(table.selection(leaderboards, options.markdown, options.policies))

@@ -8,7 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from baselines.guided import HOLD
 from leaderboard import columns, table
-from leaderboard.information import CLASSES, GIVEN, SEEN
+from leaderboard.information import CLASSES, RUN_TIME_INPUTS
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
@@ -16,6 +16,7 @@ from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
 from train.agents import agent_file
 from train.agents.agent_file import ONNX_SUFFIX, AgentFile
 from train.run import family_of
+from train.training_information import TRAINING_INPUTS
 from turning_env import FAMILY_ID, SPLITS
 from turning_env.scoring.policy import PolicySpec
 
@@ -120,8 +121,8 @@ def render(
         classes=CLASSES,
         verdicts=table.VERDICTS,
         max_values=MAX_VALUES,
-        given=GIVEN,
-        seen=SEEN,
+        given=TRAINING_INPUTS,
+        seen=RUN_TIME_INPUTS,
         example=folder / f"{metadata.label}{ONNX_SUFFIX}",
     )
     return card + "\n"

@@ -1,11 +1,15 @@
-"""The columns of a ranking: heading, unit, definition and value, for the terminal, the page and the model cards."""
+"""The columns of a ranking, for the terminal, the page and the model cards.
+
+A column has a heading, a unit and a definition, and reads its value from a ``Standing``.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from leaderboard.information import GIVEN, SEEN
+from leaderboard.information import RUN_TIME_INPUTS
 from leaderboard.standings import LARGEST, Standing, ranked_by
+from train.training_information import TRAINING_INPUTS
 from turning_env import Scenario
 from turning_env.scoring.statistics import Estimate
 
@@ -15,11 +19,13 @@ class Cell:
     """A value as text."""
 
     text: str
-    interval: str
-    number: float | None  # the number to sort by; None if there is no value or it is infinite
-    ends: tuple[float, float] | None = (
-        None  # low and high end of the interval, in the unit of number
-    )
+    interval: str = ""
+    number: float | None = None  # to sort by; None if there is no value or it is infinite
+    # Low and high end of the interval, in the unit of number.
+    ends: tuple[float, float] | None = None
+
+
+EMPTY = Cell("")
 
 
 @dataclass(frozen=True)
@@ -32,9 +38,8 @@ class Column:
     field: str  # field of Standing
     decimals: int = 0  # lowest number of decimals; a narrow interval needs more
     factor: float = 1.0  # factor from the unit of Standing to unit
-    of_play: bool = (
-        False  # whether a policy without episodes, such as the clairvoyant bound, lacks the number
-    )
+    # Whether a policy without episodes, such as the clairvoyant bound, lacks the number.
+    of_play: bool = False
     lower_is_better: bool = False
 
     def value(self, standing: Standing) -> Estimate | float | None:
@@ -48,39 +53,56 @@ class Column:
         """Return the standing's value in this column's unit, with its interval if it has one."""
         value = self.value(standing)
         if value is None:
-            return Cell("", "", None)
-        if isinstance(value, Estimate):
-            decimals = max(self.decimals, value.decimals(self.factor))
-            text, low, high = (
-                self._text(number, decimals) for number in (value.value, value.low, value.high)
-            )
-            return Cell(text, f"{low} to {high}", value.value, (value.low, value.high))
-        return Cell(self._text(value, self.decimals), "", value if math.isfinite(value) else None)
+            return EMPTY
+        if not isinstance(value, Estimate):
+            number = value if math.isfinite(value) else None
+            return Cell(self._text(value, self.decimals), number=number)
+        decimals = max(self.decimals, value.decimals(self.factor))
+        low = self._text(value.low, decimals)
+        high = self._text(value.high, decimals)
+        return Cell(
+            self._text(value.value, decimals),
+            interval=f"{low} to {high}",
+            number=value.value,
+            ends=(value.low, value.high),
+        )
 
     def _text(self, value: float, decimals: int) -> str:
         return f"{self.factor * value:.{decimals}f}"
 
 
 @dataclass(frozen=True)
-class Training(Column):
-    """A field of an agent's ``Information``, or whether the agent was given something in training or has it at run time."""
+class TrainingInput(Column):
+    """Whether an agent is given an input in training or at run time: ``field`` is its name."""
 
     def value(self, standing: Standing) -> float | None:
-        """Return the number, or 1 or 0; None if the policy is no agent or its file does not state it."""
-        told = standing.information
-        if told is None or told.given is None or told.seen is None:
+        """Return 1 or 0; None if the policy is no agent or its file does not state it."""
+        information = standing.information
+        if information is None or information.given is None or information.seen is None:
             return None
-        if self.field in (*GIVEN, *SEEN):
-            return float(self.field in (*told.given, *told.seen))
-        count: int | None = getattr(told, self.field)
-        return count
+        return float(self.field in information.given or self.field in information.seen)
 
     def cell(self, standing: Standing) -> Cell:
-        """Return a number with commas, or "yes" or "no"; nothing if that is unknown."""
+        """Return "yes" or "no"; nothing if that is unknown."""
         value = self.value(standing)
-        if value is None or self.field not in (*GIVEN, *SEEN):
-            return Cell("" if value is None else f"{value:,}", "", value)
-        return Cell("yes" if value else "no", "", value)
+        if value is None:
+            return EMPTY
+        return Cell("yes" if value else "no", number=value)
+
+
+@dataclass(frozen=True)
+class TrainingSteps(Column):
+    """The environment steps of an agent's training."""
+
+    def value(self, standing: Standing) -> float | None:
+        """Return the number; None if the policy is no agent or its file does not state it."""
+        information = standing.information
+        return None if information is None else information.steps
+
+    def cell(self, standing: Standing) -> Cell:
+        """Return the number with commas; nothing if it is unknown."""
+        value = self.value(standing)
+        return EMPTY if value is None else Cell(f"{value:,}", number=value)
 
 
 @dataclass(frozen=True)
@@ -90,184 +112,333 @@ class ClassRank(Column):
     def cell(self, standing: Standing) -> Cell:
         """Return the rank, and the class in place of an interval."""
         rank = standing.class_rank
-        return Cell("", "", None) if rank is None else Cell(str(rank), standing.policy_class, rank)
+        if rank is None:
+            return EMPTY
+        return Cell(str(rank), interval=standing.policy_class, number=rank)
 
 
-_OVER_CAUSAL = (
-    "Return less that of the causal oracle on the same seeds: the price of not knowing the state and of imperfect control; for "
-    "the clairvoyant bound, the value of foresight."
-)
-_CLASS_RANK = "Rank among the policies of the same class, which were given alike: see the definitions of classes."
-_COST_RANK = "Rank on the constraint track: feasible policies by cost, whatever their return."
-_OVER_CHEAPEST = "Cost less that of the cheapest other feasible policy on the same seeds."
-_REMOVAL_RATE = (
-    "Metal removed over all time: machine time, edge changes and the downtime of breakages. An edge that the time limit leaves "
-    "unfinished is charged its used share of a change."
-)
-_COST = "All that time, and the price of the edges used up, in minutes of machine time, over metal removed; overload is free."
-_BEST_RULE = (
-    "Return less that of the best other rule on the same seeds: of the rules that are not this policy, the one with the highest "
-    "mean return, a feasible one if there is any. In the row of the best rule, this is its lead over the next rule."
-)
-_SEVERE_LIMIT = "Upper 95 % confidence limit (one-sided) of the time severely over. Within the allowance, the policy is feasible."
-_SEVERE_LOWER_LIMIT = "Lower 95 % confidence limit (one-sided) of the time severely over. Above the allowance, it is infeasible."
-_EXCESS = "Share of cutting time above a limit of force or power by more than {} %. Older results lack it."
-_SCORE = "Place of the return between the best fixed parameters, 0, and the causal oracle, 100; paired by seed."
-_TIME = "Mean time of an episode: machine time, edge changes, downtime of breakages."
-_PART_COST = "Time per part, plus the price of the edges used up in minutes of machine time."
-_DEVIATION = "Mean relative deviation of Ra from its set point; 1 in air."
-_BROKEN = "Edges broken, per hundred used up; an edge that the time limit leaves unfinished counts as its used share."
-
-_RETURN = (
-    "Mean over seeds and training seeds of the sum of an episode's rewards. If an episode is one edge and its metal does not "
-    "pay, the return is higher if the edge ends early: compare full costs."
-)
-_FULL_COST = (
-    "Price of time, edges, breakage and overload in minutes of machine time, over metal removed. Metal pays for itself below "
-    "1000 / reference_removal_rate of the scenario, by default 8.7."
+_EXCESS = (
+    "Share of cutting time above a limit of force or power by more than {} %. Older results lack "
+    "it."
 )
 
-RETURN = Column("return", "s", _RETURN, "mean_return")
-FULL_COST = Column("full cost", "min/dm3", _FULL_COST, "full_cost", 2, 1, True, True)
+RETURN = Column(
+    "return",
+    "s",
+    definition="Mean over seeds and training seeds of the sum of an episode's rewards. If an "
+    "episode is one edge and its metal does not pay, the return is higher if the edge ends early: "
+    "compare full costs.",
+    field="mean_return",
+)
+FULL_COST = Column(
+    "full cost",
+    "min/dm3",
+    definition="Price of time, edges, breakage and overload in minutes of machine time, over metal "
+    "removed. Metal pays for itself below 1000 / reference_removal_rate of the scenario, by "
+    "default 8.7.",
+    field="full_cost",
+    decimals=2,
+    of_play=True,
+    lower_is_better=True,
+)
 RETURNS = (
     RETURN,
     FULL_COST,
     Column(
         "interquartile return",
         "s",
-        "Mean of the middle half of all episodes' returns.",
-        "interquartile_return",
+        definition="Mean of the middle half of all episodes' returns.",
+        field="interquartile_return",
     ),
-    ClassRank("rank in class", "-", _CLASS_RANK, "class_rank", lower_is_better=True),
-)
-_FULL_COST_SHARE = (
-    "Cost of time, edges, overload and breakage over the worth of the metal, sums of all jobs; above 100 the metal does not pay. "
-    "It is not per volume, as volumes of different materials do not add up."
-)
-_JOB_SCORE = "Interquartile mean over jobs of the place of the return between the fixed nominal optimum, 0, and the causal oracle, 100."
-_OVER_TRUTH = "Return less that of the best rule with true laws on the same jobs: what the nominal model's faults still cost."
-_WITHOUT_LARGEST = (
-    f"Mean lead over the best other rule without the {LARGEST} seeds on which the two differ most."
+    ClassRank(
+        "rank in class",
+        "-",
+        definition="Rank among the policies of the same class, which were given alike: see the "
+        "definitions of classes.",
+        field="class_rank",
+        lower_is_better=True,
+    ),
 )
 JOBS = (
-    Column("full cost", "%", _FULL_COST_SHARE, "full_cost_share", 0, 100, lower_is_better=True),
-    Column("job score", "-", _JOB_SCORE, "job_score", 0, 100),
-    Column("over true laws", "s", _OVER_TRUTH, "over_truth"),
-    Column("worst job", "s", "Lowest return of a job.", "worst_return"),
+    Column(
+        "full cost",
+        "%",
+        definition="Cost of time, edges, overload and breakage over the worth of the metal, sums "
+        "of all jobs; above 100 the metal does not pay. It is not per volume, as volumes of "
+        "different materials do not add up.",
+        field="full_cost_share",
+        factor=100,
+        lower_is_better=True,
+    ),
+    Column(
+        "job score",
+        "-",
+        definition="Interquartile mean over jobs of the place of the return between the fixed "
+        "nominal optimum, 0, and the causal oracle, 100.",
+        field="job_score",
+        factor=100,
+    ),
+    Column(
+        "over true laws",
+        "s",
+        definition="Return less that of the best rule with true laws on the same jobs: what the "
+        "nominal model's faults still cost.",
+        field="over_truth",
+    ),
+    Column("worst job", "s", definition="Lowest return of a job.", field="worst_return"),
     Column(
         "feasible jobs",
         "% of jobs",
-        "Jobs within the allowance of severe overload.",
-        "feasible_jobs",
-        0,
-        100,
+        definition="Jobs within the allowance of severe overload.",
+        field="feasible_jobs",
+        factor=100,
     ),
 )
 SCORE = (
-    Column("score", "-", _SCORE, "score", 1, 100),
-    Column("over causal", "s", _OVER_CAUSAL, "over_causal"),
+    Column(
+        "score",
+        "-",
+        definition="Place of the return between the best fixed parameters, 0, and the causal "
+        "oracle, 100; paired by seed.",
+        field="score",
+        decimals=1,
+        factor=100,
+    ),
+    Column(
+        "over causal",
+        "s",
+        definition="Return less that of the causal oracle on the same seeds: the price of not "
+        "knowing the state and of imperfect control; for the clairvoyant bound, the value of "
+        "foresight.",
+        field="over_causal",
+    ),
 )
 COMPARISONS = (
     Column(
         "over fixed",
         "s",
-        "Return less that of the task's best fixed parameters on the same seeds.",
-        "over_fixed",
+        definition="Return less that of the task's best fixed parameters on the same seeds.",
+        field="over_fixed",
     ),
     Column(
         "over published",
         "s",
-        "Return less that of the task's published controller on the same seeds.",
-        "over_published",
+        definition="Return less that of the task's published controller on the same seeds.",
+        field="over_published",
     ),
-    Column("over best other rule", "s", _BEST_RULE, "over_best_rule"),
+    Column(
+        "over best other rule",
+        "s",
+        definition="Return less that of the best other rule on the same seeds: of the rules that "
+        "are not this policy, the one with the highest mean return, a feasible one if there is "
+        "any. In the row of the best rule, this is its lead over the next rule.",
+        field="over_best_rule",
+    ),
     Column(
         "median lead",
         "s",
-        "Median over seeds of the lead over the best other rule.",
-        "median_over_best_rule",
-        1,
+        definition="Median over seeds of the lead over the best other rule.",
+        field="median_over_best_rule",
+        decimals=1,
     ),
-    Column("lead without 3 largest", "s", _WITHOUT_LARGEST, "over_best_rule_without_largest", 1),
+    Column(
+        f"lead without {LARGEST} largest",
+        "s",
+        definition=f"Mean lead over the best other rule without the {LARGEST} seeds on which the "
+        "two differ most.",
+        field="over_best_rule_without_largest",
+        decimals=1,
+    ),
     Column(
         "beats best other rule",
         "% of seeds",
-        "Seeds with a higher return than the best other rule's.",
-        "beats_best_rule",
-        0,
-        100,
+        definition="Seeds with a higher return than the best other rule's.",
+        field="beats_best_rule",
+        factor=100,
     ),
 )
 LIMITS = (
     Column(
         "over a limit",
         "%",
-        "Share of cutting time above a limit of force or power.",
-        "overload_share",
-        2,
-        100,
-        True,
-        True,
+        definition="Share of cutting time above a limit of force or power.",
+        field="overload_share",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
     ),
-    Column("over by 2 %", "%", _EXCESS.format(2), "share_above_2_percent", 2, 100, True, True),
+    Column(
+        "over by 2 %",
+        "%",
+        definition=_EXCESS.format(2),
+        field="share_above_2_percent",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
+    ),
     Column(
         "severely over",
         "%",
-        "Cutting time above a limit by more than its tolerance.",
-        "severe_share",
-        2,
-        100,
-        True,
-        True,
+        definition="Cutting time above a limit by more than its tolerance.",
+        field="severe_share",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
     ),
-    Column("over by 10 %", "%", _EXCESS.format(10), "share_above_10_percent", 2, 100, True, True),
+    Column(
+        "over by 10 %",
+        "%",
+        definition=_EXCESS.format(10),
+        field="share_above_10_percent",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
+    ),
     Column(
         "severely over, at least",
         "%",
-        _SEVERE_LOWER_LIMIT,
-        "severe_lower_limit",
-        2,
-        100,
-        True,
-        True,
+        definition="Lower 95 % confidence limit (one-sided) of the time severely over. Above the "
+        "allowance, it is infeasible.",
+        field="severe_lower_limit",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
     ),
-    Column("severely over, at most", "%", _SEVERE_LIMIT, "severe_limit", 2, 100, True, True),
+    Column(
+        "severely over, at most",
+        "%",
+        definition="Upper 95 % confidence limit (one-sided) of the time severely over. Within the "
+        "allowance, the policy is feasible.",
+        field="severe_limit",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
+    ),
     Column(
         "excess",
         "%",
-        "Mean excess over force and power limits, added, while cutting.",
-        "excess",
-        3,
-        100,
-        True,
-        True,
+        definition="Mean excess over force and power limits, added, while cutting.",
+        field="excess",
+        decimals=3,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
     ),
 )
 CONSTRAINT = (
-    Column("rank by cost", "-", _COST_RANK, "constraint_rank", lower_is_better=True),
-    Column("cost", "min/dm3", _COST, "cost", 2, 1, True, True),
-    Column("over least cost", "min/dm3", _OVER_CHEAPEST, "over_least_cost", 2, 1, True, True),
-    Column("removal rate", "cm3/min", _REMOVAL_RATE, "removal_rate", 1, 1, True),
+    Column(
+        "rank by cost",
+        "-",
+        definition="Rank on the constraint track: feasible policies by cost, whatever their "
+        "return.",
+        field="constraint_rank",
+        lower_is_better=True,
+    ),
+    Column(
+        "cost",
+        "min/dm3",
+        definition="All that time, and the price of the edges used up, in minutes of machine time, "
+        "over metal removed; overload is free.",
+        field="cost",
+        decimals=2,
+        of_play=True,
+        lower_is_better=True,
+    ),
+    Column(
+        "over least cost",
+        "min/dm3",
+        definition="Cost less that of the cheapest other feasible policy on the same seeds.",
+        field="over_least_cost",
+        decimals=2,
+        of_play=True,
+        lower_is_better=True,
+    ),
+    Column(
+        "removal rate",
+        "cm3/min",
+        definition="Metal removed over all time: machine time, edge changes and the downtime of "
+        "breakages. An edge that the time limit leaves unfinished is charged its used share of a "
+        "change.",
+        field="removal_rate",
+        decimals=1,
+        of_play=True,
+    ),
 )
 WORKSHOP = (
-    Column("time", "min", _TIME, "minutes", 2, 1, True, True),
-    Column("cost per part", "min", _PART_COST, "part_cost", 2, 1, True, True),
-    Column("roughness deviation", "%", _DEVIATION, "roughness_deviation", 2, 100, True, True),
     Column(
-        "edges", "edges", "Mean number of edges that an episode uses up.", "edges", 2, 1, True, True
+        "time",
+        "min",
+        definition="Mean time of an episode: machine time, edge changes, downtime of breakages.",
+        field="minutes",
+        decimals=2,
+        of_play=True,
+        lower_is_better=True,
     ),
-    Column("broken edges", "per 100", _BROKEN, "broken_share", 1, 100, True, True),
+    Column(
+        "cost per part",
+        "min",
+        definition="Time per part, plus the price of the edges used up in minutes of machine time.",
+        field="part_cost",
+        decimals=2,
+        of_play=True,
+        lower_is_better=True,
+    ),
+    Column(
+        "roughness deviation",
+        "%",
+        definition="Mean relative deviation of Ra from its set point; 1 in air.",
+        field="roughness_deviation",
+        decimals=2,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
+    ),
+    Column(
+        "edges",
+        "edges",
+        definition="Mean number of edges that an episode uses up.",
+        field="edges",
+        decimals=2,
+        of_play=True,
+        lower_is_better=True,
+    ),
+    Column(
+        "broken edges",
+        "per 100",
+        definition="Edges broken, per hundred used up; an edge that the time limit leaves "
+        "unfinished counts as its used share.",
+        field="broken_share",
+        decimals=1,
+        factor=100,
+        of_play=True,
+        lower_is_better=True,
+    ),
     Column(
         "used life",
         "%",
-        "Mean used share of the edge's life at the end of an episode.",
-        "used_life",
-        1,
-        100,
-        True,
+        definition="Mean used share of the edge's life at the end of an episode.",
+        field="used_life",
+        decimals=1,
+        factor=100,
+        of_play=True,
     ),
 )
-GROUPS = {
+GIVEN_IN_TRAINING = tuple(
+    TrainingInput(name, "", definition=f"Given in training: {meaning}.", field=name)
+    for name, meaning in TRAINING_INPUTS.items()
+)
+SEEN_AT_RUN_TIME = tuple(
+    TrainingInput(name, "", definition=f"At run time the agent {meaning}.", field=name)
+    for name, meaning in RUN_TIME_INPUTS.items()
+)
+STEPS = TrainingSteps("steps", "", definition="Environment steps of the training.", field="steps")
+GROUPS: dict[str, tuple[Column, ...]] = {
     "Result": RETURNS,
     "Over the jobs of a family": JOBS,
     "Score": SCORE,
@@ -275,34 +446,31 @@ GROUPS = {
     "Limits": LIMITS,
     "Compared on the same seeds": COMPARISONS,
     "In the workshop": WORKSHOP,
-    "Given in training": tuple(
-        Training(name, "", f"Given in training: {what}.", name) for name, what in GIVEN.items()
-    ),
-    "Run time and budget": (
-        *(
-            Training(name, "", f"At run time the agent {what}.", name)
-            for name, what in SEEN.items()
-        ),
-        Training("steps", "", "Environment steps of the training.", "steps"),
-    ),
+    "Given in training": GIVEN_IN_TRAINING,
+    "Run time and budget": (*SEEN_AT_RUN_TIME, STEPS),
 }
+"""All columns by the heading of their group."""
+TRAINING_GROUPS = ("Given in training", "Run time and budget")
+"""Groups whose columns describe an agent's training in place of a number of its standing."""
 
 
 def ranking(scenario: Scenario) -> Column:
     """Return the column by which feasible policies are ranked on a scenario."""
-    return {column.field: column for column in RETURNS}[ranked_by(scenario)]
+    return RETURN if ranked_by(scenario) == RETURN.field else FULL_COST
 
 
-_AIMS = ("part_cost", "roughness_deviation")  # of tasks that have them; of others, the return
+_AIMS = ("part_cost", "roughness_deviation")
+"""Fields that a task has if they are its aim; the aim of other tasks is the return."""
 
 
 def groups(standings: Sequence[Standing]) -> dict[str, list[Column]]:
-    """Return the columns that apply to a ranking, by heading; the task's main numbers come first."""
-    found = {heading: applying(group, standings) for heading, group in GROUPS.items()}
-    aims = [column for column in found["In the workshop"] if column.field in _AIMS]
-    found["Result"] = aims + found["Result"]
-    found["In the workshop"] = [column for column in found["In the workshop"] if column not in aims]
-    return {heading: group for heading, group in found.items() if group}
+    """Return the columns that apply to a ranking, by heading; the task's aim comes first."""
+    columns = {heading: applying(group, standings) for heading, group in GROUPS.items()}
+    workshop = columns["In the workshop"]
+    aims = [column for column in workshop if column.field in _AIMS]
+    columns["Result"] = aims + columns["Result"]
+    columns["In the workshop"] = [column for column in workshop if column not in aims]
+    return {heading: group for heading, group in columns.items() if group}
 
 
 def applying(columns: Sequence[Column], standings: Sequence[Standing]) -> list[Column]:

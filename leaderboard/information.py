@@ -1,56 +1,46 @@
-"""The inputs of an agent in training and at run time, and the length of its training, derived from its file.
+"""The inputs of an agent in training and at run time, and the class in which it is ranked.
 
-The algorithm, taken from the training command, decides what training gave; scenario and hyperparameters decide the rest. A
-policy that sees more in training than observations, rewards and costs is privileged: it is trained with what no lathe reveals
-(asymmetric or privileged training, such as Pinto et al. 2018, arXiv 1710.06542). It ranks in a class of its own.
+``train.training_information`` says what the training was given. Scenario and hyperparameters
+decide the rest. A policy that is given more in training than observations, rewards and costs is
+privileged: it is trained with what no lathe reveals (asymmetric or privileged training, such as
+Pinto et al. 2018, arXiv 1710.06542). It is ranked in a class of its own.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from baselines.guided import HOLD
 from train.agents.agent_file import MAX_NUMBER
+from train.training_information import (
+    LIFE_PRICE,
+    MODEL_FREE,
+    TRAINING_INPUTS,
+    training_information,
+)
 from turning_env import Scenario
 from turning_env.scoring.policy import PolicySpec
 
-GIVEN = {
-    "rewards": "the return that it maximises, step by step",
-    "overload share": "the share of severe overload and its allowance, in place of its price",
-    "model gradients": "gradients of the true laws, limits and drive lags",
-    "true states": "hidden depth of cut, hardness and wear after each step",
-    "life price": "the price of edge life by dynamic programming, in place of the flat charge",
-    "spreads": "how much hardness and depth of cut vary",
-    "geometry": "length and diameter of the bars",
-}
-"""Inputs of training beside observations, by name."""
-SEEN = {
-    "context": "is told numbers of the job: those of the nominal model, and those of the catalogue that its family shows",
+RUN_TIME_INPUTS = {
+    "context": "is told numbers of the job: those of the nominal model, and those of the "
+    "catalogue that its family shows",
     "memory": "remembers earlier observations",
-    "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the observations",
-    "rule": "sets two limits of the rule self_tuning, which knows the nominal model and does the rest",
-    "position": "tracks the tool's position along the bar, from observations and the bars' geometry",
+    "belief": "is shown what a Kalman filter, which knows the nominal model, estimates from the "
+    "observations",
+    "rule": "sets two limits of the rule self_tuning, which knows the nominal model and does the "
+    "rest",
+    "position": "tracks the tool's position along the bar, from observations and the bars' "
+    "geometry",
 }
-"""Inputs at run time beside the present observation, by name."""
-_MODEL_FREE = frozenset({"rewards", "overload share"})
-_REWARDS = frozenset({"rewards"})
-_PRICED = frozenset({"life price", "spreads"})
-_TEACHER = frozenset({"model gradients", "true states", "geometry"}) | _PRICED
-_ALGORITHMS: Mapping[str, frozenset[str]] = {
-    "ppo": _REWARDS,
-    "recurrent_ppo": _REWARDS,
-    "guided_ppo": _REWARDS,
-    "sac": _REWARDS,
-    "tqc": _REWARDS,
-    "lagrangian_ppo": _REWARDS | {"overload share"},
-    "analytic_gradient": _TEACHER,
-}
+"""Inputs at run time beside the present observation, by name, in the order of tables."""
 CLASSES = {
     "model-free agent": "trained on observations, rewards and costs alone",
-    "guiding agent": "trained on observations, rewards and costs alone; sets two limits of a rule that has the nominal model",
-    "privileged agent": "trained with what no lathe reveals, such as true states or gradients of the true laws",
+    "guiding agent": "trained on observations, rewards and costs alone; sets two limits of a rule "
+    "that has the nominal model",
+    "privileged agent": "trained with what no lathe reveals, such as true states or gradients of "
+    "the true laws",
     "other agent": "its file does not state what training gave it",
-    "rule": "a controller, tuned on tuning seeds or training jobs; may know the nominal model and numbers of the catalogue",
+    "rule": "a controller, tuned on tuning seeds or training jobs; may know the nominal model and "
+    "numbers of the catalogue",
     "oracle": "knows hidden quantities at run time, or is a bound; not ranked",
 }
 """Classes of policies, each ranked for itself."""
@@ -58,10 +48,10 @@ CLASSES = {
 
 @dataclass(frozen=True)
 class Information:
-    """The inputs of an agent in training and at run time; None: not stated."""
+    """The inputs of an agent in training and at run time; None: its file does not state them."""
 
-    given: tuple[str, ...] | None  # names in GIVEN of its inputs in training
-    seen: tuple[str, ...] | None  # names in SEEN of its inputs at run time
+    given: tuple[str, ...] | None  # inputs in training, names in TRAINING_INPUTS
+    seen: tuple[str, ...] | None  # inputs at run time, names in RUN_TIME_INPUTS
     steps: int | None  # environment steps of the training
 
 
@@ -69,64 +59,76 @@ def class_of(policy: PolicySpec) -> str:
     """Return the class of a policy, one of ``CLASSES``."""
     if policy.kind != "agent":
         return policy.kind
-    algorithm = _algorithm(policy.command)
-    if algorithm is None:
+    given = training_information(policy.parameters, policy.command)
+    if given is None:
         return "other agent"
-    if not _given(algorithm, policy.parameters) <= _MODEL_FREE:
+    if not given <= MODEL_FREE:
         return "privileged agent"
-    return "guiding agent" if policy.parameters.get("guide") is True else "model-free agent"
+    return "guiding agent" if _guides(policy.parameters) else "model-free agent"
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
-    """Return an agent's training data and observations on the scenario of its training; None if the policy is no agent."""
+    """Return the inputs of an agent, trained on a scenario; None if the policy is no agent."""
     if policy.kind != "agent":
         return None
-    algorithm, p = _algorithm(policy.command), policy.parameters
-    if algorithm is None:
-        return Information(None, None, None)
-    given = _given(algorithm, p)
+    given = training_information(policy.parameters, policy.command)
+    if given is None:
+        return Information(given=None, seen=None, steps=None)
+    seen = _run_time_inputs(policy.parameters, learns_from_rewards="rewards" in given)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
-        given -= _PRICED  # the job ends before the edge: its life has the flat price
-    gradient = given.isdisjoint(_REWARDS)
-    has = {
-        "context": "context" in p and p.get("hides_context") is not True,
-        "memory": p.get("memory", gradient) is True
-        or "memory_cells" in p
-        or (_whole(p, "frames") or 1) > 1,
-        "belief": p.get("belief") is True or p.get("guide") is True,
-        "rule": p.get("guide") is True,
-        "position": p.get("position", gradient) is True,
-    }
+        given -= LIFE_PRICE  # the job ends before the edge: its life has the flat price
     return Information(
-        given=tuple(name for name in GIVEN if name in given),
-        seen=tuple(name for name in SEEN if has[name]),
-        steps=_environment_steps(p),
+        given=tuple(name for name in TRAINING_INPUTS if name in given),
+        seen=tuple(name for name in RUN_TIME_INPUTS if name in seen),
+        steps=_environment_steps(policy.parameters),
     )
+
+
+def _run_time_inputs(parameters: Mapping[str, object], learns_from_rewards: bool) -> set[str]:
+    """Return the inputs at run time, names in ``RUN_TIME_INPUTS``.
+
+    Without a statement, an agent has memory and position if it was trained with gradients, and
+    neither if it was trained with rewards: the defaults of the algorithms.
+    """
+    by_default = not learns_from_rewards
+    inputs = set()
+    if "context" in parameters and parameters.get("hides_context") is not True:
+        inputs.add("context")
+    frames = _whole_number(parameters, "frames") or 1
+    remembers = parameters.get("memory", by_default) is True
+    if remembers or "memory_cells" in parameters or frames > 1:
+        inputs.add("memory")
+    if parameters.get("belief") is True:
+        inputs.add("belief")
+    if _guides(parameters):
+        inputs |= {"belief", "rule"}  # the rule's belief is shown to its guide
+    if parameters.get("position", by_default) is True:
+        inputs.add("position")
+    return inputs
+
+
+def _guides(parameters: Mapping[str, object]) -> bool:
+    """Return whether an agent sets limits of a rule in place of speed and feed."""
+    return parameters.get("guide") is True
 
 
 def _environment_steps(parameters: Mapping[str, object]) -> int | None:
-    """Return the environment steps of a training; that of a guide counts decisions, each of ``HOLD`` steps."""
-    steps = _whole(parameters, "steps")
-    guides = parameters.get("guide") is True
-    return steps * HOLD if steps is not None and guides else steps
+    """Return the environment steps of a training.
+
+    The training of a guide counts decisions, each of ``HOLD`` steps.
+    """
+    steps = _whole_number(parameters, "steps")
+    if steps is not None and _guides(parameters):
+        return steps * HOLD
+    return steps
 
 
-def _given(algorithm: str, parameters: Mapping[str, object]) -> frozenset[str]:
-    """Return the inputs of a training; ``life_price`` and ``asymmetric`` are terms of it (``train/terms.py``)."""
-    hidden = {"true states"} if parameters.get("asymmetric") is True else set()
-    price, given = parameters.get("life_price"), _ALGORITHMS[algorithm] | hidden
-    return (
-        given | _PRICED if price == "marginal" else given - _PRICED if price is not None else given
-    )
+def _whole_number(parameters: Mapping[str, object], name: str) -> int | None:
+    """Return a whole number that a file states.
 
-
-def _algorithm(command: str | None) -> str | None:
-    """Return the algorithm that a command line trains with; None if it is not one of the project's."""
-    found = re.match(r"python -m train\.(\w+)( |$)", command or "")
-    return found[1] if found and found[1] in _ALGORITHMS else None
-
-
-def _whole(parameters: Mapping[str, object], name: str) -> int | None:
-    """Return a whole number that a file states; None if it states none, or one that no training has."""
+    Return None if it states none, or one that no training has.
+    """
     value = parameters.get(name)
-    return value if type(value) is int and 0 <= value <= MAX_NUMBER else None
+    if type(value) is int and 0 <= value <= MAX_NUMBER:  # True and False are no numbers
+        return value
+    return None

@@ -1,8 +1,12 @@
-"""The leaderboard of one environment on one scenario, as read from its folder."""
+"""The leaderboard of one environment on one scenario, as read from its folder.
 
-from collections.abc import Collection
+A folder may hold results on several tasks; those on one task are ranked together.
+"""
+
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from leaderboard.notices import notify_once
 from leaderboard.result import (
@@ -43,93 +47,117 @@ def read_leaderboard(folder: Path, task: Task | None = None) -> Leaderboard:
 
     Args:
         folder: where they are; must hold some.
-        task: rank the results on this task and leave out others; None: on the manifest's, or without a manifest on the task of
-            most results.
+        task: rank the results on this task and leave out others. None: rank those on the
+            manifest's task, or without a manifest on the task of most results.
 
     Raises:
         ResultError: no result can be used, or none is on the task.
     """
-    by_task: dict[str, dict[str, Result]] = {}
+    results_by_task: dict[str, dict[str, Result]] = {}
     for label, result in read_results(folder).items():
-        by_task.setdefault(result.task.digest, {})[label] = result
-    if not by_task:
+        results_by_task.setdefault(result.task.digest, {})[label] = result
+    if not results_by_task:
         raise ResultError(f"{folder} holds no results")
-    if task is not None:
-        chosen = task.digest
-    elif (manifest := read_if_usable(Manifest, folder / MANIFEST_FILE)) is not None:
-        chosen = manifest.task.digest
-    else:
-        chosen = max(by_task, key=lambda digest: (len(by_task[digest]), digest))
-    if chosen not in by_task:
-        raise ResultError(f"{folder} holds no results on task {chosen[:12]}")
-    results = list(by_task[chosen].values())
-    task = results[0].task
+    digest = _task_to_rank(folder, task, results_by_task)
+    if digest not in results_by_task:
+        raise ResultError(f"{folder} holds no results on task {digest[:12]}")
+    results = list(results_by_task.pop(digest).values())
+    left_out = []
+    for others in results_by_task.values():
+        left_out += [str(folder / label) for label in others]
     return Leaderboard(
-        task=task,
+        task=results[0].task,
         results=results,
         standings=rank(results),
         trajectories=_trajectories(folder, results),
-        left_out=[
-            str(folder / label)
-            for digest, others in by_task.items()
-            if digest != chosen
-            for label in others
-        ],
+        left_out=left_out,
     )
+
+
+def _task_to_rank(
+    folder: Path, task: Task | None, results_by_task: Mapping[str, Collection[str]]
+) -> str:
+    """Return the digest of the task that a folder ranks; see ``read_leaderboard``."""
+    if task is not None:
+        return task.digest
+    manifest = read_if_usable(Manifest, folder / MANIFEST_FILE)
+    if manifest is not None:
+        return manifest.task.digest
+    return max(results_by_task, key=lambda digest: (len(results_by_task[digest]), digest))
 
 
 def read_leaderboards(
     results: Path,
-    tasks: dict[Path, Task] | None = None,
+    tasks: Mapping[Path, Task] | None = None,
     env_id: str | None = None,
     scenarios: Collection[str] = (),
-    most: int | None = None,
+    max_count: int | None = None,
 ) -> list[Leaderboard]:
-    """Rank every environment on every scenario that ``results`` holds. A folder that cannot be used is named on standard error.
+    """Rank every environment on every scenario that ``results`` holds.
 
-    Ids come in the order in which they are declared, and of an id first its own preset, then other scenarios by name.
+    A notice on stderr names each folder that cannot be used. Ids come in the order in which they
+    are declared, and of an id first its own preset, then other scenarios by name.
 
     Args:
         results: the folder of all results.
-        tasks: of some of the folders in it, the task whose results are ranked there; see ``read_leaderboard``.
+        tasks: the task whose results are ranked in some of the folders; see ``read_leaderboard``.
         env_id: only this environment's; None: all.
-        scenarios: only on the scenarios of these names, or all splits of these families; empty: all.
-        most: only the first so many; None: all.
+        scenarios: only on the scenarios of these names, or all splits of these families; empty:
+            all.
+        max_count: only the first so many; None: all.
 
     Raises:
         ResultError: there are no results that can be used.
     """
     leaderboards: list[Leaderboard] = []
     folders = sorted(results.glob(f"{env_id or '*'}/*"), key=_place)
-    wanted = (
-        each
-        for each in folders
-        if not scenarios or {each.name, each.name.rpartition("-")[0]} & {*scenarios}
-    )
-    for folder in filter(result_files, wanted):
-        if len(leaderboards) == most:
+    for folder in folders:
+        if len(leaderboards) == max_count:
             break
+        if not _is_of(folder, scenarios) or not result_files(folder):
+            continue
         try:
             leaderboards.append(read_leaderboard(folder, (tasks or {}).get(folder)))
         except ResultError as error:
             notify_once(f"skipped: {error}")
     if not leaderboards:
-        asked = "".join(f" of {each}" for each in (env_id, *scenarios) if each)
-        held = ", ".join(sorted(folder.name for folder in folders))
+        names = [env_id, *scenarios] if env_id else scenarios
+        wanted = "".join(f" of {name}" for name in names)
+        present = ", ".join(sorted(folder.name for folder in folders))
+        only = f", only {present}" if present else ""
         raise ResultError(
-            f"{results} holds no results{asked} yet{held and f', only {held}'}: python -m leaderboard run"
+            f"{results} holds no results{wanted} yet{only}: python -m leaderboard run"
         )
     return leaderboards
 
 
-def _place(folder: Path) -> tuple[int, str, bool, str]:
-    """Sort key of a leaderboard's folder."""
-    env_id, scenario, ids = folder.parent.name, folder.name, [*IDS, FAMILY_ID]
-    return (
-        ids.index(env_id) if env_id in ids else len(ids),
-        env_id,
-        scenario != IDS.get(env_id),
-        scenario,
+def _is_of(folder: Path, scenarios: Collection[str]) -> bool:
+    """Return whether a folder is of one of these scenarios, or of a split of one of these families.
+
+    Without scenarios, all folders are.
+    """
+    family = folder.name.rpartition("-")[0]
+    return not scenarios or folder.name in scenarios or family in scenarios
+
+
+class _Place(NamedTuple):
+    """The place of a leaderboard among others."""
+
+    id_place: int
+    env_id: str
+    is_other_scenario: bool  # not the id's own preset
+    scenario: str
+
+
+def _place(folder: Path) -> _Place:
+    """Return the place of a leaderboard's folder, as a key to sort by."""
+    env_id = folder.parent.name
+    ids = [*IDS, FAMILY_ID]
+    return _Place(
+        id_place=ids.index(env_id) if env_id in ids else len(ids),
+        env_id=env_id,
+        is_other_scenario=folder.name != IDS.get(env_id),
+        scenario=folder.name,
     )
 
 
@@ -139,14 +167,19 @@ def _trajectories(folder: Path, results: list[Result]) -> Trajectories | None:
     if recorded is None or recorded.task != results[0].task.digest:
         return None
     identities = [result.policy.identity for result in results]
-    episodes = [each for each in recorded.episodes if each.policy.identity in identities]
+    episodes = [episode for episode in recorded.episodes if episode.policy.identity in identities]
     return recorded.model_copy(update={"episodes": episodes}) if episodes else None
 
 
 def read_if_usable(kind: type[PartType], path: Path) -> PartType | None:
-    """Read a file that a run makes anew; None, with a word on standard error, if it cannot be used."""
+    """Read a file that a run writes again.
+
+    Return None if there is no file, or, with a notice on stderr, if it cannot be used.
+    """
+    if not path.exists():
+        return None
     try:
-        return read_part(kind, path) if path.exists() else None
+        return read_part(kind, path)
     except ResultError as error:
         notify_once(f"skipped: {error}: the next python -m leaderboard run writes it anew")
         return None

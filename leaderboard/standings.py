@@ -1,9 +1,13 @@
-"""The numbers of each policy on one task, ranked."""
+"""The numbers of each policy on one task, ranked.
+
+Estimates, intervals and feasibility come from ``turning_env.scoring.statistics``. Which results are
+ranked together is the matter of ``leaderboard.ranking``.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +15,10 @@ from baselines.catalogue import RULES
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_own
-from leaderboard.result import Result
+from leaderboard.result import ExcessShares, Result
 from train.agents.agent_file import description_of_training
 from train.run import TERMS
+from train.training_information import training_information
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
 from turning_env.scoring.policy import PolicySpec
@@ -22,6 +27,7 @@ from turning_env.scoring.statistics import (
     Estimate,
     Feasibility,
     Floats,
+    RankKey,
     feasibility,
     interquartile_mean,
     rank_key,
@@ -38,22 +44,23 @@ class Comparators:
     published: str  # the published controller
 
 
-SPEED_AND_FEED = Comparators("fixed_tuned", "grid_search")
-OVERRIDE = Comparators("programmed_feed", "modified_fuzzy_override")
-ROUGHNESS = Comparators("programmed_feed", "constant_force")
-PARTS = Comparators("parts_fixed_tuned", "parts_app_pt")
+SPEED_AND_FEED = Comparators(fixed="fixed_tuned", published="grid_search")
+OVERRIDE = Comparators(fixed="programmed_feed", published="modified_fuzzy_override")
+ROUGHNESS = Comparators(fixed="programmed_feed", published="constant_force")
+PARTS = Comparators(fixed="parts_fixed_tuned", published="parts_app_pt")
 
 
 def comparators(scenario: Scenario) -> Comparators:
     """Return the comparators of a scenario."""
     if scenario.control.action == "part":
         return PARTS
-    if scenario.control.action == "override":
-        return ROUGHNESS if scenario.control.aim == "roughness" else OVERRIDE
-    return SPEED_AND_FEED
+    if scenario.control.action != "override":
+        return SPEED_AND_FEED
+    return ROUGHNESS if scenario.control.aim == "roughness" else OVERRIDE
 
 
-LARGEST = 3  # number of the largest differences that a mean leaves out, to show whether a few seeds make a lead
+LARGEST = 3
+"""Number of the largest differences that a mean leaves out, to show whether a few seeds decide."""
 
 
 @dataclass(frozen=True)
@@ -72,32 +79,29 @@ class Standing:
     training_seeds: tuple[int, ...]
     unranked: str | None  # why it has no rank; None if it has one
     feasible: bool
-    feasibility: Feasibility  # "not shown" if the allowance lies between the confidence limits of severe_share
+    # "not shown" if the allowance lies between the confidence limits of severe_share.
+    feasibility: Feasibility
     mean_return: Estimate  # [s]
     interquartile_return: Estimate  # [s]
     severe_share: float  # of cutting time
     severe_lower_limit: float  # one-sided lower confidence limit of severe_share
     severe_limit: float  # one-sided upper confidence limit of severe_share
-    best_rule: (
-        str | None
-    )  # of the other policies that are rules, the feasible one with the highest mean return, if any is
+    # Of the other rules, the feasible one with the highest mean return, or the best if none is.
+    best_rule: str | None
     over_best_rule: Estimate | None  # [s]
     over_causal: Estimate | None  # [s]
     median_over_best_rule: float | None = None  # over seeds [s]
-    over_best_rule_without_largest: float | None = (
-        None  # mean over seeds but the ``LARGEST`` with the largest differences [s]
-    )
+    # Mean over all seeds but the LARGEST with the largest differences [s].
+    over_best_rule_without_largest: float | None = None
     beats_best_rule: float | None = None  # share of seeds
-    class_rank: int | None = (
-        None  # among the policies of its class, by the same order; None for an oracle
-    )
+    # Among the policies of its class, by the same order; None if it is unranked.
+    class_rank: int | None = None
     constraint_rank: int | None = None  # among feasible policies, by cost
     over_fixed: Estimate | None = None  # [s]
     over_published: Estimate | None = None  # [s]
     score: Estimate | None = None  # 0 the fixed parameters, 1 the causal oracle
-    full_cost: Estimate | None = (
-        None  # [min/dm3], overload included; None if no metal is removed or a roughness is held
-    )
+    # Overload included [min/dm3]; None if no metal is removed or a roughness is held.
+    full_cost: Estimate | None = None
     minutes: float | None = None  # of an episode, with edge changes and downtime [min]
     part_cost: float | None = None  # edges included; None if no parts are turned [min]
     roughness_deviation: float | None = None  # mean, relative; None if no roughness is held
@@ -106,15 +110,14 @@ class Standing:
     over_least_cost: Estimate | None = None  # [min/dm3], of the other feasible policies
     overload_share: float | None = None  # of cutting time
     share_above_2_percent: float | None = None  # of cutting time; None if a result lacks it
-    share_above_10_percent: float | None = None  # likewise
+    share_above_10_percent: float | None = None  # of cutting time; None if a result lacks it
     excess: float | None = None  # mean while cutting, relative
     edges: float | None = None  # used up in an episode
     broken_share: float | None = None  # of edges used up
     used_life: float | None = None  # at the end
-    # Of families, whose volumes and edges do not add up:
-    full_cost_share: Estimate | None = (
-        None  # cost of time, edges, overload and breakage over the worth of the metal
-    )
+    # The following are of families, whose volumes and edges do not add up.
+    # Cost of time, edges, overload and breakage over the worth of the metal.
+    full_cost_share: Estimate | None = None
     job_score: Estimate | None = None  # 0 the fixed nominal optimum, 1 the causal oracle
     over_truth: Estimate | None = None  # over the best rule with true laws [s]
     worst_return: float | None = None  # of a job [s]
@@ -122,87 +125,80 @@ class Standing:
 
 
 def ranked_by(scenario: Scenario) -> str:
-    """Return the field of ``Standing`` that ranks feasible policies: the mean return, or on splits the full cost.
+    """Return the field of ``Standing`` that ranks feasible policies on a scenario.
 
-    Where metal does not pay, as on most splits, the return per edge is higher if the edge ends early.
+    It is the mean return, or on splits the full cost. Where metal does not pay, as on most splits,
+    the return per edge is higher if the edge ends early.
     """
     return "full_cost" if scenario.name in SPLITS else "mean_return"
 
 
 def rank(results: Sequence[Result]) -> list[Standing]:
-    """Return the policies of one task: feasible ones first, then as ``ranked_by``; those without a rank last, and oracles last.
+    """Return the standings of all policies of one task, given at least one result.
 
-    There must be a result.
+    Feasible policies come first, in the order of ``ranked_by``. Those without a rank come last,
+    and of these the oracles.
     """
-    key = tuple((each.checksum, each.policy.description, is_own(each.policy)) for each in results)
-    if key not in _ranked:  # a run asks several times
-        _ranked[key] = _rank(results)
-    return list(_ranked[key])
-
-
-_ranked: dict[tuple[tuple[str, str, bool], ...], list[Standing]] = {}
-
-
-def _rank(results: Sequence[Result]) -> list[Standing]:
     names = names_of([result.policy for result in results])
-    groups: dict[str, list[Result]] = {}
+    results_by_name: dict[str, list[Result]] = {}
     for result in results:
-        groups.setdefault(names[result.policy.label], []).append(result)
-    board = _Board(groups)
-    standings = [board.standing(name) for name in groups]
-    by_full_cost = ranked_by(board.scenario) == "full_cost"
-
-    def merit(each: Standing) -> float:
-        if by_full_cost:
-            return -each.full_cost.value if each.full_cost else -math.inf
-        return each.mean_return.value
-
-    standings.sort(
-        key=lambda each: (rank_key(each.kind, each.feasible, merit(each), each.unranked), each.name)
-    )
-    return _with_ranks(standings, board.costs)
+        results_by_name.setdefault(names[result.policy.label], []).append(result)
+    comparison = _Comparison(results_by_name)
+    standings = [comparison.standing(name) for name in results_by_name]
+    field = ranked_by(comparison.scenario)
+    standings.sort(key=lambda standing: (_rank_key(standing, field), standing.name))
+    return _with_ranks(standings, comparison.metal_costs)
 
 
-def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
-    """Return the cost [min] of each episode: time and edges."""
-    return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
+def _rank_key(standing: Standing, field: str) -> RankKey:
+    """Return the key by which standings are sorted."""
+    if field == "mean_return":
+        merit = standing.mean_return.value
+    elif standing.full_cost is not None:
+        merit = -standing.full_cost.value
+    else:
+        merit = -math.inf
+    return rank_key(standing.kind, standing.feasible, merit=merit, unranked=standing.unranked)
 
 
-def _metal_cost(
-    name: str, minutes: Floats, removed: Floats, bootstrap: Bootstrap
-) -> tuple[float, Floats]:
-    """Return the cost of metal [cm3] that has cost ``minutes``, and that in each resample [min/dm3]."""
-    volume = removed / 1000.0
-    return _share(minutes, volume), ratio(
-        bootstrap.means(minutes, name), bootstrap.means(volume, name)
-    )
+class MetalCost(NamedTuple):
+    """The cost of metal [min/dm3], and its bootstrap replicates, shape (resamples,)."""
+
+    value: float
+    replicates: Floats
+
+    @property
+    def estimate(self) -> Estimate:
+        """Return the cost with its confidence interval."""
+        return Estimate.of(self.value, self.replicates)
 
 
 def _with_ranks(
-    standings: Sequence[Standing], costs: Mapping[str, tuple[float, Floats]]
+    standings: Sequence[Standing], metal_costs: Mapping[str, MetalCost]
 ) -> list[Standing]:
-    """Return standings, which are in order, with their ranks within classes and on the constraint track."""
-    # Oracles and, where learning games the task, agents are shown, but do not take part in the ranking.
-    contestants = [standing for standing in standings if standing.unranked is None]
+    """Return sorted standings with their ranks within classes and on the constraint track."""
+    # Oracles and, where learning games the task, agents are shown, but do not take part in the
+    # ranking.
+    ranked = [standing for standing in standings if standing.unranked is None]
 
     # The constraint track ranks feasible policies by the cost of their metal.
     by_cost = [
-        standing.name for standing in contestants if standing.feasible and standing.name in costs
+        standing.name for standing in ranked if standing.feasible and standing.name in metal_costs
     ]
-    by_cost.sort(key=lambda name: costs[name][0])
+    by_cost.sort(key=lambda name: metal_costs[name].value)
 
-    ranked = []
+    with_ranks = []
     for standing in standings:
-        peers = [other.name for other in contestants if other.policy_class == standing.policy_class]
-        ranked.append(
+        same_class = [peer.name for peer in ranked if peer.policy_class == standing.policy_class]
+        with_ranks.append(
             replace(
                 standing,
-                class_rank=_place(standing.name, peers),
+                class_rank=_place(standing.name, same_class),
                 constraint_rank=_place(standing.name, by_cost),
-                over_least_cost=_over_cheapest_other(standing.name, by_cost, costs),
+                over_least_cost=_over_cheapest_other(standing.name, by_cost, metal_costs),
             )
         )
-    return ranked
+    return with_ranks
 
 
 def _place(name: str, order: Sequence[str]) -> int | None:
@@ -211,277 +207,356 @@ def _place(name: str, order: Sequence[str]) -> int | None:
 
 
 def _over_cheapest_other(
-    name: str, by_cost: Sequence[str], costs: Mapping[str, tuple[float, Floats]]
+    name: str, by_cost: Sequence[str], metal_costs: Mapping[str, MetalCost]
 ) -> Estimate | None:
-    """Return the cost of a policy less that of the cheapest other on the constraint track [min/dm3]."""
+    """Return the cost of a policy less that of the cheapest other feasible one [min/dm3]."""
     others = [other for other in by_cost if other != name]
-    if name not in costs or not others:
+    if name not in metal_costs or not others:
         return None
-    cost, replicates = costs[name]
-    least, least_replicates = costs[others[0]]
-    return Estimate.of(cost - least, replicates - least_replicates)
+    cost = metal_costs[name]
+    least = metal_costs[others[0]]
+    return Estimate.of(cost.value - least.value, cost.replicates - least.replicates)
 
 
 def names_of(policies: Sequence[PolicySpec]) -> dict[str, str]:
-    """Return the name under which each policy is ranked, by its label: agents that differ only in training seed share one.
+    """Return the name under which each policy is ranked, by its label.
 
-    If agents of one name differ in more, or only some come with the project, the first keeps the name, those of the project
-    before others; the name of the others ends in their training seeds. What a training does not name has its value in ``TERMS``.
+    Agents that differ only in training seed share a name. If agents of one name differ in more, or
+    only some come with the project, the first keeps the name, those of the project before others.
+    The names of the others end in their training seeds.
     """
-    trainings: dict[str, dict[str, list[PolicySpec]]] = {}
+    trainings_by_title: dict[str, dict[str, list[PolicySpec]]] = {}
     for policy in sorted(policies, key=is_own):
-        alike = policy.model_dump(include={"kind", "tuned_for"}), TERMS | policy.parameters
-        training = digest_of([is_own(policy), *alike])
-        trainings.setdefault(policy.title, {}).setdefault(training, []).append(policy)
+        trainings = trainings_by_title.setdefault(policy.title, {})
+        trainings.setdefault(_training_digest(policy), []).append(policy)
+
     names: dict[str, str] = {}
-    for name, groups in trainings.items():
-        for place, group in enumerate(groups.values()):
-            seeds = ",".join(str(policy.training_seed) for policy in group)
-            names |= {policy.label: f"{name}-seed{seeds}" if place else name for policy in group}
+    for title, trainings in trainings_by_title.items():
+        for place, same_training in enumerate(trainings.values()):
+            name = title
+            if place > 0:
+                seeds = [str(policy.training_seed) for policy in same_training]
+                name = f"{title}-seed{','.join(seeds)}"
+            for policy in same_training:
+                names[policy.label] = name
     return names
 
 
+def _training_digest(policy: PolicySpec) -> str:
+    """Return a digest that trainings share if they differ only in their seed.
+
+    A training that does not state a term has its value in ``TERMS``. Older files do not state the
+    inputs of their training; their command does.
+    """
+    parameters = TERMS | policy.parameters
+    inputs = training_information(policy.parameters, policy.command)
+    parameters["training_information"] = sorted(inputs or ())
+    kind_and_scenario = policy.model_dump(include={"kind", "tuned_for"})
+    return digest_of([is_own(policy), kind_and_scenario, parameters])
+
+
 def _description(policy: PolicySpec) -> str:
-    """Return what a policy is: of the project's own by the present code, as results may hold older words."""
+    """Return the description of a policy.
+
+    That of a policy of the project follows from the present code, as results may hold older words.
+    """
     if policy.name in RULES:
         return RULES[policy.name].description
     if policy.kind == "agent" and not is_own(policy) and policy.tuned_for is not None:
-        return description_of_training(
-            policy.parameters, policy.parameters.get("steps"), policy.tuned_for.name
-        )
+        steps = policy.parameters.get("steps")
+        return description_of_training(policy.parameters, steps, policy.tuned_for.name)
     return policy.description
 
 
 def highest(returns: Mapping[str, float]) -> str | None:
-    """Return the policy with the highest return, the first by name on a tie; None if there is no policy."""
+    """Return the policy with the highest return, the first by name on a tie; None without any."""
     return min(returns, key=lambda name: (-returns[name], name), default=None)
 
 
 def best_rule(standings: Sequence[Standing]) -> Standing | None:
-    """Return the rule with the highest mean return, a feasible one if there is any; None without a rule."""
+    """Return the rule with the highest mean return, a feasible one if any is; None without any."""
     rules = {standing.name: standing for standing in standings if standing.kind == "rule"}
-    feasible = {
-        name: standing.mean_return.value for name, standing in rules.items() if standing.feasible
-    }
-    best = highest(
-        feasible or {name: standing.mean_return.value for name, standing in rules.items()}
-    )
+    returns = {name: rule.mean_return.value for name, rule in rules.items()}
+    feasible = {name: value for name, value in returns.items() if rules[name].feasible}
+    best = highest(feasible or returns)
     return None if best is None else rules[best]
 
 
-class _Board:
-    """Policies on one task: the results of each by its name, one per training seed."""
+class SevereLimits(NamedTuple):
+    """One-sided confidence limits of the share of severe overload [-]."""
 
-    def __init__(self, groups: Mapping[str, Sequence[Result]]) -> None:
-        self.groups, self.task = groups, next(iter(groups.values()))[0].task
-        self.scenario = self.task.scenario
-        self.played = {
-            name: {
-                field: np.array([each.episodes[field] for each in group])
-                for field in group[0].episodes
-            }
-            for name, group in groups.items()
-        }  # arrays of shape (training seeds, seeds)
-        self.bootstrap = Bootstrap(len(self.task.seeds))
-        self.means = {
-            name: self.bootstrap.means(each["return"], name) for name, each in self.played.items()
+    lower: float
+    upper: float
+
+
+class _Played:
+    """The episodes of one policy on a task, by its results: one per training seed; a rule has one.
+
+    Arrays have shape (training seeds, seeds), bootstrap replicates shape (resamples,).
+    """
+
+    def __init__(self, name: str, results: Sequence[Result], bootstrap: Bootstrap) -> None:
+        self.name = name
+        self.results = results
+        self.policy = results[0].policy
+        self.scenario = results[0].task.scenario
+        self.bootstrap = bootstrap
+        self.episodes = {
+            field: np.array([result.episodes[field] for result in results])
+            for field in results[0].episodes
         }
-        policies = {name: group[0].policy for name, group in groups.items()}
-        self.severe_limits = {name: self._severe_limits(name) for name in groups}
-        self.rules = {
-            name: float(np.mean(self.played[name]["return"]))
-            for name, policy in policies.items()
-            if policy.kind == "rule" and not policy.forgets
-        }
-        self.costs = {} if self.task.of_family else {
-            name: _metal_cost(name, _cost_minutes(episodes, self.scenario), episodes["removed"], self.bootstrap)
-            for name, episodes in self.played.items()
-            if episodes["removed"].any()
-        }  # fmt: skip
+        self.returns = self.episodes["return"]
+        self.mean_return = float(np.mean(self.returns))
+        self.return_replicates = bootstrap.means(self.returns, name)
+        severe_time = self.episodes["severe_overload_time"]
+        engaged_time = self.episodes["engaged_time"]
+        lower, upper = bootstrap.severe_limits(severe_time, engaged_time, name)
+        self.severe_limits = SevereLimits(lower, upper)
+        allowance = self.scenario.limits.overload_allowance
+        self.feasibility: Feasibility = feasibility(self.severe_limits, allowance)
 
-    def _severe_limits(self, name: str) -> tuple[float, float]:
-        """Return the lower and upper confidence limits of a policy's share of severe overload."""
-        episodes = self.played[name]
-        return self.bootstrap.severe_limits(
-            episodes["severe_overload_time"], episodes["engaged_time"], name
-        )
+    @property
+    def is_rule(self) -> bool:
+        """Return whether others are compared with it as a rule; one that forgets is a variant."""
+        return self.policy.kind == "rule" and not self.policy.forgets
 
-    def _feasibility(self, name: str) -> Feasibility:
-        return feasibility(self.severe_limits[name], self.scenario.limits.overload_allowance)
+    def share_of_cutting(self, field: str) -> float:
+        """Return the sum of a field of the episodes over cutting time."""
+        return _share(self.episodes[field], self.episodes["engaged_time"])
 
-    def _best_other_rule(self, name: str) -> str | None:
-        """Return the other rule with the highest mean return, a feasible one if there is any."""
-        others = {rule: mean for rule, mean in self.rules.items() if rule != name}
-        feasible = {
-            rule: mean for rule, mean in others.items() if self._feasibility(rule) == "feasible"
-        }
-        return highest(feasible or others)
+    def interquartile(self, values: Floats) -> Estimate:
+        """Return the interquartile mean of values of shape (training seeds, seeds)."""
+        mean = interquartile_mean(values.ravel()).item()
+        return Estimate.of(mean, self.bootstrap.interquartile_means(values, self.name))
 
-    def _excess_share(self, name: str, field: str) -> float | None:
-        """Return the share of cutting time with an excess above a threshold, a field of ``ExcessShares``; None if unknown."""
-        excess_time, engaged_time = 0.0, 0.0
-        for result in self.groups[name]:
+    def metal_cost(self, *, with_overload: bool) -> MetalCost:
+        """Return the cost of the metal that the policy has removed."""
+        minutes = _cost_minutes(self.episodes, self.scenario)
+        if with_overload:
+            # The reward of overload is negative, in seconds.
+            minutes = minutes - self.episodes["reward_overload"] / 60.0
+        volume = self.episodes["removed"] / 1000.0  # cm3 to dm3
+        minutes_replicates = self.bootstrap.means(minutes, self.name)
+        volume_replicates = self.bootstrap.means(volume, self.name)
+        return MetalCost(_share(minutes, volume), ratio(minutes_replicates, volume_replicates))
+
+    def excess_shares(self) -> ExcessShares | None:
+        """Return the shares of cutting time over a limit; None if a result lacks them."""
+        engaged_time = 0.0
+        above_2_percent = 0.0
+        above_10_percent = 0.0
+        for result in self.results:
             if result.excess is None:
                 return None
             engaged = float(np.sum(result.episodes["engaged_time"]))
             engaged_time += engaged
-            excess_time += engaged * getattr(result.excess, field)
-        return excess_time / engaged_time if engaged_time > 0.0 else 0.0
+            above_2_percent += engaged * result.excess.above_2_percent
+            above_10_percent += engaged * result.excess.above_10_percent
+        if engaged_time <= 0.0:
+            return ExcessShares(above_2_percent=0.0, above_10_percent=0.0)
+        return ExcessShares(
+            above_2_percent=above_2_percent / engaged_time,
+            above_10_percent=above_10_percent / engaged_time,
+        )
+
+
+class _Comparison:
+    """Policies on one task, and what is compared between them."""
+
+    def __init__(self, results_by_name: Mapping[str, Sequence[Result]]) -> None:
+        first = next(iter(results_by_name.values()))[0]
+        self.task = first.task
+        self.scenario = first.task.scenario
+        bootstrap = Bootstrap(len(first.task.seeds))
+        self.played = {
+            name: _Played(name, results, bootstrap) for name, results in results_by_name.items()
+        }
+        self.metal_costs: dict[str, MetalCost] = {}
+        if self.task.of_family is None:
+            for name, played in self.played.items():
+                if played.episodes["removed"].any():
+                    self.metal_costs[name] = played.metal_cost(with_overload=False)
 
     def standing(self, name: str) -> Standing:
-        """Return the standing of one policy."""
-        policy, episodes, scenario = self.groups[name][0].policy, self.played[name], self.scenario
-        returns, engaged, severe = (
-            episodes["return"],
-            episodes["engaged_time"],
-            episodes["severe_overload_time"],
-        )
-        best_rule = self._best_other_rule(name)
-        severe_lower_limit, severe_limit = self.severe_limits[name]
-        interquartile = self.bootstrap.interquartile_means(returns, name)
+        """Return the standing of one policy, without its ranks."""
+        played = self.played[name]
+        standing = self._common_numbers(played)
+        if standing.best_rule is not None:
+            best_rule = self.played[standing.best_rule]
+            standing = _with_leads(standing, played, best_rule)
+        if self.task.of_family is not None:
+            return self._with_job_numbers(standing, played)
+        return self._with_episode_numbers(standing, played)
+
+    def _common_numbers(self, played: _Played) -> Standing:
+        """Return a standing with the numbers of all tasks."""
+        policy = played.policy
+        seeds = sorted(result.policy.training_seed or 0 for result in played.results)
+        best_rule = self._best_other_rule(played.name)
+        excess = played.excess_shares()
+        # Older results on families lack the time over a limit.
+        overload_share = None
+        if "overload_time" in played.episodes:
+            overload_share = played.share_of_cutting("overload_time")
         return Standing(
-            name=name,
+            name=played.name,
             kind=policy.kind,
             policy_class=class_of(policy),
-            information=information(policy, policy.trained_on or scenario),
+            information=information(policy, policy.trained_on or self.scenario),
             description=_description(policy),
             own=is_own(policy),
-            training_seeds=tuple(
-                sorted(
-                    each.policy.training_seed or 0
-                    for each in self.groups[name]
-                    if policy.kind == "agent"
-                )
-            ),
-            unranked=reason_not_to_rank(policy.kind, scenario),
-            feasible=self._feasibility(name) == "feasible",
-            feasibility=self._feasibility(name),
-            mean_return=Estimate.of(float(np.mean(returns)), self.means[name]),
-            interquartile_return=Estimate.of(
-                interquartile_mean(returns.ravel()).item(), interquartile
-            ),
-            severe_share=_share(severe, engaged),
-            severe_lower_limit=severe_lower_limit,
-            severe_limit=severe_limit,
+            training_seeds=tuple(seeds) if policy.kind == "agent" else (),
+            unranked=reason_not_to_rank(policy.kind, self.scenario),
+            feasible=played.feasibility == "feasible",
+            feasibility=played.feasibility,
+            mean_return=Estimate.of(played.mean_return, played.return_replicates),
+            interquartile_return=played.interquartile(played.returns),
+            severe_share=played.share_of_cutting("severe_overload_time"),
+            severe_lower_limit=played.severe_limits.lower,
+            severe_limit=played.severe_limits.upper,
             best_rule=best_rule,
-            over_best_rule=self._difference(name, best_rule),
-            over_causal=self._difference(name, CAUSAL),
-            overload_share=_share(episodes["overload_time"], engaged)
-            if "overload_time" in episodes
-            else None,
-            share_above_2_percent=self._excess_share(name, "above_2_percent"),
-            share_above_10_percent=self._excess_share(name, "above_10_percent"),
-            **self._leads(name, best_rule),
-            **(self._of_jobs(name) if self.task.of_family else self._of_episodes(name)),
+            over_best_rule=self._difference(played, best_rule),
+            over_causal=self._difference(played, CAUSAL),
+            overload_share=overload_share,
+            share_above_2_percent=None if excess is None else excess.above_2_percent,
+            share_above_10_percent=None if excess is None else excess.above_10_percent,
         )
 
-    def _difference(self, name: str, other: str | None) -> Estimate | None:
-        """Return the difference of two policies' mean returns."""
-        if other is None or other == name or other not in self.played:
+    def _best_other_rule(self, name: str) -> str | None:
+        """Return the other rule with the highest mean return, a feasible one if there is any."""
+        returns = {}
+        feasible = {}
+        for rule, played in self.played.items():
+            if rule == name or not played.is_rule:
+                continue
+            returns[rule] = played.mean_return
+            if played.feasibility == "feasible":
+                feasible[rule] = played.mean_return
+        return highest(feasible or returns)
+
+    def _difference(self, played: _Played, other_name: str | None) -> Estimate | None:
+        """Return the difference of two policies' mean returns [s]."""
+        if other_name is None or other_name == played.name or other_name not in self.played:
             return None
-        value = float(np.mean(self.played[name]["return"]) - np.mean(self.played[other]["return"]))
-        return Estimate.of(value, self.means[name] - self.means[other])
+        other = self.played[other_name]
+        replicates = played.return_replicates - other.return_replicates
+        return Estimate.of(played.mean_return - other.mean_return, replicates)
 
-    def _leads(self, name: str, other: str | None) -> dict[str, Any]:
-        """Return the numbers of the differences of two policies' returns, seed by seed, that a few seeds cannot decide."""
-        if other is None:
-            return {}
-        leads = self.played[name]["return"].mean(axis=0) - self.played[other]["return"].mean(axis=0)
-        few = leads[np.argsort(-np.abs(leads), kind="stable")[LARGEST:]]
-        return {
-            "median_over_best_rule": float(np.median(leads)),
-            "over_best_rule_without_largest": float(few.mean()) if few.size else None,
-            "beats_best_rule": float((leads > 0.0).mean()),
-        }
+    def _score(self, played: _Played) -> Estimate | None:
+        """Return the share of the gap in return from fixed parameters to the causal oracle.
 
-    def _score(self, name: str, start: str) -> Estimate | None:
-        """Return the share of the gap in return from a policy to the causal oracle that another closes."""
-        if not {start, CAUSAL} <= self.played.keys() or name in (start, CAUSAL):
+        A policy that closes the gap scores 1; the two ends have no score.
+        """
+        fixed = self.played.get(comparators(self.scenario).fixed)
+        causal = self.played.get(CAUSAL)
+        if fixed is None or causal is None or played in (fixed, causal):
             return None
-        low, high, mean = (
-            float(np.mean(self.played[each]["return"])) for each in (start, CAUSAL, name)
-        )
-        means, least = self.means, self.means[start]
-        return Estimate.of(
-            (mean - low) / (high - low), (means[name] - least) / (means[CAUSAL] - least)
-        )
+        closed = played.mean_return - fixed.mean_return
+        gap = causal.mean_return - fixed.mean_return
+        closed_replicates = played.return_replicates - fixed.return_replicates
+        gap_replicates = causal.return_replicates - fixed.return_replicates
+        return Estimate.of(closed / gap, closed_replicates / gap_replicates)
 
-    def _of_episodes(self, name: str) -> dict[str, Any]:
-        """Return the numbers for tasks on one scenario."""
-        episodes, scenario, compared = self.played[name], self.scenario, comparators(self.scenario)
-        engaged, removed, edges = (
-            episodes["engaged_time"],
-            episodes["removed"],
-            episodes["edges_used"],
+    def _with_episode_numbers(self, standing: Standing, played: _Played) -> Standing:
+        """Add the numbers of tasks on one scenario."""
+        control = self.scenario.control
+        compared = comparators(self.scenario)
+        episodes = played.episodes
+        edges = episodes["edges_used"]
+        minutes = total_minutes(episodes, self.scenario)
+        standing = replace(
+            standing,
+            over_fixed=self._difference(played, compared.fixed),
+            over_published=self._difference(played, compared.published),
+            score=self._score(played),
+            minutes=float(np.mean(minutes)),
+            removal_rate=_share(episodes["removed"], minutes),
+            excess=played.share_of_cutting("excess"),
+            edges=float(np.mean(edges)),
+            broken_share=_share(episodes["edges_broken"], edges),
+            used_life=float(np.mean(episodes["used_life"])),
         )
-        minutes, cost_minutes = total_minutes(episodes, scenario), _cost_minutes(episodes, scenario)
-        found: dict[str, Any] = {
-            "over_fixed": self._difference(name, compared.fixed),
-            "over_published": self._difference(name, compared.published),
-            "score": self._score(name, compared.fixed),
-            "minutes": float(np.mean(minutes)),
-            "removal_rate": _share(removed, minutes),
-            "excess": _share(episodes["excess"], engaged),
-            "edges": float(np.mean(edges)),
-            "broken_share": _share(episodes["edges_broken"], edges),
-            "used_life": float(np.mean(episodes["used_life"])),
-        }
-        if name in self.costs:
-            found["cost"] = Estimate.of(*self.costs[name])
-        if name in self.costs and scenario.control.aim == "removal":
-            all_minutes = cost_minutes - episodes["reward_overload"] / 60.0
-            found["full_cost"] = Estimate.of(
-                *_metal_cost(name, all_minutes, removed, self.bootstrap)
-            )
-        if scenario.control.action == "part":
-            found["part_cost"] = _share(cost_minutes, episodes["steps"])
-        if scenario.control.aim == "roughness":
-            found["roughness_deviation"] = _share(episodes["roughness_deviation"], episodes["time"])
-        return found
+        if played.name in self.metal_costs:
+            standing = replace(standing, cost=self.metal_costs[played.name].estimate)
+        if played.name in self.metal_costs and control.aim == "removal":
+            full_cost = played.metal_cost(with_overload=True)
+            standing = replace(standing, full_cost=full_cost.estimate)
+        if control.action == "part":  # a step is a part
+            part_cost = _share(_cost_minutes(episodes, self.scenario), episodes["steps"])
+            standing = replace(standing, part_cost=part_cost)
+        if control.aim == "roughness":
+            deviation = _share(episodes["roughness_deviation"], episodes["time"])
+            standing = replace(standing, roughness_deviation=deviation)
+        return standing
 
-    def _of_jobs(self, name: str) -> dict[str, Any]:
-        """Return the numbers for families."""
-        episodes, returns = (
-            self.played[name],
-            {each: played["return"] for each, played in self.played.items()},
-        )
+    def _with_job_numbers(self, standing: Standing, played: _Played) -> Standing:
+        """Add the numbers of families."""
+        episodes = played.episodes
         worth = episodes["reward_metal"]
-        cost = worth - returns[name]
-        costs = self.bootstrap.means(cost, name) / self.bootstrap.means(worth, name)
-        overload = ratio(episodes["severe_overload_time"], episodes["engaged_time"])
-        found: dict[str, Any] = {
-            "full_cost_share": Estimate.of(cost.mean() / worth.mean(), costs),
-            "worst_return": float(returns[name].min()),
-            "feasible_jobs": float((overload <= self.scenario.limits.overload_allowance).mean()),
+        cost = worth - played.returns
+        cost_replicates = played.bootstrap.means(cost, played.name)
+        worth_replicates = played.bootstrap.means(worth, played.name)
+        severe_share = ratio(episodes["severe_overload_time"], episodes["engaged_time"])
+        is_feasible = severe_share <= self.scenario.limits.overload_allowance
+        with_true_laws = {
+            other.name: other.mean_return
+            for other in self.played.values()
+            if other.policy.knows == "true_laws"
         }
-        if {NOMINAL_OPTIMUM, CAUSAL} <= returns.keys():
-            low, high = returns[NOMINAL_OPTIMUM].mean(axis=0), returns[CAUSAL].mean(axis=0)
-            scores = (returns[name] - low) / (high - low)
-            middle = self.bootstrap.interquartile_means(scores, name)
-            found["job_score"] = Estimate.of(interquartile_mean(scores.ravel()).item(), middle)
-        true = {
-            each: float(returns[each].mean())
-            for each, group in self.groups.items()
-            if group[0].policy.knows == "true_laws"
-        }
-        return found | {"over_truth": self._difference(name, highest(true))}
+        return replace(
+            standing,
+            full_cost_share=Estimate.of(
+                cost.mean() / worth.mean(), cost_replicates / worth_replicates
+            ),
+            job_score=self._job_score(played),
+            over_truth=self._difference(played, highest(with_true_laws)),
+            worst_return=float(played.returns.min()),
+            feasible_jobs=float(is_feasible.mean()),
+        )
+
+    def _job_score(self, played: _Played) -> Estimate | None:
+        """Return the share of each job's gap from the nominal optimum to the causal oracle."""
+        if NOMINAL_OPTIMUM not in self.played or CAUSAL not in self.played:
+            return None
+        low = self.played[NOMINAL_OPTIMUM].returns.mean(axis=0)
+        high = self.played[CAUSAL].returns.mean(axis=0)
+        return played.interquartile((played.returns - low) / (high - low))
+
+
+def _with_leads(standing: Standing, played: _Played, other: _Played) -> Standing:
+    """Add the numbers of the lead over another policy, seed by seed."""
+    leads = played.returns.mean(axis=0) - other.returns.mean(axis=0)
+    largest_first = np.argsort(-np.abs(leads), kind="stable")
+    without_largest = leads[largest_first[LARGEST:]]
+    mean_without_largest = float(without_largest.mean()) if without_largest.size else None
+    return replace(
+        standing,
+        median_over_best_rule=float(np.median(leads)),
+        over_best_rule_without_largest=mean_without_largest,
+        beats_best_rule=float((leads > 0.0).mean()),
+    )
 
 
 def total_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
     """Return the time [min] of each episode, with edge changes and the downtime of breakages.
 
-    If an episode ends with its edge, ``time`` does not hold them. An episode that the time limit cuts off is charged the used
-    share of a change.
+    If an episode ends with its edge, ``time`` does not hold them. An episode that the time limit
+    cuts off is charged the used share of a change.
     """
     economics = scenario.economics
     total: Floats = episodes["time"] / 60.0
-    if scenario.control.edge_changes == "end":
-        stops = (
-            economics.edge_change_time * episodes["edges_used"]
-            + economics.breakage_downtime * episodes["edges_broken"]
-        )
-        total = total + stops
-    return total
+    if scenario.control.edge_changes != "end":
+        return total
+    stops = (
+        economics.edge_change_time * episodes["edges_used"]
+        + economics.breakage_downtime * episodes["edges_broken"]
+    )
+    return np.asarray(total + stops)
+
+
+def _cost_minutes(episodes: Mapping[str, Floats], scenario: Scenario) -> Floats:
+    """Return the cost [min] of each episode: time and edges."""
+    return total_minutes(episodes, scenario) + scenario.economics.edge_cost * episodes["edges_used"]
 
 
 def _share(parts: Floats, wholes: Floats) -> float:
