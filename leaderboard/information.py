@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from baselines.guided import HOLD
 from train.agents.agent_file import MAX_NUMBER
+from train.run import current_names
 from train.training_information import (
     LIFE_PRICE,
     MODEL_FREE,
@@ -74,13 +75,14 @@ def information(policy: PolicySpec, scenario: Scenario) -> Information | None:
     given = training_information(policy.parameters, policy.command)
     if given is None:
         return Information(given=None, seen=None, steps=None)
-    seen = _run_time_inputs(policy.parameters, learns_from_rewards="rewards" in given)
+    parameters = current_names(policy.parameters)
+    seen = _run_time_inputs(parameters, learns_from_rewards="rewards" in given)
     if scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end":
         given -= LIFE_PRICE  # the job ends before the edge: its life has the flat price
     return Information(
         given=tuple(name for name in TRAINING_INPUTS if name in given),
         seen=tuple(name for name in RUN_TIME_INPUTS if name in seen),
-        steps=_environment_steps(policy.parameters),
+        steps=_environment_steps(parameters),
     )
 
 
@@ -96,7 +98,7 @@ def _run_time_inputs(parameters: Mapping[str, object], learns_from_rewards: bool
         inputs.add("context")
     frames = _whole_number(parameters, "frames") or 1
     remembers = parameters.get("memory", by_default) is True
-    if remembers or "memory_cells" in parameters or frames > 1:
+    if remembers or "lstm_hidden_size" in parameters or frames > 1:
         inputs.add("memory")
     if parameters.get("belief") is True:
         inputs.add("belief")
@@ -117,7 +119,7 @@ def _environment_steps(parameters: Mapping[str, object]) -> int | None:
 
     The training of a guide counts decisions, each of ``HOLD`` steps.
     """
-    steps = _whole_number(parameters, "steps")
+    steps = _whole_number(parameters, "total_timesteps")
     if steps is not None and _guides(parameters):
         return steps * HOLD
     return steps

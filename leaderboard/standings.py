@@ -17,7 +17,7 @@ from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_own
 from leaderboard.result import ExcessShares, Result
 from train.agents.agent_file import description_of_training
-from train.run import TERMS
+from train.run import TERMS, current_names
 from train.training_information import training_information
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
@@ -248,7 +248,7 @@ def _training_digest(policy: PolicySpec) -> str:
     A training that does not state a term has its value in ``TERMS``. Older files do not state the
     inputs of their training; their command does.
     """
-    parameters = TERMS | policy.parameters
+    parameters = TERMS | current_names(policy.parameters)
     inputs = training_information(policy.parameters, policy.command)
     parameters["training_information"] = sorted(inputs or ())
     kind_and_scenario = policy.model_dump(include={"kind", "tuned_for"})
@@ -263,7 +263,7 @@ def _description(policy: PolicySpec) -> str:
     if policy.name in RULES:
         return RULES[policy.name].description
     if policy.kind == "agent" and not is_own(policy) and policy.tuned_for is not None:
-        steps = policy.parameters.get("steps")
+        steps = current_names(policy.parameters).get("total_timesteps")
         return description_of_training(policy.parameters, steps, policy.tuned_for.name)
     return policy.description
 

@@ -77,12 +77,12 @@ tools.wheel: --constraints nothing | --constraints file
 """
 SAID = """
 train.ppo: --seed -1 => the training seed is -1, but must be 0 to 998
-train.ppo: --steps 0 => steps is 0, but must be at least 1
+train.ppo: --total-timesteps 0 => total_timesteps is 0, but must be at least 1
 train.ppo: --scenario nowhere => python -m turning_env presets
 train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did you mean learning_rate
 train.ppo: --set learning_rate => learning_rate is '', but must be a float of 0 or more, such as 0.002
-train.ppo: --set discount=nan => discount is nan, but
-train.ppo: --set "hidden_layers=[1, 'x']" => hidden_layers is 'x', but
+train.ppo: --set gamma=nan => gamma is nan, but
+train.ppo: --set "net_arch=[1, 'x']" => net_arch is 'x', but
 turning_nc.export_law law: --rule one_line_law --tuning-seed -1 --out made.mpf => --tuning-seed is -1
 turning_nc.export_law law: --rule tmac --out made.mpf => those that can are one_line_law
 baselines.tune: --scenario harder_lot --out made.json => scenario 'harder_lot' has a model mismatch

@@ -70,7 +70,7 @@ def scored(env_id: str, tmp_path: Path) -> None:
 
 
 def trained_exported_and_ranked(env_id: str, tmp_path: Path) -> None:
-    few = PARAMETERS["ppo"] | {"steps": 64, "rollout": 8, "batch_size": 32}
+    few = PARAMETERS["ppo"] | {"total_timesteps": 64, "n_steps": 8, "batch_size": 32}
     settings = [f"{name}={value}" for name, value in few.items()]
     words = ["--env", env_id, "--seed", "3", "--runs", str(tmp_path)]
     assert ppo.main([*words, *(word for setting in settings for word in ("--set", setting))]) == 0

@@ -165,7 +165,7 @@ class AnalyticGradient(BaseAlgorithm):
     def collect(self, callbacks: BaseCallback) -> Rollout:
         """Play a rollout with the agent."""
         start, steps = self.memory, []
-        for _ in range(self.settings.rollout):
+        for _ in range(self.settings.n_steps):
             seen, begins = (
                 torch.from_numpy(self._last_obs),
                 torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1),
@@ -189,13 +189,13 @@ class AnalyticGradient(BaseAlgorithm):
     def train(self, rollout: Rollout) -> float:
         """Learn from a rollout; return its mean gain per step [s]."""
         gains = []
-        for _ in range(self.settings.epochs):
+        for _ in range(self.settings.n_epochs):
             for envs in torch.randperm(self.n_envs).split(self.settings.batch_envs):  # type: ignore[no-untyped-call]
                 gain = self.mean_gain(rollout, envs)
                 self.policy.optimizer.zero_grad()
                 (-gain).backward()  # type: ignore[no-untyped-call]
                 torch.nn.utils.clip_grad_norm_(
-                    self.policy.parameters(), self.settings.max_gradient_norm
+                    self.policy.parameters(), self.settings.max_grad_norm
                 )
                 self.policy.optimizer.step()
                 gains.append(gain.item())
@@ -241,7 +241,7 @@ def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "rollout": CategoricalDistribution([32, 64, 128]),
+    "n_steps": CategoricalDistribution([32, 64, 128]),
     "cells": CategoricalDistribution([32, 64, 128]),
 }
 

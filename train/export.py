@@ -201,7 +201,7 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         observation_space=Space.of(agent_file.seen_space(run.env_id, run.scenario, run.parameters)),
         action_space=Space.of(agent_file.acting_space(run.scenario, run.parameters)),
         parameters=run.parameters,
-        trained_steps=run.parameters["steps"],
+        trained_steps=run.parameters["total_timesteps"],
         command=re.sub(
             r" --runs[ =]('[^']*'|\S+)", "", run.command
         ),  # without a folder of this machine

@@ -1,7 +1,7 @@
 """Train a guide of ``self_tuning`` with PPO for one training seed: it sets the highest speed and when edges are changed.
 
     python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 0
-    python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 1 --steps 500000
+    python -m train.guided_ppo --env RoughTurning-Family-v0 --scenario unmodelled --seed 1 --total-timesteps 500000
 
 The guide is told what the rule is not: the catalogue's numbers that the family shows, and what became of earlier edges
 (``baselines/guided.py``). On the family ``unmodelled``, a linear law of two of these numbers (``baselines/contextual.py``)

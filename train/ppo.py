@@ -1,7 +1,7 @@
 """Train an agent with PPO for one training seed.
 
     python -m train.ppo --seed 0
-    python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --steps 8000000
+    python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --total-timesteps 8000000
 
 The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
 (Schulman et al. 2017, arXiv 1707.06347.)
@@ -164,19 +164,19 @@ def settings(run: Run) -> dict[str, Any]:
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
-        "n_steps": p["rollout"],
+        "n_steps": p["n_steps"],
         "batch_size": p["batch_size"],
-        "n_epochs": p["epochs"],
-        "gamma": p["discount"],
+        "n_epochs": p["n_epochs"],
+        "gamma": p["gamma"],
         "gae_lambda": p["gae_lambda"],
         "clip_range": p["clip_range"],
-        "ent_coef": p["entropy_coefficient"],
-        "vf_coef": p["value_coefficient"],
-        "max_grad_norm": p["max_gradient_norm"],
+        "ent_coef": p["ent_coef"],
+        "vf_coef": p["vf_coef"],
+        "max_grad_norm": p["max_grad_norm"],
         "policy_kwargs": {
-            "net_arch": p["hidden_layers"],
-            "activation_fn": ACTIVATIONS[p["activation"]],
-            "log_std_init": p["initial_log_deviation"],
+            "net_arch": p["net_arch"],
+            "activation_fn": ACTIVATIONS[p["activation_fn"]],
+            "log_std_init": p["log_std_init"],
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
         "stats_window_size": max(100, p["num_envs"]),
@@ -201,9 +201,9 @@ def network(policy: Any) -> Feedforward:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.999),
-    "epochs": IntDistribution(3, 10),
-    "initial_log_deviation": FloatDistribution(-2.0, 0.0),
+    "gamma": FloatDistribution(0.5, 0.999),
+    "n_epochs": IntDistribution(3, 10),
+    "log_std_init": FloatDistribution(-2.0, 0.0),
 }
 
 ALGORITHM = Algorithm(

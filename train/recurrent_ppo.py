@@ -45,17 +45,17 @@ def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
     """Return an untrained model."""
     p, values = run.parameters, settings(run)
     values["policy_kwargs"] |= {
-        "lstm_hidden_size": p["memory_cells"],
-        "enable_critic_lstm": p["critic_has_memory"],
+        "lstm_hidden_size": p["lstm_hidden_size"],
+        "enable_critic_lstm": p["enable_critic_lstm"],
     }
     return RecurrentPPO("MlpLstmPolicy", vec_env, **values)
 
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.999),
-    "epochs": IntDistribution(2, 8),
-    "memory_cells": CategoricalDistribution([16, 32, 64]),
+    "gamma": FloatDistribution(0.5, 0.999),
+    "n_epochs": IntDistribution(2, 8),
+    "lstm_hidden_size": CategoricalDistribution([16, 32, 64]),
 }
 
 ALGORITHM = Algorithm(

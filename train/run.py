@@ -29,6 +29,40 @@ TERMS = {
 }
 """Values of ``train/terms.py``'s hyperparameters in a training that does not name them."""
 
+OLD_NAMES = {
+    "activation": "activation_fn",
+    "batches_per_step": "gradient_steps",
+    "critic_has_memory": "enable_critic_lstm",
+    "critics": "n_critics",
+    "discount": "gamma",
+    "dropped_quantiles": "top_quantiles_to_drop_per_net",
+    "entropy_coefficient": "ent_coef",
+    "epochs": "n_epochs",
+    "hidden_layers": "net_arch",
+    "initial_entropy_coefficient": "initial_ent_coef",
+    "initial_log_deviation": "log_std_init",
+    "max_gradient_norm": "max_grad_norm",
+    "memory": "buffer_size",
+    "memory_cells": "lstm_hidden_size",
+    "quantiles": "n_quantiles",
+    "random_steps": "learning_starts",
+    "rollout": "n_steps",
+    "steps": "total_timesteps",
+    "target_rate": "tau",
+    "value_coefficient": "vf_coef",
+}
+"""Names of hyperparameters in older agent files, cards and runs, with their present names: Stable-Baselines3's."""
+
+
+def current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a training under their present names."""
+    current = {}
+    for name, value in parameters.items():
+        # A number called "memory" was the size of a replay buffer; analytic_gradient has a switch of that name.
+        is_switch = name == "memory" and isinstance(value, bool)
+        current[name if is_switch else OLD_NAMES.get(name, name)] = value
+    return current
+
 
 def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
     return tomllib.loads((HYPERPARAMETERS / f"{algorithm}.toml").read_text("utf-8"))
@@ -48,6 +82,8 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
+        if name not in examples:
+            name = OLD_NAMES.get(name, name)
         if name not in examples:
             instead = names_instead(name, examples, f"cat train/hyperparameters/{algorithm}.toml")
             raise ValueError(f"{algorithm} has no hyperparameter {name!r}; {instead}")
@@ -152,7 +188,7 @@ class Run:
     ) -> "Run":
         """Return a run that stands for a training by other programs, without a folder."""
         job, family = _described(scenario)
-        return cls(algorithm, env_id, job, 0, {"steps": steps} | family, command, Path())
+        return cls(algorithm, env_id, job, 0, {"total_timesteps": steps} | family, command, Path())
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
@@ -168,8 +204,9 @@ class Run:
         try:
             values = json.loads(path.read_text("utf-8"))
             values["scenario"] = Scenario.model_validate(values["scenario"])
+            values["parameters"] = current_names(values["parameters"])
             return cls(**values, folder=folder)
-        except (KeyError, TypeError, ValueError, RecursionError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path} describes no training run: {error}") from error
 
     @property

@@ -27,19 +27,19 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
     p = run.parameters
     return {
         "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
-        "buffer_size": p["memory"],
-        "learning_starts": p["random_steps"],
+        "buffer_size": p["buffer_size"],
+        "learning_starts": p["learning_starts"],
         "batch_size": p["batch_size"],
-        "tau": p["target_rate"],
-        "gamma": p["discount"],
+        "tau": p["tau"],
+        "gamma": p["gamma"],
         "train_freq": 1,
-        "gradient_steps": p["batches_per_step"],
-        "ent_coef": f"auto_{p['initial_entropy_coefficient']}",
+        "gradient_steps": p["gradient_steps"],
+        "ent_coef": f"auto_{p['initial_ent_coef']}",
         "target_entropy": p["target_entropy_per_action"]
         * math.prod(vec_env.action_space.shape or ()),
         "policy_kwargs": {
-            "net_arch": p["hidden_layers"],
-            "activation_fn": ACTIVATIONS[p["activation"]],
+            "net_arch": p["net_arch"],
+            "activation_fn": ACTIVATIONS[p["activation_fn"]],
         },
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
@@ -59,8 +59,8 @@ def network(policy: Any) -> Feedforward:
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.999),
-    "target_rate": FloatDistribution(0.003, 0.05, log=True),
+    "gamma": FloatDistribution(0.5, 0.999),
+    "tau": FloatDistribution(0.003, 0.05, log=True),
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 

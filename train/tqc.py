@@ -21,14 +21,19 @@ from train.training import Algorithm, command_line
 def new_model(run: Run, vec_env: VecEnv) -> TQC:
     """Return an untrained model."""
     p, values = run.parameters, settings(run, vec_env)
-    values["policy_kwargs"] |= {"n_critics": p["critics"], "n_quantiles": p["quantiles"]}
-    return TQC("MlpPolicy", vec_env, top_quantiles_to_drop_per_net=p["dropped_quantiles"], **values)
+    values["policy_kwargs"] |= {"n_critics": p["n_critics"], "n_quantiles": p["n_quantiles"]}
+    return TQC(
+        "MlpPolicy",
+        vec_env,
+        top_quantiles_to_drop_per_net=p["top_quantiles_to_drop_per_net"],
+        **values,
+    )
 
 
 SEARCH = {
     "learning_rate": FloatDistribution(3e-4, 3e-3, log=True),
-    "discount": FloatDistribution(0.5, 0.999),
-    "dropped_quantiles": IntDistribution(0, 6),
+    "gamma": FloatDistribution(0.5, 0.999),
+    "top_quantiles_to_drop_per_net": IntDistribution(0, 6),
     "target_entropy_per_action": FloatDistribution(-3.0, -0.5),
 }
 

@@ -100,7 +100,7 @@ class Recorder(BaseCallback):
         replace_file(run.learning_curve, self._write)
         self.last_checkpoint, label = done, f"{run.algorithm}, seed {run.seed}"
         self.bar = tqdm(
-            total=run.parameters["steps"],
+            total=run.parameters["total_timesteps"],
             initial=done,
             unit="step",
             unit_scale=True,
@@ -119,7 +119,7 @@ class Recorder(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        self._add_row(self.run.parameters["steps"] / CURVE_ROWS)
+        self._add_row(self.run.parameters["total_timesteps"] / CURVE_ROWS)
 
     def _on_training_end(self) -> None:
         self._add_row(1)
@@ -215,8 +215,8 @@ def train(
     if run.seed not in range(SEEDS):
         apart = f"episode seeds from {SEEDS * SEED_STRIDE} are for data sets and tuning, from {HELD_OUT_START} for scoring"
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
-    if run.parameters["steps"] < 1:
-        raise ValueError(f"steps is {run.parameters['steps']}, but must be at least 1")
+    if run.parameters["total_timesteps"] < 1:
+        raise ValueError(f"total_timesteps is {run.parameters['steps']}, but must be at least 1")
     with folder_lock(run.folder, wait):
         torch.set_num_threads(1)
         torch.distributions.Distribution.set_default_validate_args(
@@ -231,7 +231,7 @@ def train(
             return run.policy
         model = model or load_checkpoint(run, algorithm)
         model.learn(
-            run.parameters["steps"] - model.num_timesteps,
+            run.parameters["total_timesteps"] - model.num_timesteps,
             callback=[*algorithm.callbacks(run), Recorder(run, algorithm, checkpoint_every)],
             log_interval=algorithm.log_interval,
             tb_log_name=algorithm.name,
@@ -279,7 +279,7 @@ def load_agent(folder: Path) -> PolicySpec:
     digest = digest_of_files(folder, folder.rglob("*"))
     return trained_policy(
         stating_information(run),
-        run.parameters["steps"],
+        run.parameters["total_timesteps"],
         digest,
         lambda num_envs: ActorPolicy(actor, num_envs),
     )
@@ -322,7 +322,11 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     add_task(parser)
     parser.add_argument("--seed", type=int, default=0, help="training seed (default: %(default)s)")
     parser.add_argument(
-        "--steps", type=int, help="environment steps of the training; short for --set steps=N"
+        "--total-timesteps",
+        "--steps",
+        type=int,
+        metavar="N",
+        help="environment steps of the training; short for --set total_timesteps=N",
     )
     set_help = f"set a hyperparameter of train/hyperparameters/{algorithm.name}.toml; repeat the option to set several"
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
@@ -330,7 +334,7 @@ def command_line(algorithm: Algorithm, arguments: list[str] | None = None) -> in
     command = f"{program} {shlex.join(sys.argv[1:] if arguments is None else arguments)}".strip()
     scenario = trained_on(parsed.env, parsed.scenario)
     given = overrides(algorithm.name, parsed.set) | (
-        {} if parsed.steps is None else {"steps": parsed.steps}
+        {} if parsed.total_timesteps is None else {"total_timesteps": parsed.total_timesteps}
     )
     print(
         train(

@@ -1,6 +1,6 @@
 """Tune an algorithm's hyperparameters on tuning seeds, and print the best as a table for its hyperparameter file.
 
-    python -m train.tune --algorithm sac --trials 20 --steps 500000
+    python -m train.tune --algorithm sac --trials 20 --total-timesteps 500000
     python -m train.tune --algorithm ppo --env RoughTurning-Family-v0 --trials 20 --set belief=true
 
 A trial trains one agent per training seed, and plays all of them on the same tuning seeds; on a family, on all jobs of its split
@@ -46,7 +46,7 @@ class Task:
     algorithm: str
     env_id: str
     scenario: Scenario | Family
-    steps: int  # environment steps of each training
+    total_timesteps: int  # environment steps of each training
     seeds: int  # trainings per trial, with the training seeds 0, 1, ...
     runs: Path
     overrides: dict[str, Any] = field(
@@ -56,7 +56,11 @@ class Task:
     @property
     def known(self) -> dict[str, Any]:
         """Hyperparameters of the first trial. The others differ from it in those that are searched."""
-        return hyperparameters(self.algorithm, self.env_id) | self.overrides | {"steps": self.steps}
+        return (
+            hyperparameters(self.algorithm, self.env_id)
+            | self.overrides
+            | {"total_timesteps": self.total_timesteps}
+        )
 
     @property
     def name(self) -> str:
@@ -151,8 +155,10 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seeds", type=int, default=1, help="trainings per trial (default: 1)")
     parser.add_argument(
+        "--total-timesteps",
         "--steps",
         type=int,
+        metavar="N",
         help="environment steps per training (default: from the hyperparameter file)",
     )
     set_help = "set a hyperparameter of every trial, or that of the first if it is searched; repeat the option to set several"
@@ -169,15 +175,16 @@ def main(arguments: list[str] | None = None) -> int:
     for name, largest in (
         ("trials", 100_000),
         ("seeds", SEEDS),
-        ("steps", 10**12),
+        ("total_timesteps", 10**12),
         ("workers", 1000),
     ):
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= largest:
-            parser.error(f"--{name} is {value}, but must be 1 to {largest}")
+            parser.error(f"--{name.replace('_', '-')} is {value}, but must be 1 to {largest}")
     command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
     scenario = trained_on(parsed.env, parsed.scenario)
-    steps = parsed.steps or hyperparameters(parsed.algorithm, parsed.env)["steps"]
+    known = hyperparameters(parsed.algorithm, parsed.env)
+    steps = parsed.total_timesteps or known["total_timesteps"]
     given = overrides(parsed.algorithm, parsed.set)
     task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
     task.folder.mkdir(

@@ -12,55 +12,48 @@ import gymnasium
 from train.run import hyperparameters
 from turning_env import FAMILY_ID, IDS
 
-NAMES = {
-    **{
-        "steps": "n_timesteps",
-        "num_envs": "n_envs",
-        "rollout": "n_steps",
-        "batch_size": "batch_size",
-        "epochs": "n_epochs",
-    },
-    **{
-        "discount": "gamma",
-        "gae_lambda": "gae_lambda",
-        "clip_range": "clip_range",
-        "entropy_coefficient": "ent_coef",
-    },
-    **{
-        "value_coefficient": "vf_coef",
-        "max_gradient_norm": "max_grad_norm",
-        "memory": "buffer_size",
-    },
-    **{
-        "random_steps": "learning_starts",
-        "batches_per_step": "gradient_steps",
-        "target_rate": "tau",
-    },
-    **{"dropped_quantiles": "top_quantiles_to_drop_per_net"},
-}
-"""The zoo's name for each hyperparameter."""
-NETWORK = {
-    "initial_log_deviation": "log_std_init",
-    "critics": "n_critics",
-    "quantiles": "n_quantiles",
-}
+SAME_NAMES = (
+    "n_steps",
+    "batch_size",
+    "n_epochs",
+    "gamma",
+    "gae_lambda",
+    "clip_range",
+    "ent_coef",
+    "vf_coef",
+    "max_grad_norm",
+    "buffer_size",
+    "learning_starts",
+    "gradient_steps",
+    "tau",
+    "top_quantiles_to_drop_per_net",
+)
+"""Hyperparameters that have the same name and meaning in the zoo."""
+POLICY_NAMES = ("log_std_init", "n_critics", "n_quantiles")
+"""Hyperparameters that the zoo passes to the policy's networks."""
 
 
 def settings(algorithm: str) -> dict[str, dict[str, Any]]:
     """Return the zoo's settings of an algorithm for each id."""
-    found = {}
-    for env_id in (*IDS, FAMILY_ID):
-        ours = hyperparameters(algorithm, env_id)
-        network = "".join(f", {name}={ours[own]}" for own, name in NETWORK.items() if own in ours)
-        theirs = {name: ours[own] for own, name in NAMES.items() if own in ours}
-        theirs |= {"policy": "MlpPolicy", "learning_rate": f"lin_{ours['learning_rate']}"}
-        theirs["policy_kwargs"] = (
-            f"dict(net_arch={ours['hidden_layers']}, activation_fn=nn.ReLU{network})"
-        )
-        if "target_entropy_per_action" in ours:
-            theirs["target_entropy"] = (
-                gymnasium.make(env_id).action_space.shape[0] * ours["target_entropy_per_action"]
-            )  # type: ignore[index]
-            theirs |= {"ent_coef": f"auto_{ours['initial_entropy_coefficient']}", "train_freq": 1}
-        found[env_id] = theirs
-    return found
+    return {env_id: _of_id(algorithm, env_id) for env_id in (*IDS, FAMILY_ID)}
+
+
+def _of_id(algorithm: str, env_id: str) -> dict[str, Any]:
+    ours = hyperparameters(algorithm, env_id)
+    zoo = {name: ours[name] for name in SAME_NAMES if name in ours}
+    zoo["n_timesteps"] = ours["total_timesteps"]
+    zoo["n_envs"] = ours["num_envs"]
+    zoo["policy"] = "MlpPolicy"
+    zoo["learning_rate"] = f"lin_{ours['learning_rate']}"
+
+    # The zoo evaluates this text, in which ``nn`` is ``torch.nn``.
+    network = [f"net_arch={ours['net_arch']}", "activation_fn=nn.ReLU"]
+    network += [f"{name}={ours[name]}" for name in POLICY_NAMES if name in ours]
+    zoo["policy_kwargs"] = f"dict({', '.join(network)})"
+
+    if "target_entropy_per_action" in ours:  # SAC and TQC
+        action_space: Any = gymnasium.make(env_id).action_space
+        zoo["target_entropy"] = action_space.shape[0] * ours["target_entropy_per_action"]
+        zoo["ent_coef"] = f"auto_{ours['initial_ent_coef']}"
+        zoo["train_freq"] = 1
+    return zoo

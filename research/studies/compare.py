@@ -177,9 +177,9 @@ class Study(BaseModel):
             if trainings is not None:
                 variant.pop("trainings", None)
             if steps is not None:
-                variant.get("settings", {}).pop("steps", None)
+                variant.get("settings", {}).pop("total_timesteps", None)
         if steps is not None:
-            values["settings"] = self.settings | {"steps": steps}
+            values["settings"] = self.settings | {"total_timesteps": steps}
         return Study.model_validate(values)
 
 

@@ -62,7 +62,7 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
     for said in (
         onnx_agents.SCENARIO.digest(),
         "\ntrain it\ntrain it\n```",
-        "| discount | 0.8 |\n",
+        "| gamma | 0.8 |\n",
         "| Input | `memory` | environments x 7, float32 |",
         "4 held-out seeds, 2 training seeds",
         "| `harder_lot` | ",

@@ -51,7 +51,7 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
         "RoughTurning-v0",
         SCENARIO,
         seed,
-        {"steps": 1000, "discount": 0.8},
+        {"total_timesteps": 1000, "gamma": 0.8},
         "train it",
         folder,
     )
@@ -130,7 +130,7 @@ def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
         name: values.tolist()
         for name, values in zip(("mean", "spread"), family.context_scale, strict=True)
     }
-    parameters = {"family": family.portable(), "context": context, "steps": 1000}
+    parameters = {"family": family.portable(), "context": context, "total_timesteps": 1000}
     about = metadata(
         Run("mine", FAMILY_ID, family.job(0).scenario, seed, parameters, "train it", folder)
     )

@@ -17,23 +17,35 @@ ALGORITHMS = {
     for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, analytic_gradient)
 }
 
-_ON_POLICY = {"steps": 2048, "num_envs": 8, "rollout": 64, "batch_size": 256, "epochs": 2}
+_ON_POLICY = {
+    "total_timesteps": 2048,
+    "num_envs": 8,
+    "n_steps": 64,
+    "batch_size": 256,
+    "n_epochs": 2,
+}
 # So few are remembered that the oldest are overwritten while actions are still random.
 _OFF_POLICY = {
-    "steps": 2048,
+    "total_timesteps": 2048,
     "num_envs": 8,
-    "random_steps": 1100,
-    "memory": 800,
+    "learning_starts": 1100,
+    "buffer_size": 800,
     "batch_size": 32,
-    "batches_per_step": 1,
+    "gradient_steps": 1,
 }
 PARAMETERS: dict[str, dict[str, Any]] = {
     "ppo": _ON_POLICY,
     "sac": _OFF_POLICY,
-    "tqc": _OFF_POLICY | {"quantiles": 5},
-    "recurrent_ppo": _ON_POLICY | {"memory_cells": 4},
+    "tqc": _OFF_POLICY | {"n_quantiles": 5},
+    "recurrent_ppo": _ON_POLICY | {"lstm_hidden_size": 4},
     "lagrangian_ppo": _ON_POLICY,
-    "analytic_gradient": {"steps": 2048, "num_envs": 8, "rollout": 16, "batch_envs": 4, "cells": 8},
+    "analytic_gradient": {
+        "total_timesteps": 2048,
+        "num_envs": 8,
+        "n_steps": 16,
+        "batch_envs": 4,
+        "cells": 8,
+    },
 }
 
 

@@ -17,10 +17,13 @@ def a_run(
     rows: list[dict[str, float]],
     algorithm: str = "ppo",
     preset: str = "",
-    steps: int = 2048,
+    total_timesteps: int = 2048,
 ) -> Path:
     run = small_run(
-        ALGORITHMS[algorithm], runs, *([Scenario.load(preset)] if preset else []), steps=steps
+        ALGORITHMS[algorithm],
+        runs,
+        *([Scenario.load(preset)] if preset else []),
+        total_timesteps=total_timesteps,
     )
     run = replace(run, seed=seed, folder=runs / f"{algorithm}-seed{seed}")
     run.begin()
@@ -97,7 +100,7 @@ def test_mistakes_are_named_and_nothing_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first = a_run(tmp_path, 0, line(1.0))
-    longer = a_run(tmp_path / "longer", 1, line(1.0), steps=4096)
+    longer = a_run(tmp_path / "longer", 1, line(1.0), total_timesteps=4096)
     elsewhere = a_run(tmp_path / "elsewhere", 1, line(1.0), preset="casting")
     later = a_run(tmp_path / "later", 1, line(1.0, 200.0, 300.0))
     unbegun = a_run(tmp_path / "unbegun", 1, [])

@@ -109,7 +109,7 @@ def test_models_of_stable_baselines_act_as_they_predict(kind: Any, tmp_path: Pat
     run, actor = sb3_actor(
         tmp_path / "mine.zip", Run.elsewhere("sb3", "RoughTurning-v0", SCENARIO, 9, "a command")
     )
-    assert (run.algorithm, run.parameters) == (kind.__name__.lower(), {"steps": 0})
+    assert (run.algorithm, run.parameters) == (kind.__name__.lower(), {"total_timesteps": 0})
     policy, state = ActorPolicy(actor, 5), None
     for observations in OBSERVATIONS:
         expected, state = model.predict(observations, state, deterministic=True)

@@ -14,7 +14,14 @@ from train.training import train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv, Scenario
 
 FAMILY = Family.load("unmodelled")
-SMALL = {"steps": 192, "num_envs": 4, "rollout": 16, "batch_size": 32, "epochs": 2, "guide": True}
+SMALL = {
+    "total_timesteps": 192,
+    "num_envs": 4,
+    "n_steps": 16,
+    "batch_size": 32,
+    "n_epochs": 2,
+    "guide": True,
+}
 
 
 def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_path: Path) -> None:

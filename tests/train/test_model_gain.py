@@ -19,7 +19,7 @@ from turning_env.scoring.seeds import tuning_seeds
 from turning_env.vector_env import info_at_end_of_step
 
 BASE = Scenario.load("rough_turning")
-SMALL = {"steps": 40_000, "num_envs": 64, "batch_envs": 16, "cells": 32}
+SMALL = {"total_timesteps": 40_000, "num_envs": 64, "batch_envs": 16, "cells": 32}
 
 
 @pytest.mark.slow

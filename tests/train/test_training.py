@@ -187,7 +187,7 @@ def test_an_agent_with_a_belief_plays_alike_from_its_run_and_from_its_file(tmp_p
 def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_alone(
     tmp_path: Path, capsys
 ) -> None:
-    algorithm, few = ALGORITHMS["sac"], {"memory": 100_000, "steps": 64}
+    algorithm, few = ALGORITHMS["sac"], {"buffer_size": 100_000, "total_timesteps": 64}
     run = small_run(algorithm, tmp_path, **few)
     with pytest.raises(
         ValueError, match="frames is 0"
@@ -200,7 +200,7 @@ def test_a_finished_training_is_not_repeated_and_one_with_other_settings_left_al
     assert before.st_size < 1_000_000  # it holds no environments
     assert not run.checkpoint.exists()
     with pytest.raises(ValueError, match="holds a training with other settings"):
-        train(small_run(algorithm, tmp_path, **few, discount=0.9), algorithm)
+        train(small_run(algorithm, tmp_path, **few, gamma=0.9), algorithm)
     training.load_agent(run.folder)
     assert f"warning: {run.policy} is a pickle, which can run code" in capsys.readouterr().err
 
@@ -210,10 +210,10 @@ def test_the_command_trains_with_the_given_hyperparameters(
 ) -> None:
     settings = [
         "learning_rate=3e-4",
-        "activation=tanh",
-        "hidden_layers=[8]",
+        "activation_fn=tanh",
+        "net_arch=[8]",
         "initial_actions=[-0.5]",
-        "discount=0",
+        "gamma=0",
     ]
     given = [word for setting in settings for word in ("--set", setting)]
     arguments = [
@@ -232,9 +232,10 @@ def test_the_command_trains_with_the_given_hyperparameters(
     assert policy.command == f"python -m train.ppo {shlex.join(arguments)}"
     changed = {
         "learning_rate": 3e-4,
-        "activation": "tanh",
-        "hidden_layers": [8],
+        "activation_fn": "tanh",
+        "net_arch": [8],
         "initial_actions": [-0.5],
     }
-    changed |= {"discount": 0.0, "steps": 100}
+    changed |= {"gamma": 0.0, "total_timesteps": 100}
+    changed["training_information"] = ["rewards"]
     assert policy.parameters == hyperparameters("ppo", "RoughTurning-Paper-v0") | changed

@@ -310,7 +310,7 @@ def sb3_actor(path: Path, run: Run, statistics: Path | None = None) -> tuple[Run
         model: Any = getattr(importlib.import_module(package), name).load(path, device="cpu")
     except Exception as error:  # garbled bytes can raise anything
         raise ValueError(f"cannot be loaded as {name} of {package}: {error}") from error
-    plain = run.parameters | {"steps": int(model.num_timesteps)}
+    plain = run.parameters | {"total_timesteps": int(model.num_timesteps)}
     choices = (plain, plain | {"belief": True})
     spaces = [seen_space(run.env_id, run.scenario, each) for each in choices]
     if model.observation_space not in spaces:

@@ -10,7 +10,7 @@ from tests.train.small import PARAMETERS
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.statistics import Floats
 
-SMALL = PARAMETERS["ppo"] | {"steps": 600, "rollout": 32, "batch_size": 64}
+SMALL = PARAMETERS["ppo"] | {"total_timesteps": 600, "n_steps": 32, "batch_size": 64}
 TRAINED = f"""
 question = "Does it train?"
 task = "RoughTurning-v0"
@@ -23,7 +23,7 @@ algorithm = "ppo"
 [variants.set_point]
 like = "whole"
 trainings = 1
-settings = {{ discount = 0.5 }}
+settings = {{ gamma = 0.5 }}
 scenario.control.action = "set_point"
 [variants.rule]
 policy = "fixed_tuned"
@@ -124,7 +124,7 @@ def test_a_controller_is_told_the_truth_on_jobs(
         (('like = "whole"', 'like = "none"'), "like is 'none'"),
         (('like = "whole"', 'like = "set_point"'), "like is 'set_point'"),
         (('algorithm = "ppo"', 'algorithm = "dqn"'), "algorithm is 'dqn'"),
-        (("discount = 0.5", "discounts = 0.5"), "settings has 'discounts'"),
+        (("gamma = 0.5", "gammas = 0.5"), "settings has 'gammas'"),
         (("scenario.control.action", "scenario.controls.action"), "controls"),
         (('policy = "fixed_tuned"', ""), "needs one of algorithm, policy and like"),
         (("RoughTurning-v0", "RoughTurning-v9"), "task is 'RoughTurning-v9'"),

@@ -1,0 +1,53 @@
+"""Hyperparameters have Stable-Baselines3's names; older names are still understood."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.train.small import ALGORITHMS, small_run
+from train.agents import agent_file
+from train.run import HYPERPARAMETERS, OLD_NAMES, Run, current_names, hyperparameters, overrides
+
+AGENTS = Path(__file__).parents[2] / "agents"
+
+
+@pytest.mark.parametrize(
+    "path", sorted(AGENTS.glob("*/*/*-seed0.onnx")), ids=lambda path: path.stem
+)
+def test_every_hyperparameter_of_a_shipped_agent_has_a_present_name(path: Path) -> None:
+    metadata = agent_file.read(path).metadata
+    known = set(hyperparameters(metadata.algorithm, metadata.env_id))
+    known |= set(hyperparameters("ppo", metadata.env_id)) | {"family", "context"}
+    unknown = set(current_names(metadata.parameters)) - known
+    assert unknown == set()
+
+
+def test_old_names_are_no_present_names_but_for_the_switch_of_memory() -> None:
+    present: set[str] = set()
+    for path in HYPERPARAMETERS.glob("*.toml"):
+        present |= hyperparameters(path.stem, "RoughTurning-v0").keys()
+    assert present & set(OLD_NAMES) == {"memory"}
+    assert set(OLD_NAMES.values()) <= present
+
+
+def test_memory_is_a_size_or_a_switch() -> None:
+    assert current_names({"memory": 1_000}) == {"buffer_size": 1_000}
+    assert current_names({"memory": True}) == {"memory": True}
+    assert overrides("sac", ["memory=1000"]) == {"buffer_size": 1000}
+    assert overrides("analytic_gradient", ["memory=false"]) == {"memory": False}
+
+
+def test_commands_on_cards_are_understood() -> None:
+    assert overrides("ppo", ["discount=0.9", "hidden_layers=[8]"]) == {
+        "gamma": 0.9,
+        "net_arch": [8],
+    }
+
+
+def test_a_run_with_old_names_is_read(tmp_path: Path) -> None:
+    run = small_run(ALGORITHMS["ppo"], tmp_path)
+    present_names = {new: old for old, new in OLD_NAMES.items()}
+    old_parameters = {present_names.get(name, name): v for name, v in run.parameters.items()}
+    replace(run, parameters=old_parameters).begin()
+    assert Run.read(run.folder) == run
