@@ -1,11 +1,11 @@
-"""The belief of the optimisers' filter as an observation, so that an agent without memory knows what it has measured.
+"""The belief of the optimisers' filter as an observation, for agents without memory.
 
     env = BeliefObservation(gymnasium.make("RoughTurning-Family-v0"))
     envs = VectorBeliefObservation(gymnasium.make_vec("RoughTurning-Family-v0", 512))
     venv = RoughTurningVecEnv("shop", 512, wrapper=VectorBeliefObservation)  # Stable-Baselines3
 
-The filter (``models/load_filter.py``) knows the nominal model and sees the observations alone, so a policy that plays with a
-``Belief`` of its own has all that these wrappers show.
+The filter (``models/load_filter.py``) knows the nominal model and sees the observations alone, so a
+policy that plays with a ``Belief`` of its own has all that these wrappers show.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,10 +20,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from baselines import law_errors
-from baselines.models.load_filter import LoadFilter, model_of
+from baselines.models.kalman_steps import FORCE, POWER
+from baselines.models.load_filter import LoadFilter, NominalModel, Outlook, model_of
 from baselines.optimiser import plays
-from baselines.rule import Mask
-from turning_env import FamilyEnv, FamilyVectorEnv, Scenario
+from baselines.rule import Array, Mask
+from turning_env import FamilyEnv, FamilyVectorEnv, Reading, Scenario
 from turning_env.numerics.functions import log
 from turning_env.observation import read
 from turning_env.physics.quantities import layout
@@ -33,37 +34,48 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LIMIT = 10.0  # highest absolute value of an entry
 MIN_DEVIATION = 1e-9
-MIN_WEAR = 1e-3  # least nominal wear over the criterion at which loads are expected [-]
+MIN_WEAR = 1e-3
+"""Lower bound of the nominal wear over the criterion at which loads are expected [-]."""
 
-_STATES = (
-    *(
-        "depth",
-        "depth_slope",
-        "hardness",
-        "hardness_slope",
-        "insert",
-        "edge_history",
-        "wear",
-        "wear_speed",
-        "wear_feed",
-    ),
-    *(f"{law}{error}" for law in ("force", "power") for error in ("", "_speed", "_feed", "_wear")),
-)
+_STATES = [
+    "depth",
+    "depth_slope",
+    "hardness",
+    "hardness_slope",
+    "insert",
+    "edge_history",
+    "wear",
+    "wear_speed",
+    "wear_feed",
+    "force",
+    "force_speed",
+    "force_feed",
+    "force_wear",
+    "power",
+    "power_speed",
+    "power_feed",
+    "power_wear",
+]
+"""Names of the states of ``models/kalman_steps.py``, in their order."""
+
+_LOADS = ["this_log_force", "this_log_power", "next_log_force", "next_log_power"]
+"""Log loads over their limits, a step later at the present wear: in this bar and in the next."""
+
 ENTRIES = (
-    *(f"{name}_mean" for name in _STATES),  # over the standard deviation before the first reading
-    *(f"{name}_deviation" for name in _STATES),  # likewise
+    *[f"{state}_mean" for state in _STATES],  # over the standard deviation before the first reading
+    *[f"{state}_deviation" for state in _STATES],  # likewise
     "log_wear_factor",  # of wear, true over nominal
     "log_wear_factor_deviation",
     "log_used_life",  # share of the edge's life
     "bar_measured",  # 0 or 1
     "log_time_to_bar",  # 1 + time [s] until the next bar's approach, at the present speed and feed
-    # Over the limit, a step later at the present wear:
-    *(f"{bar}_log_{law}" for bar in ("this", "next") for law in ("force", "power")),
-    *(f"{bar}_log_{law}_deviation" for bar in ("this", "next") for law in ("force", "power")),
+    *_LOADS,
+    *[f"{load}_deviation" for load in _LOADS],
 )
 """Names of the entries [-], each limited to -10..10."""
 
-_CHOICE = "spindle.short_time_load"  # it decides which entries an observation has, so it is the same in all environments
+_CHOICE = "spindle.short_time_load"
+"""This value decides which entries an observation has, so it is the same in all environments."""
 
 
 def _values(scenario: Scenario) -> dict[str, Any]:
@@ -74,72 +86,116 @@ def _values(scenario: Scenario) -> dict[str, Any]:
 class Belief:
     """Estimates in many environments with a nominal model each, as numbers of order one.
 
-    ``learns_laws``: whether the laws are expected to have the errors that training jobs of the family ``shop`` have; else the
-    nominal model is taken for true. ValueError if actions do not set speed and feed, or force is not measured.
+    Args:
+        scenarios: nominal model of each environment.
+        learns_laws: whether the laws are expected to have the errors that training jobs of the
+            family ``shop`` have; else the nominal model is taken for true.
+
+    Raises:
+        ValueError: actions do not set speed and feed, or force is not measured.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], learns_laws: bool) -> None:
         for scenario in scenarios:
             if not plays(scenario):
                 raise ValueError(
-                    f"a belief needs actions that set speed and feed, and a dynamometer, but scenario {scenario.name!r} has "
-                    f"control.action {scenario.control.action!r} and sensors.force {scenario.sensors.force!r}"
+                    "a belief needs actions that set speed and feed, and a dynamometer, "
+                    f"but scenario {scenario.name!r} has "
+                    f"control.action {scenario.control.action!r} "
+                    f"and sensors.force {scenario.sensors.force!r}"
                 )
         self._errors = law_errors.read() if learns_laws else None
         self.filter = LoadFilter(scenarios, len(scenarios), self._errors)
-        self._models: dict[int, tuple[dict[str, Any], Any]] = {}
+        self._models: dict[int, tuple[dict[str, Any], NominalModel]] = {}
         self.entries = len(layout(scenarios[0]))  # of an observation without a belief
-        values = [*map(_values, scenarios)]
-        numbers = [
-            name
-            for name, value in values[0].items()
-            if isinstance(value, float) and name != _CHOICE
-        ]
-        self._numbers = {
-            name: np.array([each[name] for each in values]) for name in numbers
-        }  # of each environment
+
+        # ``assign`` writes to the arrays of this batch.
+        values = [_values(scenario) for scenario in scenarios]
+        self._numbers: dict[str, Any] = {}
+        for name, value in values[0].items():
+            if isinstance(value, float) and name != _CHOICE:
+                self._numbers[name] = np.array([model[name] for model in values])
         self._scenario = ScenarioBatch(values[0] | self._numbers, len(scenarios))
 
     def assign(self, env_index: int, number: int, scenario: Callable[[int], Scenario]) -> None:
-        """Give an environment another nominal model and forget its estimates; models are kept by their number."""
+        """Give an environment another nominal model and forget its estimates.
+
+        Models are kept by their number.
+        """
         if number not in self._models:
-            found = scenario(number)
-            self._models[number] = _values(found), model_of([found], self._errors)
+            nominal = scenario(number)
+            self._models[number] = _values(nominal), model_of([nominal], self._errors)
         values, model = self._models[number]
-        for name, column in self._numbers.items():
-            column[env_index] = values[name]  # and so in the scenario
+        for name, numbers in self._numbers.items():
+            numbers[env_index] = values[name]
         self.filter.assign(env_index, model)
 
     def observe(self, observations: Observations, mask: Mask | None = None) -> Observations:
-        """Learn from observations that begin with the environment's, of a mask or of all; return ``ENTRIES`` of each."""
-        believed, scenario = self.filter, self._scenario
+        """Learn from observations that begin with the environment's, of a mask or of all.
+
+        Return ``ENTRIES`` of each.
+        """
+        believed = self.filter
+        scenario = self._scenario
         reading = read(observations[:, : self.entries], scenario)
         believed.observe(reading, mask)
         deviations = np.sqrt(np.maximum(np.diagonal(believed.covariance, axis1=1, axis2=2), 0.0))
         prior = np.maximum(believed.prior_deviations, MIN_DEVIATION)
         wear = np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, MIN_WEAR)
-        used = (log(wear) + believed.log_wear_factor) / scenario.material.wear.time
+        log_used_life = (log(wear) + believed.log_wear_factor) / scenario.material.wear.time
         velocity = reading.cutting_speed * reading.feed * believed.parameters["velocity"]
-        distance = np.repeat((velocity * scenario.control.interval)[:, np.newaxis], 2, axis=1)
-        outlook = believed.outlook(distance, np.broadcast_to([False, True], distance.shape))
-        place = np.stack([log(reading.cutting_speed), log(reading.feed), log(wear)], axis=1)
-        laws, criterion = believed.parameters["log_laws"], believed.parameters["wear_criterion"]
-        laws = laws[:, :, 0] + laws[:, :, 3] * log(criterion)[:, np.newaxis]
-        laws = laws - log(np.stack([scenario.limits.thrust_force, scenario.limits.power], axis=1))
-        laws = laws + (believed.exponents * place[:, np.newaxis, :]).sum(axis=2)
-        expected = np.stack([outlook.log_force, outlook.log_power], axis=2) + laws[:, np.newaxis, :]
-        spreads = np.stack([outlook.force_spread, outlook.power_spread], axis=2)
-        columns = (
-            *(believed.mean / prior, deviations / prior),
-            *(believed.log_wear_factor, believed.wear_deviation, used, believed.memory["measured"]),
-            log(1.0 + (believed.parameters["pitch"] - believed.along) / velocity),
-            *(expected.reshape(len(wear), -1), spreads.reshape(len(wear), -1)),
-        )
-        joined = np.concatenate([np.reshape(column, (len(wear), -1)) for column in columns], axis=1)
-        return np.asarray(np.clip(joined, -LIMIT, LIMIT), np.float32)
+        time_to_bar = (believed.parameters["pitch"] - believed.along) / velocity
+        outlook = self._outlook(velocity)
+        log_force, log_power = self._log_laws(reading, log(wear))
+
+        # In the order of ``ENTRIES``. The outlook has two points: this bar and the next.
+        columns = [
+            believed.mean / prior,
+            deviations / prior,
+            believed.log_wear_factor,
+            believed.wear_deviation,
+            log_used_life,
+            believed.memory["measured"],
+            log(1.0 + time_to_bar),
+            outlook.log_force[:, 0] + log_force,
+            outlook.log_power[:, 0] + log_power,
+            outlook.log_force[:, 1] + log_force,
+            outlook.log_power[:, 1] + log_power,
+            outlook.force_spread[:, 0],
+            outlook.power_spread[:, 0],
+            outlook.force_spread[:, 1],
+            outlook.power_spread[:, 1],
+        ]
+        rows = [np.reshape(column, (len(wear), -1)) for column in columns]
+        return np.asarray(np.clip(np.concatenate(rows, axis=1), -LIMIT, LIMIT), np.float32)
+
+    def _outlook(self, velocity: Array) -> Outlook:
+        """Return the outlook after a step, in this bar and in the next; velocities in mm/s."""
+        distance = velocity * self._scenario.control.interval
+        entering = np.broadcast_to([False, True], (len(velocity), 2))
+        return self.filter.outlook(np.repeat(distance[:, np.newaxis], 2, axis=1), entering)
+
+    def _log_laws(self, reading: Reading, log_wear: Array) -> tuple[Array, Array]:
+        """Return log force and log power over their limits, with the believed exponents.
+
+        ``log_wear``: nominal, over the wear criterion.
+        """
+        parameters = self.filter.parameters
+        limits = self._scenario.limits
+        log_speed, log_feed = log(reading.cutting_speed), log(reading.feed)
+        by_speed, by_feed, by_wear = self.filter.exponents
+        log_criterion = log(parameters["wear_criterion"])
+        loads = []
+        for law, limit in ((FORCE, limits.thrust_force), (POWER, limits.power)):
+            log_coefficient = parameters["log_coefficients"][:, law]
+            at_criterion = log_coefficient + parameters["wear_exponents"][:, law] * log_criterion
+            by_place = by_speed[law] * log_speed + by_feed[law] * log_feed + by_wear[law] * log_wear
+            loads.append(at_criterion - log(limit) + by_place)
+        return loads[FORCE], loads[POWER]
 
 
 def _belief_of(env: Any, num_envs: int) -> Belief:
+    """Return a belief for the environments of a wrapper."""
     scenario = getattr(env.unwrapped, "scenario", None)
     if not isinstance(scenario, Scenario):
         raise ValueError(f"a belief needs a RoughTurning environment, but this is {env.unwrapped}")
@@ -147,7 +203,10 @@ def _belief_of(env: Any, num_envs: int) -> Belief:
 
 
 def _begin(belief: Belief, env: Any, mask: Mask, infos: dict[str, Any]) -> None:
-    """Forget the estimates of the environments in a mask, shape (num_envs,), which have begun an episode, perhaps another job."""
+    """Forget the estimates in a mask, shape (num_envs,), where an episode has begun.
+
+    If the environments play a family, the episode may be another job.
+    """
     belief.filter.reset(mask)
     if isinstance(env, FamilyEnv | FamilyVectorEnv):
         for index in np.flatnonzero(mask).tolist():
@@ -166,14 +225,17 @@ def with_belief(space: Any) -> Any:
 
 
 def at_end(observations: Observations, infos: dict[str, Any], ended: Mask) -> Observations:
-    """Return observations, where an episode has ended its last one."""
+    """Return observations, with the last one of the episode where it has ended."""
     last = observations.copy()
     last[ended] = np.stack(infos["final_obs"][ended])
     return last
 
 
 def with_final(infos: dict[str, Any], ended: Mask, seen: Observations) -> dict[str, Any]:
-    """Return infos in which the last observations of ended episodes are those of ``seen``, shape (num_envs, entries)."""
+    """Return infos with the last observations of ended episodes from ``seen``.
+
+    ``seen`` has the shape (num_envs, entries).
+    """
     final = infos["final_obs"].copy()
     for index in np.flatnonzero(ended):
         final[index] = seen[index]
@@ -184,22 +246,26 @@ class BeliefPolicy(Policy):
     """A policy that is shown a belief behind the observations."""
 
     def __init__(self, policy: Policy, belief: Belief) -> None:
-        self._policy, self._belief = policy, belief
+        self._policy = policy
+        self._belief = belief
 
     def reset(self, mask: Mask) -> None:
         self._belief.filter.reset(mask)
         self._policy.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        return self._policy.act(
-            np.concatenate([observations, self._belief.observe(observations)], axis=1)
-        )
+        believed = self._belief.observe(observations)
+        return self._policy.act(np.concatenate([observations, believed], axis=1))
 
 
 class BeliefObservation(
     gymnasium.Wrapper[Observations, Observations, Observations, Observations], RecordConstructorArgs
 ):
-    """A wrapper that appends ``ENTRIES`` of a belief to observations. ValueError if ``Belief`` refuses the environment."""
+    """A wrapper that appends ``ENTRIES`` of a belief to observations.
+
+    Raises:
+        ValueError: ``Belief`` refuses the environment.
+    """
 
     def __init__(self, env: gymnasium.Env[Observations, Observations]) -> None:
         RecordConstructorArgs.__init__(self)
@@ -217,18 +283,19 @@ class BeliefObservation(
         return self._seen(observation), reward, terminated, truncated, info
 
     def _seen(self, observation: Observations) -> Observations:
-        return np.concatenate([observation, self._belief.observe(observation[np.newaxis])[0]])
+        believed = self._belief.observe(observation[np.newaxis])[0]
+        return np.concatenate([observation, believed])
 
 
-class VectorBeliefObservation(
-    VectorWrapper
-):  # not subscripted: it is generic only from Gymnasium 1.4 on
+# Not subscripted: VectorWrapper is generic only from Gymnasium 1.4 on.
+class VectorBeliefObservation(VectorWrapper):
     """``BeliefObservation`` for a vector environment, in every mode of autoreset."""
 
     def __init__(self, env: VectorEnv[Observations, Observations, NDArray[Any]]) -> None:
         super().__init__(env)
         self._belief = _belief_of(env, env.num_envs)
-        self._all, self._ended = np.ones(env.num_envs, np.bool_), np.zeros(env.num_envs, np.bool_)
+        self._all = np.ones(env.num_envs, np.bool_)
+        self._ended = np.zeros(env.num_envs, np.bool_)
         self.single_observation_space = with_belief(env.single_observation_space)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
@@ -243,17 +310,20 @@ class VectorBeliefObservation(
 
     def step(self, actions: Observations) -> tuple[Observations, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
-        ended, env = terminated | truncated, self.env.unwrapped
+        ended = terminated | truncated
+        env = self.env.unwrapped
+        learns_from = self._all
         if env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP:
+            # Episodes that ended a step ago begin with these observations.
             _begin(self._belief, env, self._ended, infos)
             self._ended = ended
         elif "final_obs" in infos:
-            infos = with_final(
-                infos, ended, self._seen(at_end(observations, infos, ended), self._all)
-            )
+            # The belief learns from the last observations first, then begins with the new ones.
+            last = self._seen(at_end(observations, infos, ended), self._all)
+            infos = with_final(infos, ended, last)
             _begin(self._belief, env, ended, infos)
-            return self._seen(observations, ended), rewards, terminated, truncated, infos
-        return self._seen(observations, self._all), rewards, terminated, truncated, infos
+            learns_from = ended
+        return self._seen(observations, learns_from), rewards, terminated, truncated, infos
 
     def _seen(self, observations: Observations, mask: Mask) -> Observations:
         return np.concatenate([observations, self._belief.observe(observations, mask)], axis=1)

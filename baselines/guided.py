@@ -1,8 +1,10 @@
-"""``self_tuning`` with a guide, trained on other lathes, which sets the highest speed and when edges are changed.
+"""``self_tuning`` with a guide that sets the highest speed and when edges are changed.
 
-A guide, such as a network, sees ``features``: the context of the job (numbers of the nominal model, and those of the catalogue
-that the family shows), what the rule's filter believes, and what became of the edges before. A decision holds for ``HOLD``
-steps; the rule does the rest. ``contextual`` sets a highest speed once, by a regression on the catalogue's numbers.
+The guide is trained on other lathes. A guide, such as a network, sees ``features``: the context of
+the job (numbers of the nominal model, and those of the catalogue that the family shows), the belief
+of the rule's filter, and the history of the edges before. A decision holds for ``HOLD`` steps; the
+rule does the rest. ``contextual`` sets a highest speed once, by a regression on the catalogue's
+numbers.
 """
 
 from collections.abc import Sequence
@@ -12,29 +14,55 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from baselines.belief import ENTRIES, LIMIT, Belief
-from baselines.rule import Mask
+from baselines.rule import Array, Mask
 from baselines.self_tuning import RULES, SelfTuning
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import exp, log
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 HOLD = 30  # steps for which a decision holds
-START_SHARE = 0.625  # start speed of a material over the machine's highest speed [-], in the families that ship
-SPEED, LIFE = (0.8, 0.6), (0.75, 0.3)
-"""A decision of 0 allows 0.8 times the start speed and changes edges at a used life of 0.75; one of 1 allows exp(0.6) times as
-much speed, and 0.3 more life."""
-WORN = 0.97  # wear over the criterion below which an edge that ended unasked broke [-]
-INTERVAL = 0.5  # time that an edge must outlive a temperature to have borne it [min]
-UNKNOWN = (0.0, 1.0, 1.5, -2.0, 0.0, 0.0)  # values of ``HISTORY`` at the start
+START_SHARE = 0.625
+"""Start speed of a material over the machine's highest speed [-], in the families that ship."""
+
+# A decision d in -1..1 allows a highest speed of MIDDLE_SPEED * exp(SPEED_RANGE * d) times the
+# start speed, and changes edges at a used life of MIDDLE_LIFE + LIFE_RANGE * d.
+MIDDLE_SPEED = 0.8
+SPEED_RANGE = 0.6
+MIDDLE_LIFE = 0.75
+LIFE_RANGE = 0.3
+
+MAX_BROKEN_WEAR = 0.97
+"""Wear over the criterion below which an edge that ended without a command was broken [-]."""
+MIN_WEAR = 1e-3  # lower bound of wear over the criterion, before its logarithm is taken [-]
+INTERVAL = 0.5  # time that an edge must outlive a temperature to have survived it [min]
+FEED_SCALE = 0.25  # feed at which the heat counts from the start speed alone [mm/rev]
+MAX_SURPRISE = 2.0
+NO_HEAT = -2.0  # heat of an edge that has not cut, and lower bound of the others
+
 HISTORY = (
     "edges_broken",  # over 3, at most 1
-    "heat_at_breakage",  # of the edge that broke last: log speed over the start speed at which a worn-out edge is as hot
+    "heat_at_breakage",  # of the edge that broke last, see ``GuidedRule._heat``
     "life_at_breakage",  # its used life
-    "heat_survived",  # the hottest that an edge has outlived, likewise
+    "heat_survived",  # the hottest that an edge has survived
     "life_survived",  # the longest used life of an edge that did not break
-    "wear_surprise",  # log ratio of the used life of the last edge, by its measured wear, to the one expected
+    "wear_surprise",  # log ratio of the last edge's used life, as measured, to that expected
 )
 """Names of the numbers that describe the edges before to a guide [-]."""
+_HISTORY = np.dtype([(name, np.float64) for name in HISTORY])
+_UNKNOWN = np.array((0.0, 1.0, 1.5, NO_HEAT, 0.0, 0.0), _HISTORY)  # at the start
+
+_EDGE = np.dtype(
+    [
+        ("cutting_time", np.float64),  # at the last reading [min]
+        ("log_wear", np.float64),  # expected at the last reading, over the criterion
+        ("heat", np.float64),  # at the last reading
+        ("max_heat", np.float64),  # of the edge
+        ("max_heat_before", np.float64),  # of the edge until the present INTERVAL began
+        ("change_commanded", np.bool_),  # at the last reading
+    ]
+)
+"""What the rule remembers of the present edge."""
+_FRESH = np.array((0.0, 0.0, 0.0, NO_HEAT, NO_HEAT, False), _EDGE)
 
 
 def feature_space(context: int) -> Box:
@@ -43,64 +71,68 @@ def feature_space(context: int) -> Box:
 
 
 def decision_space() -> Box:
-    """Return the space of a guide's decisions: highest speed, and used life at which edges are changed."""
+    """Return the space of a guide's decisions: highest speed, and used life at the change."""
     return Box(-1.0, 1.0, (2,), np.float32)
 
 
 class GuidedRule(SelfTuning):
-    """``self_tuning`` in environments with a nominal model each; its filter is that of a ``Belief``, which observes for it.
+    """``self_tuning`` in environments with a nominal model each.
 
-    Call ``features`` with every observation, before ``act``. ``context``: of each, shape (num_envs, numbers); None: it follows
-    the entries of the observations.
+    Its filter is that of a ``Belief``, which observes for it.
+
+    Call ``features`` with every observation, before ``act``.
+
+    Args:
+        scenarios: nominal model of each environment.
+        context: of each environment, shape (num_envs, numbers); None: it follows the entries of the
+            observations.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], context: Observations | None = None) -> None:
+        num_envs = len(scenarios)
         parameters: Any = RULES["self_tuning"].fixed
-        super().__init__(scenarios, len(scenarios), **parameters)
+        super().__init__(scenarios, num_envs, **parameters)
         self._belief = Belief(scenarios, learns_laws=True)
         self._filter = self._belief.filter
         self._context = context
-        self._history = np.zeros((len(scenarios), len(HISTORY)))
-        self._last = np.zeros(
-            (4, len(scenarios))
-        )  # cutting time [min], log wear, heat, and whether the edge was to be changed
-        self._heat = np.zeros(
-            (2, len(scenarios))
-        )  # hottest of the present edge: before the present interval, and in all
-        self.reset(np.ones(len(scenarios), np.bool_))
+        self._history = np.zeros(num_envs, _HISTORY)
+        self._edge = np.zeros(num_envs, _EDGE)
+        self.reset(np.ones(num_envs, np.bool_))
 
     def reset(self, mask: Mask) -> None:
         super().reset(mask)
-        self._history[mask] = UNKNOWN
-        self._last[:, mask] = 0.0
-        self._heat[:, mask] = UNKNOWN[3]
+        self._history[mask] = _UNKNOWN
+        self._edge[mask] = _FRESH
         self.follow(np.zeros((len(mask), 2)), mask)
 
     def follow(self, decisions: Any, mask: Mask | None = None) -> None:
-        """Take a guide's decisions, limited to -1..1, shape (num_envs, 2), in the environments of a mask or in all."""
+        """Take a guide's decisions, shape (num_envs, 2), in the environments of a mask or in all.
+
+        They are clipped to -1..1.
+        """
         speed, life = np.clip(np.asarray(decisions, np.float64), -1.0, 1.0).T
-        np.copyto(
-            self.top_speed,
-            START_SHARE * SPEED[0] * exp(SPEED[1] * speed),
-            where=True if mask is None else mask,
-        )
-        np.copyto(self.change_at, LIFE[0] + LIFE[1] * life, where=True if mask is None else mask)
+        chosen = np.ones(len(speed), np.bool_) if mask is None else mask
+        top_speed = START_SHARE * MIDDLE_SPEED * exp(SPEED_RANGE * speed)
+        change_at = MIDDLE_LIFE + LIFE_RANGE * life
+        np.copyto(self.top_speed, top_speed, where=chosen)
+        np.copyto(self.change_at, change_at, where=chosen)
 
     def features(self, observations: Observations) -> Observations:
         """Return context, belief and history, shape (num_envs, entries)."""
         believed = self._belief.observe(observations)
-        self._remember(read(observations[:, : self._belief.entries], self._scenario))
-        history = np.clip(self._history, -LIMIT, LIMIT).astype(np.float32)
-        context = (
-            observations[:, self._belief.entries :] if self._context is None else self._context
-        )
+        own_entries = observations[:, : self._belief.entries]
+        self._remember(read(own_entries, self._scenario))
+        history = np.stack([self._history[name] for name in HISTORY], axis=1)
+        history = np.clip(history, -LIMIT, LIMIT).astype(np.float32)
+        context = self._context
+        if context is None:
+            context = observations[:, self._belief.entries :]
         return np.concatenate([context, believed, history], axis=1)
 
     def act(self, observations: Observations) -> Actions:
         actions = super().act(observations[:, : self._belief.entries])
-        self._last[3] = (
-            actions[:, 2:].max(axis=1, initial=-1.0) > 0.0
-        )  # there is no third one if edges are changed unasked
+        # There is no third action if edges are changed without a command.
+        self._edge["change_commanded"] = actions[:, 2:].max(axis=1, initial=-1.0) > 0.0
         return actions
 
     def _observe(self, reading: Reading) -> None:
@@ -108,54 +140,80 @@ class GuidedRule(SelfTuning):
 
     def _remember(self, reading: Reading) -> None:
         """Bring the history up to date."""
-        scenario, history, (time, log_wear, heat, asked) = (
-            self._scenario,
-            self._history.T,
-            self._last,
-        )
-        law, exponent = scenario.edge_failure.temperature, scenario.material.wear.time
-        fresh, measured = (
-            reading.cutting_time < time,
-            reading.removed_wear / scenario.tool.wear_criterion,
-        )
-        surprise = np.where(measured > 0.0, log(np.maximum(measured, 1e-3)) - log_wear, 0.0)
-        end = log_wear + surprise  # an estimate where removed edges are not measured
-        used, broke = exp(end / exponent), fresh & (asked == 0.0) & (exp(end) < WORN)
-        history[0] = np.minimum(history[0] + broke / 3.0, 1.0)
-        history[1] = np.where(broke, heat + law.wear / law.cutting_speed * surprise, history[1])
-        history[2] = np.where(broke, used, history[2])
-        history[4] = np.where(fresh & ~broke, np.maximum(history[4], used), history[4])
-        history[5] = np.where(
-            fresh & (measured > 0.0), np.clip(surprise / exponent, -2.0, 2.0), history[5]
-        )
+        fresh = reading.cutting_time < self._edge["cutting_time"]
+        self._remember_removed_edge(reading, fresh)
+        self._remember_heat(reading, fresh)
 
-        log_wear = (
-            log(np.maximum(reading.nominal_wear / scenario.tool.wear_criterion, 1e-3))
-            + self._filter.log_wear_factor
-        )
-        start = START_SHARE * scenario.machine.cutting_speed_max
-        now = (
-            log(reading.cutting_speed / start)
-            + (law.feed * log(reading.feed / 0.25) + law.wear * log_wear) / law.cutting_speed
-        )
-        now = np.where(
-            reading.cutting & (reading.nominal_wear > 0.0), np.maximum(now, UNKNOWN[3]), UNKNOWN[3]
-        )
-        self._heat[:, fresh] = UNKNOWN[3]
-        self._heat[1] = np.maximum(self._heat[1], now)
-        later = np.floor(reading.cutting_time / INTERVAL) > np.floor(time / INTERVAL)
-        history[3] = np.where(later, np.maximum(history[3], self._heat[0]), history[3])
-        self._heat[0] = np.where(later, self._heat[1], self._heat[0])
-        self._last[:3] = reading.cutting_time, log_wear, now
+    def _remember_removed_edge(self, reading: Reading, fresh: Mask) -> None:
+        """Note the end of the last edge where a fresh one has been put in."""
+        edge = self._edge
+        history = self._history
+        law = self._scenario.edge_failure.temperature
+        wear_exponent = self._scenario.material.wear.time
+        measured = reading.removed_wear / self._scenario.tool.wear_criterion
+        log_measured = log(np.maximum(measured, MIN_WEAR))
+        # Where removed edges are not measured, the expected wear stands for the true one.
+        surprise = np.where(measured > 0.0, log_measured - edge["log_wear"], 0.0)
+        log_wear = edge["log_wear"] + surprise
+        used_life = exp(log_wear / wear_exponent)
+        broke = fresh & ~edge["change_commanded"] & (exp(log_wear) < MAX_BROKEN_WEAR)
+        survived = fresh & ~broke
+
+        heat = edge["heat"] + law.wear / law.cutting_speed * surprise
+        history["edges_broken"] = np.minimum(history["edges_broken"] + broke / 3.0, 1.0)
+        np.copyto(history["heat_at_breakage"], heat, where=broke)
+        np.copyto(history["life_at_breakage"], used_life, where=broke)
+        longest = np.maximum(history["life_survived"], used_life)
+        np.copyto(history["life_survived"], longest, where=survived)
+        life_surprise = np.clip(surprise / wear_exponent, -MAX_SURPRISE, MAX_SURPRISE)
+        np.copyto(history["wear_surprise"], life_surprise, where=fresh & (measured > 0.0))
+
+    def _remember_heat(self, reading: Reading, fresh: Mask) -> None:
+        """Note how hot the present edge is, and what it has survived."""
+        edge = self._edge
+        history = self._history
+        log_wear, heat = self._heat(reading)
+        edge["max_heat_before"][fresh] = NO_HEAT
+        edge["max_heat"][fresh] = NO_HEAT
+        edge["max_heat"] = np.maximum(edge["max_heat"], heat)
+        # An edge has survived the heat before an interval that it has outlived.
+        interval = np.floor(reading.cutting_time / INTERVAL)
+        later = interval > np.floor(edge["cutting_time"] / INTERVAL)
+        survived = np.maximum(history["heat_survived"], edge["max_heat_before"])
+        np.copyto(history["heat_survived"], survived, where=later)
+        np.copyto(edge["max_heat_before"], edge["max_heat"], where=later)
+        edge["cutting_time"] = reading.cutting_time
+        edge["log_wear"] = log_wear
+        edge["heat"] = heat
+
+    def _heat(self, reading: Reading) -> tuple[Array, Array]:
+        """Return the expected log wear over the criterion, and the heat.
+
+        The heat is the log speed over the start speed at which a worn-out edge, at the feed
+        ``FEED_SCALE``, is as hot.
+        """
+        scenario = self._scenario
+        law = scenario.edge_failure.temperature
+        nominal_wear = reading.nominal_wear / scenario.tool.wear_criterion
+        log_wear = log(np.maximum(nominal_wear, MIN_WEAR)) + self._filter.log_wear_factor
+        start_speed = START_SHARE * scenario.machine.cutting_speed_max
+        by_feed_and_wear = law.feed * log(reading.feed / FEED_SCALE) + law.wear * log_wear
+        heat = log(reading.cutting_speed / start_speed) + by_feed_and_wear / law.cutting_speed
+        hot = reading.cutting & (reading.nominal_wear > 0.0)
+        return log_wear, np.where(hot, np.maximum(heat, NO_HEAT), NO_HEAT)
 
 
 class GuidedPolicy(Policy):
-    """A guided rule as a policy; its ``guide`` is a policy that is shown features, and whose actions are decisions."""
+    """A guided rule as a policy.
+
+    Its ``guide`` is a policy that is shown features, and whose actions are decisions.
+    """
 
     def __init__(
         self, guide: Policy, scenarios: Sequence[Scenario], context: Observations | None = None
     ) -> None:
-        self._guide, self._rule = guide, GuidedRule(scenarios, context)
+        self._guide = guide
+        self._rule = GuidedRule(scenarios, context)
         self._steps = np.zeros(len(scenarios), np.int64)
 
     def reset(self, mask: Mask) -> None:
@@ -165,7 +223,8 @@ class GuidedPolicy(Policy):
 
     def act(self, observations: Observations) -> Actions:
         features = self._rule.features(observations)
-        if (due := self._steps % HOLD == 0).any():
+        due = self._steps % HOLD == 0
+        if due.any():
             self._rule.follow(self._guide.act(features), due)
         self._steps += 1
         return self._rule.act(observations)

@@ -1,15 +1,17 @@
 """An optimiser of one step, on a Kalman filter's estimates of the hidden state.
 
-In every step it chooses the cutting speed and feed within reach with the greatest expected gain (``models/feed_search.py``):
+In every step it chooses the cutting speed and feed within reach with the greatest expected gain
+(``models/feed_search.py``):
 
     value of metal - price of the life used - price of overload - price of breakage
 
-Force and power are log-normal with the filter's means and variances. So the expected excess over a limit has a closed form (the
-price of an option, Black and Scholes 1973). So does the risk that an unmeasured bar breaks the edge. The price of the edge's
-life comes from dynamic programming (``models/edge_value.py``).
+Force and power are log-normal with the filter's means and variances. So the expected excess over a
+limit has a closed form (the price of an option, Black and Scholes 1973). So does the risk that an
+unmeasured bar breaks the edge. The price of the edge's life comes from dynamic programming
+(``models/edge_value.py``).
 
-It needs of the nominal model: the laws of wear, force and power, prices, the spreads of depth, hardness, wear factor and
-strength, and the lags and noise of drives and sensors.
+Uses from the nominal model: the laws of wear, force and power, prices, the spreads of depth,
+hardness, wear factor and strength, and the lags and noise of drives and sensors.
 """
 
 from collections.abc import Callable
@@ -18,9 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from baselines.models import feed_search
-from baselines.models.edge_value import PRICED_SPREAD, numbers, price_life
-from baselines.models.kalman_steps import decay
+from baselines.models import edge_value, feed_search
+from baselines.models.edge_value import EXPECTED_LAWS, PRICED_SPREAD, PRICES, price_life
+from baselines.models.feed_search import ENVIRONMENT, MOMENT, POINT, SET_POINT
+from baselines.models.kalman_steps import FORCE, POWER, decay
 from baselines.models.load_filter import LoadFilter, Outlook, records
 from baselines.rule import Array, Mask, Range, Rule, Scenarios
 from turning_env import Reading, Scenario, read
@@ -29,24 +32,48 @@ from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.scenario.scenario_batch import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-USED_LIVES = np.linspace(0.0, 1.0, 41)[
-    1:
-]  # shares of the life [-] at which ``worth`` tabulates its price
+USED_LIVES = np.linspace(0.0, 1.0, 41)[1:]
+"""Shares of the life [-] at which ``worth`` tabulates its price."""
 POINTS = 3  # points of a step at which loads are predicted
-LEAD = (
-    2.0  # steps before its end at which an edge is changed, as it may wear faster than expected [-]
-)
-MIN_SPREAD = 1e-3  # least standard deviation of log force and log power [-]; it keeps expectations smooth if nothing varies
-MIN_USED_LIFE = (
-    1e-9  # used share of life of an edge that has not cut [-]: the laws are undefined without wear
-)
+LEAD = 2.0
+"""Steps before its end at which an edge is changed [-], because it may wear faster than
+expected."""
+MIN_SPREAD = 1e-3
+"""Lower bound of the standard deviations [-]: without a spread, expectations have corners."""
+MIN_USED_LIFE = 1e-9
+"""Used life of an edge that has not cut [-]: the laws are undefined without wear."""
+
+
+class LifeLaw(NamedTuple):
+    """The rate at which a usual edge's life is used, as a power law.
+
+    Numbers or arrays of shape (num_envs,).
+    """
+
+    log_rate: Array  # at 1 m/min and 1 mm/rev [log 1/s]
+    speed: Array  # exponent of cutting speed [-]
+    feed: Array  # exponent of feed [-]
+
+
+class Ahead(NamedTuple):
+    """What the policy expects ahead of the tool; arrays of shape (num_envs, points)."""
+
+    outlook: Outlook
+    cutting: Array  # 1 in metal, else 0
+    unmeasured: Array  # 1 in metal of a bar that has not been measured, else 0
 
 
 class Optimiser(Policy):
-    """A policy that maximises the expected gain of each step alone. All scenarios have the same actions and sensors.
+    """A policy that maximises the expected gain of each step alone.
 
-    ``severity``: factor on the price of overload [-]; ``caution``: on the standard deviations of force and power;
-    ``wear_caution``: on that of the wear at which an edge may soon be worn out; ``errors``: ``LawErrors`` to expect, or None.
+    Args:
+        scenario: nominal model, or one for each environment, all with the same actions and sensors.
+        num_envs: number of environments.
+        severity: factor on the price of overload [-].
+        caution: factor on the standard deviations of force and power [-].
+        wear_caution: factor on the standard deviation of the wear at which an edge may soon be worn
+            out [-].
+        errors: ``LawErrors`` that the filter expects; None: the nominal laws are right.
     """
 
     _priced_spread = PRICED_SPREAD
@@ -61,168 +88,207 @@ class Optimiser(Policy):
         errors: Any = None,
     ) -> None:
         scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
+        self._scenarios = scenarios
         self._scenario: Any = scenarios[0] if len(scenarios) == 1 else ScenarioBatch.of(scenarios)
-        self._scenarios, self._severity, self._caution, self._wear_caution = (
-            scenarios,
-            severity,
-            caution,
-            wear_caution,
-        )
-        self._parameters = records([numbers(each, severity) for each in scenarios])
+        self._caution = caution
+        self._wear_caution = wear_caution
+        self._parameters = records([edge_value.numbers_of(model, severity) for model in scenarios])
         self._filter = LoadFilter(scenarios, num_envs, errors)
-        self._times, machine = self._look_at(), self._scenario.machine
-        lags = column(machine.spindle_time_constant), column(machine.feed_time_constant)
-        self._left = np.stack(
-            np.broadcast_arrays(
-                self._times, *(np.vectorize(decay)(self._times, lag) for lag in lags)
-            ),
-            axis=1,
-        )
+        self._times = self._times_ahead()
+
+        machine = self._scenario.machine
+        share_left = np.vectorize(decay)
+        speed_left = share_left(self._times, column(machine.spindle_time_constant))
+        feed_left = share_left(self._times, column(machine.feed_time_constant))
+        self._moments = np.empty(np.broadcast_shapes(speed_left.shape, feed_left.shape), MOMENT)
+        self._moments["time"] = self._times
+        self._moments["speed_left"] = speed_left
+        self._moments["feed_left"] = feed_left
 
     def reset(self, mask: Mask) -> None:
         self._filter.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        reading, scenario = read(observations, self._scenario), self._scenario
+        scenario = self._scenario
+        reading = read(observations, scenario)
         self._observe(reading)
+        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
         exponent = scenario.material.wear.time
-        nominal = np.maximum(
-            real_power(reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / exponent),
-            MIN_USED_LIFE,
-        )
-        expected = nominal * exp(self._filter.log_wear_factor / exponent)
-        price = self.prices(expected)[:, 1]
-        return towards(
-            reading,
-            scenario,
-            *self._best(reading, nominal, price),
-            self._spent(reading, expected, price),
-        )
+        relative_wear = reading.nominal_wear / scenario.tool.wear_criterion
+        nominal_life = np.maximum(real_power(relative_wear, 1.0 / exponent), MIN_USED_LIFE)
+        expected_life = nominal_life * exp(self._filter.log_wear_factor / exponent)
+        price = self.prices(expected_life)["life"]
+        speed, feed = self._best_set_point(reading, nominal_life, price)
+        change_edge = self._edge_is_spent(reading, expected_life, price)
+        return towards(reading, scenario, speed, feed, change_edge)
 
     def _observe(self, reading: Reading) -> None:
         self._filter.observe(reading)
 
-    def prices(self, used_life: Array) -> Array:
-        """Return the prices of time and life [s] at used shares, shape (num_envs, 2), by the laws as the filter knows them."""
-        laws, exponents, errors = (
-            self._life_rate(),
-            self._filter.exponents.T,
-            self._filter.load_errors,
-        )
-        spreads = self._priced_spread * self._parameters["spreads"].T
-        for law, name in enumerate(("force", "power")):
-            speed, feed, wear = exponents[:, law]
-            laws += [
-                self._parameters[name] + spreads[law] + errors[law],
-                speed,
-                feed,
-                self._parameters["wear_time"] * wear,
-            ]
-        found = np.empty((len(used_life), 2))
-        price_life(self._parameters, np.stack(np.broadcast_arrays(*laws), axis=1), used_life, found)
-        return found
+    def prices(self, used_life: Array) -> Any:
+        """Return the prices of time and life at used lives, by the laws as the filter knows them.
 
-    def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
+        They are records of ``edge_value.PRICES``, shape (num_envs,).
+        """
+        parameters = self._parameters
+        life = self._life_law()
+        errors = self._filter.load_errors
+        by_speed, by_feed, by_wear = self._filter.exponents
+        force_spread = self._priced_spread * parameters["force_spread"]
+        power_spread = self._priced_spread * parameters["power_spread"]
+        laws = np.empty(len(used_life), EXPECTED_LAWS)
+        laws["log_life_rate"] = life.log_rate
+        laws["life_speed"] = life.speed
+        laws["life_feed"] = life.feed
+        laws["log_force"] = parameters["log_force_coefficient"] + force_spread + errors[FORCE]
+        laws["force_speed"] = by_speed[FORCE]
+        laws["force_feed"] = by_feed[FORCE]
+        laws["force_life"] = parameters["wear_time"] * by_wear[FORCE]
+        laws["log_power"] = parameters["log_power_coefficient"] + power_spread + errors[POWER]
+        laws["power_speed"] = by_speed[POWER]
+        laws["power_feed"] = by_feed[POWER]
+        laws["power_life"] = parameters["wear_time"] * by_wear[POWER]
+        prices = np.empty(len(used_life), PRICES)
+        price_life(parameters, laws, used_life, prices)
+        return prices
+
+    def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
-        exponent, (log_rate, speed, feed) = (
-            self._scenario.material.wear.time,
-            self._parameters["life"].T,
-        )
-        log_rate = log_rate + speed * log(reading.cutting_speed) + feed * log(reading.feed)
+        exponent = self._scenario.material.wear.time
+        life = self._nominal_life_law()
+        log_rate = life.log_rate + life.speed * log(reading.cutting_speed)
+        log_rate = log_rate + life.feed * log(reading.feed)
         rate = exp(log_rate + self._filter.log_wear_factor / exponent)  # [1/s]
         soon = used_life + rate * LEAD * self._scenario.control.interval
-        over = soon * exp(self._wear_caution * self._filter.wear_deviation / exponent) >= 1.0
+        doubt = exp(self._wear_caution * self._filter.wear_deviation / exponent)
+        over = soon * doubt >= 1.0
         return np.asarray((reading.nominal_wear > 0.0) & (over | (price <= 0.0)))
 
-    def _look_at(self) -> Array:
-        """Return the times after a step's start at which loads are predicted [s], shape (1 or num_envs, points)."""
-        return np.asarray(
-            column(self._scenario.control.interval) * (np.arange(POINTS) + 0.5) / POINTS
+    def _times_ahead(self) -> Array:
+        """Return the times after a step's start at which loads are predicted [s].
+
+        Their shape is (1 or num_envs, points).
+        """
+        middles = np.arange(POINTS) + 0.5
+        return np.asarray(column(self._scenario.control.interval) * middles / POINTS)
+
+    def _velocity(self, reading: Reading) -> Array:
+        """Return the commanded feed velocity [mm/s], shape (num_envs,)."""
+        commanded = reading.commanded_cutting_speed * reading.commanded_feed
+        return np.asarray(commanded * self._filter.parameters["velocity"])
+
+    def _ahead(self, reading: Reading) -> Ahead:
+        """Return the outlook, as if the tool stayed in this bar."""
+        distance = self._velocity(reading)[:, np.newaxis] * self._times
+        cutting = np.ones(distance.shape)
+        return Ahead(
+            outlook=self._filter.outlook(distance, np.zeros(distance.shape, np.bool_)),
+            cutting=cutting,
+            unmeasured=cutting - column(self._filter.memory["measured"]),
         )
 
-    def _ahead(self, reading: Reading) -> tuple[Outlook, Array, Array]:
-        """Return the outlook, and 1 in metal and 1 in an unmeasured bar, else 0, each of shape (num_envs, points)."""
-        velocity = (
-            reading.commanded_cutting_speed
-            * reading.commanded_feed
-            * self._filter.parameters["velocity"]
-        )
-        distance = velocity[:, np.newaxis] * self._times
-        cutting, enters = (
-            np.ones(distance.shape),
-            np.zeros(distance.shape, np.bool_),
-        )  # as if the tool stayed in this bar
-        return (
-            self._filter.outlook(distance, enters),
-            cutting,
-            cutting - column(self._filter.memory["measured"]),
-        )
+    def _best_set_point(
+        self, reading: Reading, used_life: Array, price: Array
+    ) -> tuple[Array, Array]:
+        """Return the best speed [m/min] and feed [mm/rev] within reach.
 
-    def _best(self, reading: Reading, used_life: Array, price: Array) -> tuple[Array, Array]:
-        """Return the best speed [m/min] and feed [mm/rev] within reach, for nominal used lives and prices of life [s]."""
-        scenario, economics, law = (
-            self._scenario,
-            self._scenario.economics,
-            self._scenario.material.wear,
-        )
-        outlook, cutting, unmeasured = self._ahead(reading)
-        nominal_depth, left = (
-            column(scenario.workpiece.depth_of_cut),
-            np.maximum(1.0 - used_life, 0.0),
-        )
-        wear = (
-            column(law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth)
-            + column(law.hardness) * outlook.log_hardness
-        )
+        ``used_life``: by the nominal model [-]; ``price``: of life [s].
+        """
+        points = self._points(self._ahead(reading), price)
+        environments = self._environments(reading, used_life)
+        best = np.empty(len(price), SET_POINT)
+        feed_search.search(self._parameters, self._moments, environments, points, best)
+        return exp(best["log_speed"]), exp(best["log_feed"])
+
+    def _points(self, ahead: Ahead, price: Array) -> Any:
+        """Return records of ``feed_search.POINT``, shape (num_envs, points), at prices of life."""
+        scenario = self._scenario
+        outlook = ahead.outlook
+        wear_law = scenario.material.wear
+        nominal_depth = column(scenario.workpiece.depth_of_cut)
+        log_wear = column(wear_law.depth_of_cut) * log(outlook.depth_of_cut / nominal_depth)
+        log_wear = log_wear + column(wear_law.hardness) * outlook.log_hardness
         # Air costs only time: crossing it is worth the metal that could be cut instead.
-        depth = np.where(cutting > 0, outlook.depth_of_cut, nominal_depth)
+        depth = np.where(ahead.cutting > 0, outlook.depth_of_cut, nominal_depth)
         strength_spread = hypotenuse(
             outlook.force_spread, column(scenario.tool.edge_strength_spread)
         )
-        points = (  # in the order of their names in feed_search
-            *(outlook.log_force, outlook.log_power),
-            *(
-                np.maximum(self._caution * spread, MIN_SPREAD)
-                for spread in (outlook.force_spread, outlook.power_spread)
-            ),
-            *(
-                np.maximum(strength_spread, MIN_SPREAD),
-                depth / column(economics.reference_removal_rate),
-            ),
-            *(column(price) * exp(wear / column(law.time)), cutting, unmeasured),
-        )
-        speeds = scenario.machine.cutting_speed_min, self._fastest(used_life)
-        breakage = 60.0 * (
-            left * (economics.edge_cost + economics.edge_change_time) + economics.breakage_downtime
-        )
-        environments = (  # likewise
-            *self._reach(reading.commanded_cutting_speed, speeds, "cutting_speed"),
-            *self._reach(reading.commanded_feed, scenario.feed_range, "feed"),
-            *(log(reading.cutting_speed), log(reading.feed), used_life, breakage),
-            *(*self._life_rate(), *self._filter.exponents.reshape(-1, 6).T),
-        )
-        columns = (np.stack(np.broadcast_arrays(*rows), axis=1) for rows in (environments, points))
-        found = np.empty((len(price), 2))
-        feed_search.search(self._parameters, self._left, *columns, found)
-        return exp(found[:, 0]), exp(found[:, 1])
+        points = np.empty(depth.shape, POINT)
+        points["log_force"] = outlook.log_force
+        points["log_power"] = outlook.log_power
+        points["force_spread"] = np.maximum(self._caution * outlook.force_spread, MIN_SPREAD)
+        points["power_spread"] = np.maximum(self._caution * outlook.power_spread, MIN_SPREAD)
+        points["strength_spread"] = np.maximum(strength_spread, MIN_SPREAD)
+        points["metal_value"] = depth / column(scenario.economics.reference_removal_rate)
+        points["life_price"] = column(price) * exp(log_wear / column(wear_law.time))
+        points["cutting"] = ahead.cutting
+        points["unmeasured"] = ahead.unmeasured
+        return points
 
-    def _fastest(self, used_life: Array) -> Any:
-        """Return the highest cutting speed to command [m/min] at used lives by the nominal model [-]."""
+    def _environments(self, reading: Reading, used_life: Array) -> Any:
+        """Return records of ``feed_search.ENVIRONMENT``, shape (num_envs,)."""
+        scenario = self._scenario
+        economics = scenario.economics
+        life = self._life_law()
+        by_speed, by_feed, by_wear = self._filter.exponents
+        min_log_speed, max_log_speed = self._reach(
+            reading.commanded_cutting_speed,
+            (scenario.machine.cutting_speed_min, self._max_speed(used_life)),
+            step=scenario.control.cutting_speed_step,
+        )
+        min_log_feed, max_log_feed = self._reach(
+            reading.commanded_feed, scenario.feed_range, step=scenario.control.feed_step
+        )
+        # A broken edge loses its unused life.
+        unused = np.maximum(1.0 - used_life, 0.0)
+        edge = economics.edge_cost + economics.edge_change_time
+        environments = np.empty(len(used_life), ENVIRONMENT)
+        environments["min_log_speed"] = min_log_speed
+        environments["max_log_speed"] = max_log_speed
+        environments["min_log_feed"] = min_log_feed
+        environments["max_log_feed"] = max_log_feed
+        environments["log_speed"] = log(reading.cutting_speed)
+        environments["log_feed"] = log(reading.feed)
+        environments["used_life"] = used_life
+        environments["breakage_price"] = 60.0 * (unused * edge + economics.breakage_downtime)
+        environments["log_life_rate"] = life.log_rate
+        environments["life_speed"] = life.speed
+        environments["life_feed"] = life.feed
+        environments["force_speed"] = by_speed[FORCE]
+        environments["force_feed"] = by_feed[FORCE]
+        environments["force_wear"] = by_wear[FORCE]
+        environments["power_speed"] = by_speed[POWER]
+        environments["power_feed"] = by_feed[POWER]
+        environments["power_wear"] = by_wear[POWER]
+        return environments
+
+    def _max_speed(self, used_life: Array) -> Any:
+        """Return the highest cutting speed to command [m/min] at nominal used lives [-]."""
         return self._scenario.cutting_speed_max
 
-    def _life_rate(self) -> list[Array]:
-        """Return the log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [1/s], and its exponents of both."""
-        return list(self._parameters["life"].T)
+    def _life_law(self) -> LifeLaw:
+        """Return the law of the used life as the policy knows it."""
+        return self._nominal_life_law()
 
-    def _reach(self, commanded: Array, ends: tuple[Any, Any], name: str) -> tuple[Array, Array]:
-        """Return the logarithms of the lowest and the highest value, between two ends, that the next action can command."""
-        least, most = (log(end) for end in ends)
-        if self._scenario.control.action == "set_point":
-            return least, most
-        step = getattr(self._scenario.control, f"{name}_step")
-        return np.clip(log(commanded) - step, least, most), np.clip(
-            log(commanded) + step, least, most
+    def _nominal_life_law(self) -> LifeLaw:
+        """Return the law of the used life by the nominal model."""
+        return LifeLaw(
+            log_rate=self._parameters["log_life_rate"],
+            speed=self._parameters["life_speed"],
+            feed=self._parameters["life_feed"],
         )
+
+    def _reach(self, commanded: Array, ends: tuple[Any, Any], step: float) -> tuple[Array, Array]:
+        """Return the logs of the lowest and the highest value that the next action can command.
+
+        ``commanded``: present value; ``ends``: of its range; ``step``: largest change of its log.
+        """
+        low, high = log(ends[0]), log(ends[1])
+        if self._scenario.control.action == "set_point":
+            return low, high
+        lowest = np.clip(log(commanded) - step, low, high)
+        highest = np.clip(log(commanded) + step, low, high)
+        return lowest, highest
 
 
 class Worth(NamedTuple):
@@ -234,15 +300,17 @@ class Worth(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def worth(scenario: Scenario) -> Worth:
-    """Return the prices of time and life by the scenario's own laws; the array is cached."""
-    times, lives = (
-        Optimiser(scenario, len(USED_LIVES), severity=1.0, caution=1.0).prices(USED_LIVES).T
-    )
-    return Worth(float(times[0]), lives)
+    """Return the prices of time and life by the scenario's own laws.
+
+    The array is cached, do not write to it.
+    """
+    optimiser = Optimiser(scenario, len(USED_LIVES), severity=1.0, caution=1.0)
+    prices = optimiser.prices(USED_LIVES)
+    return Worth(time=float(prices["time"][0]), life=prices["life"].copy())
 
 
 def column(value: Any) -> Any:
-    """Return a number, or one for each environment, as a column beside points, shape (1 or num_envs, 1)."""
+    """Return a number, or one for each environment, as a column, shape (1 or num_envs, 1)."""
     return np.reshape(value, (-1, 1))
 
 
@@ -252,12 +320,12 @@ def plays(scenario: Scenario) -> bool:
 
 
 def optimising(description: str, optimiser: Callable[..., Optimiser], version: int) -> Rule:
-    """Return the rule of an optimiser, a function of scenario, number of environments, severity and caution."""
+    """Return the rule of an optimiser, whose arguments are those of ``Optimiser``."""
     return Rule(
         description,
         optimiser,
-        plays,
-        {
+        plays=plays,
+        parameters={
             "severity": Range(0.5, 4.0, logarithmic=True),
             "caution": Range(0.5, 2.0, logarithmic=True),
         },
@@ -268,5 +336,8 @@ def optimising(description: str, optimiser: Callable[..., Optimiser], version: i
     )
 
 
-DESCRIPTION = "the best expected net gain of each step, on a Kalman filter's estimates and a price of life by dynamic programming"
+DESCRIPTION = (
+    "the best expected net gain of each step, on a Kalman filter's estimates "
+    "and a price of life by dynamic programming"
+)
 RULES = {"optimiser": optimising(DESCRIPTION, Optimiser, version=6)}

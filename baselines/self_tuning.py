@@ -1,9 +1,10 @@
-"""The optimiser with foresight that learns from a job how the lathe's laws differ from the nominal model.
+"""The optimiser with foresight that learns how a lathe's laws differ from the nominal model.
 
-The filter of ``predictive`` gets further states (dual estimation): errors of the laws of wear, force and power, which last from
-edge to edge. It expects those of training jobs (``law_errors.py``) until it has measured loads, and the wear of removed edges.
-With these laws, the price of edge life is computed anew in every step (``models/edge_value.py``). It needs of the nominal model
-what ``optimiser`` needs.
+The filter of ``predictive`` gets further states (dual estimation): errors of the laws of wear,
+force and power, which last from edge to edge. It expects those of training jobs (``law_errors.py``)
+until it has measured loads, and the wear of removed edges. With these laws, the price of edge life
+is computed anew in every step (``models/edge_value.py``). Uses from the nominal model what
+``optimiser`` uses.
 """
 
 from dataclasses import replace
@@ -12,22 +13,34 @@ from typing import Any
 import numpy as np
 
 from baselines import law_errors
-from baselines.optimiser import optimising, plays
+from baselines.optimiser import LifeLaw, optimising, plays
 from baselines.predictive import Predictive
 from baselines.rule import Array, Mask, Scenarios
-from turning_env import Reading
+from turning_env import Reading, Scenario
 
-EARLY = (
-    0.3  # time by which the tool may enter a bar earlier than expected [s] (found on training jobs)
-)
-MIN_SPENT_LIFE = 0.5  # used life below which edges without a price are kept [-]: early estimates of the laws may be wrong
+EARLY = 0.3
+"""Time by which the tool may enter a bar earlier than expected [s] (found on training jobs)."""
+MIN_SPENT_LIFE = 0.5
+"""Used life below which edges without a price are kept [-]: early estimates of the laws may be
+wrong."""
 
 
 class SelfTuning(Predictive):
-    """``Predictive`` on a filter that expects errors of the nominal model; for the ``others`` see ``Optimiser``.
+    """``Predictive`` on a filter that expects errors of the nominal model.
 
-    Attributes, shape (num_envs,), can be set before every action: ``top_speed``, the highest cutting speed over the machine's,
-    and ``change_at``, the used life at which edges are changed, if not before. A schedule, where there are forms, replaces them.
+    A schedule, where there are forms, replaces the highest speed and the used life at the change.
+
+    Args:
+        scenario: nominal model, or one for each environment.
+        num_envs: number of environments.
+        top_speed: highest cutting speed over the machine's [-].
+        change_at: used life at which edges are changed, if not before [-].
+        others: ``severity``, ``caution`` and ``wear_caution`` of ``Optimiser``.
+
+    Attributes:
+        top_speed: as above, of each environment, shape (num_envs,); it can be set before every
+            action.
+        change_at: likewise.
     """
 
     _priced_spread = 0.0  # its filter follows the bars that an edge has cut
@@ -41,44 +54,45 @@ class SelfTuning(Predictive):
         **others: float,
     ) -> None:
         super().__init__(scenario, num_envs, **others, errors=law_errors.read())
-        self.top_speed, self.change_at = np.full(num_envs, top_speed), np.full(num_envs, change_at)
+        self.top_speed = np.full(num_envs, top_speed)
+        self.change_at = np.full(num_envs, change_at)
 
-    def _fastest(self, used_life: Array) -> Any:
+    def _max_speed(self, used_life: Array) -> Any:
         if self._scheduled:
-            return super()._fastest(used_life)
-        return np.minimum(
-            self._scenario.cutting_speed_max,
-            self._scenario.machine.cutting_speed_max * self.top_speed,
-        )
+            return super()._max_speed(used_life)
+        top_speed = self._scenario.machine.cutting_speed_max * self.top_speed
+        return np.minimum(self._scenario.cutting_speed_max, top_speed)
 
     def _early(self, velocity: Array) -> Array:
         return self._filter.memory["slack"] + EARLY * velocity
 
-    def _life_rate(self) -> list[Array]:
-        errors = self._filter.wear_errors / self._scenario.material.wear.time
-        return [
-            nominal + error for nominal, error in zip(super()._life_rate(), errors, strict=True)
-        ]
-
-    def _spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
-        spent = super()._spent(
-            reading, used_life, np.where(used_life < MIN_SPENT_LIFE, np.inf, price)
-        )
-        return (
-            spent
-            if self._scheduled
-            else spent | ((used_life >= self.change_at) & (reading.nominal_wear > 0.0))
+    def _life_law(self) -> LifeLaw:
+        nominal = self._nominal_life_law()
+        errors = self._filter.wear_errors
+        exponent = self._scenario.material.wear.time
+        return LifeLaw(
+            log_rate=nominal.log_rate + errors.log_wear / exponent,
+            speed=nominal.speed + errors.speed_exponent / exponent,
+            feed=nominal.feed + errors.feed_exponent / exponent,
         )
 
+    def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
+        believed_price = np.where(used_life < MIN_SPENT_LIFE, np.inf, price)
+        spent = super()._edge_is_spent(reading, used_life, believed_price)
+        if not self._scheduled:
+            spent |= (used_life >= self.change_at) & (reading.nominal_wear > 0.0)
+        return spent
 
+
+def _plays(scenario: Scenario) -> bool:
+    return plays(scenario) and scenario.sensors.inspects_edges
+
+
+DESCRIPTION = "the optimiser with foresight, which learns the errors of the laws"
 RULES = {
     "self_tuning": replace(
-        optimising(
-            "the optimiser with foresight, which learns the errors of the laws",
-            SelfTuning,
-            version=6,
-        ),
-        plays=lambda scenario: plays(scenario) and scenario.sensors.inspects_edges,
+        optimising(DESCRIPTION, SelfTuning, version=6),
+        plays=_plays,
         parameters={"severity": 1.2, "caution": 0.9, "wear_caution": 0.9},  # found on training jobs
         tuned_on=None,
     )

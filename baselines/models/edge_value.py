@@ -1,23 +1,25 @@
 """The price of edge life that maximises the return of a whole edge.
 
-The environment charges used life at a constant price. But a fresh edge earns more than its time costs, and a worn edge does not.
-So life is worth saving at first, but not towards the end. The return of a whole edge is greatest if, at every used share D of its
-life, the set point maximises
+The environment charges used life at a constant price. But a fresh edge earns more than its time
+costs, and a worn edge does not. So life is worth saving at first, but not towards the end. The
+return of a whole edge is greatest if, at every used share D of its life, the set point maximises
 
     value of metal - time - overload - p(D) dD/dt
 
 where p(D) is the price at which the best set point gains nothing:
 
-    p(D) = max over cutting speeds of (value of metal less overload - price of time) / life used per time
+    p(D) = max over cutting speeds of (metal - overload - price of time) / life used per time
 
-This is dynamic programming over D, with one equation per D, because the used life only grows (Bellman 1957). The charged price
-does not enter, because a whole edge costs the same under every policy. A slower or faster insert needs no other price if dD is
-counted at the nominal rate. Bars are as expected, and the feed is the highest that keeps the loads within their limits, or the
+This is dynamic programming over D, with one equation per D, because the used life only grows
+(Bellman 1957). The charged price does not enter, because a whole edge costs the same under every
+policy. A slower or faster insert needs no other price if dD is counted at the nominal rate. Bars
+are as expected, and the feed is the highest that keeps the loads within their limits, or the
 nearest that the chip breaker allows.
 
-If edges are changed and time is limited, a second costs what it could earn elsewhere: at that price of time, a whole edge just
-pays for itself, its change and their time. If they are changed on command, worthless life need not be used: the price is at least
-0, and the best time to change the edge is when it reaches 0.
+If edges are changed and time is limited, a second costs what it could earn elsewhere: at that price
+of time, a whole edge just pays for itself, its change and their time. If they are changed on
+command, worthless life need not be used: the price is at least 0, and the best time to change the
+edge is when it reaches 0.
 """
 
 from typing import Any
@@ -25,125 +27,189 @@ from typing import Any
 import numpy as np
 
 from turning_env import PowerLaw, Scenario
-from turning_env.numerics.compilation import compiled_entry, compiled_separately
+from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
 
-PRICED_SPREAD = 0.6  # standard deviations over bars that loads lie above the expected, at known laws [-] (found on tuning seeds)
-LIVES = 6  # number of used shares of the life over which the price of time is found
-SPEEDS = 24  # number of cutting speeds that are compared, evenly spaced on a logarithmic scale
+PRICED_SPREAD = 0.6
+"""Standard deviations over bars that loads lie above the expected, at known laws [-] (found on
+tuning seeds)."""
+LIVES = 6  # used shares of the life over which the price of time is found
+SPEEDS = 24  # cutting speeds that are compared, evenly spaced on a logarithmic scale
 NEWTON_STEPS = 8
-MIN_EXPONENT = 0.1  # least exponent of the feed in a load [-]
-MIN_CAPACITY = 1e-3  # least power of the spindle, less idle power, over the limit [-]
+MIN_EXPONENT = 0.1  # lower bound of the exponent of feed in a load [-]
+MIN_CAPACITY = 1e-3  # lower bound of the spindle's power, less idle power, over the limit [-]
 MIN_USED_LIFE = 0.01
-MIN_TIME_PRICE, MAX_TIME_PRICE = 0.1, 10.0
+MIN_BASE_SPEED = 1e-9  # in place of 0, where there is no base speed [m/min]
+MIN_TIME_PRICE = 0.1
+MAX_TIME_PRICE = 10.0
 
-
-def numbers(scenario: Scenario, severity: float) -> dict[str, Any]:
-    """Return what ``feed_search.py`` and this file must know of a scenario; ``severity``: factor on the price of overload [-]."""
-    material, limits, tool, economics = (
-        scenario.material,
-        scenario.limits,
-        scenario.tool,
-        scenario.economics,
+EXPECTED_LAWS = np.dtype(
+    (
+        np.record,
+        [
+            # Log rate at which the life is used at 1 m/min and 1 mm/rev [log 1/s]; its exponents.
+            ("log_life_rate", np.float64),
+            ("life_speed", np.float64),
+            ("life_feed", np.float64),
+            # Log force over its limit at 1 m/min, 1 mm/rev and the end of life; its exponents of
+            # speed, feed and used life. Then likewise of power.
+            ("log_force", np.float64),
+            ("force_speed", np.float64),
+            ("force_feed", np.float64),
+            ("force_life", np.float64),
+            ("log_power", np.float64),
+            ("power_speed", np.float64),
+            ("power_feed", np.float64),
+            ("power_life", np.float64),
+        ],
     )
-    work, changes = scenario.workpiece, scenario.control.edge_changes
+)
+"""Laws of the expected bar."""
+
+PRICES = np.dtype(
+    (
+        np.record,
+        [
+            ("time", np.float64),  # of a second [s]: 1, or what a second can earn if it is limited
+            ("life", np.float64),  # p(D), of a whole life [s]
+        ],
+    )
+)
+"""Prices of time and life."""
+
+
+def numbers_of(scenario: Scenario, severity: float) -> dict[str, Any]:
+    """Return the numbers of a scenario for this file and ``feed_search.py``.
+
+    ``severity``: factor on the price of overload [-].
+    """
+    material = scenario.material
+    limits = scenario.limits
+    tool = scenario.tool
+    economics = scenario.economics
+    work = scenario.workpiece
+    edge_changes = scenario.control.edge_changes
     depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
     hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
 
     def at_one(law: PowerLaw, limit: float) -> float:
-        """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and the wear criterion."""
+        """Return log(response / limit) at 1 m/min, 1 mm/rev, nominal depth and worn edge."""
         return float(log(law(1.0, 1.0, work.depth_of_cut, wear=tool.wear_criterion) / limit))
 
-    wear, loads = material.wear, (material.thrust_force, material.power)
-    life = at_one(wear, tool.wear_criterion) / wear.time - log(60.0)
+    def spread_over_bars(law: PowerLaw) -> Any:
+        """Return the standard deviation of a log response over bars."""
+        return hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
+
+    # W = a t^n reaches the criterion W_max at D = 1, so the used life is D = (W / W_max)^(1/n).
+    # The law of wear is in minutes, its rate in seconds.
+    wear = material.wear
     return {
-        "life": (
-            life,
-            wear.cutting_speed / wear.time,
-            wear.feed / wear.time,
-        ),  # of the log used life [1/s]
-        "force": at_one(material.thrust_force, limits.thrust_force),
-        "power": at_one(material.power, limits.power),
-        # Standard deviations over bars of log force and log power:
-        "spreads": [
-            hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
-            for law in loads
-        ],
-        "wear_time": wear.time,
-        "log_base_speed": log(scenario.base_cutting_speed or 1e-9),
+        "log_life_rate": at_one(wear, tool.wear_criterion) / wear.time - log(60.0),
+        "life_speed": wear.cutting_speed / wear.time,
+        "life_feed": wear.feed / wear.time,
+        "wear_time": wear.time,  # n
+        "log_force_coefficient": at_one(material.thrust_force, limits.thrust_force),
+        "log_power_coefficient": at_one(material.power, limits.power),
+        "force_spread": spread_over_bars(material.thrust_force),
+        "power_spread": spread_over_bars(material.power),
+        "log_base_speed": log(scenario.base_cutting_speed or MIN_BASE_SPEED),
         "log_strength": float(log(tool.edge_strength / limits.thrust_force)),
         "overload_price": severity * economics.overload_price,
-        "interval": scenario.control.interval,
-        "slowest": log(scenario.machine.cutting_speed_min),
-        "fastest": log(scenario.cutting_speed_max),
-        "lowest": log(scenario.feed_range[0]),
-        "highest": log(scenario.feed_range[1]),
-        "metal": work.depth_of_cut / economics.reference_removal_rate,
-        "idle": idle_power_at(scenario, 1.0) / limits.power,
-        "edge_cost": 60.0 * economics.edge_cost,
-        "edge_change_time": 60.0 * economics.edge_change_time,
-        "limits_time": float(changes != "end"),
-        "least_price": 0.0 if changes == "commanded" else -np.inf,  # of life [s]
+        "interval": scenario.control.interval,  # [s]
+        # Range of the set point [log m/min], [log mm/rev].
+        "min_log_speed": log(scenario.machine.cutting_speed_min),
+        "max_log_speed": log(scenario.cutting_speed_max),
+        "min_log_feed": log(scenario.feed_range[0]),
+        "max_log_feed": log(scenario.feed_range[1]),
+        # Value of metal over cutting speed and feed [per m/min and mm/rev].
+        "metal_value": work.depth_of_cut / economics.reference_removal_rate,
+        # Idle power over the limit, per cutting speed [min/m].
+        "idle_power": idle_power_at(scenario, 1.0) / limits.power,
+        "edge_cost": 60.0 * economics.edge_cost,  # [s]
+        "edge_change_time": 60.0 * economics.edge_change_time,  # [s]
+        "limits_time": float(
+            edge_changes != "end"
+        ),  # 1 if a second could be spent elsewhere, else 0
+        "min_life_price": 0.0 if edge_changes == "commanded" else -np.inf,  # [s]
     }
 
 
 @compiled_entry
-def price_life(parameters, laws, used_lives, found):
-    """Fill in the prices of time [s] and life [s], shape (num_envs, 2), at used shares [-], by laws of the expected bar.
+def price_life(parameters, laws, used_lives, prices):
+    """Fill in the prices of time and life.
 
-    Their numbers, shape (num_envs, 11), are the logarithm of the used life [1/s] at 1 m/min and 1 mm/rev, and exponents of speed
-    and feed; likewise of force and of power, over their limits at the end of life, and of used life.
+    Args:
+        parameters: records of ``numbers_of``, for all environments or each.
+        laws: records of ``EXPECTED_LAWS``, shape (num_envs,).
+        used_lives: used shares D of the edges' lives [-], shape (num_envs,).
+        prices: records of ``PRICES``, shape (num_envs,), which are overwritten.
     """
-    gained, lasts = np.empty((LIVES + 1, SPEEDS)), np.empty((LIVES + 1, SPEEDS))
-    for i in range(len(found)):
-        p, own = parameters[i % len(parameters)], laws[i]
-        life_rate, life_speed, life_feed = own[0], own[1], own[2]
-        force, force_speed, force_feed, force_life = own[3], own[4], own[5], own[6]
-        power, power_speed, power_feed, power_life = own[7], own[8], own[9], own[10]
-        for k in range(SPEEDS):
-            speed = p.slowest + (p.fastest - p.slowest) * k / (SPEEDS - 1.0)
-            capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle * exp(speed)
-            of_force, of_power = (
-                force + force_speed * speed,
-                power + power_speed * speed - log(max(capacity, MIN_CAPACITY)),
-            )
-            for j in range(LIVES + 1):
-                log_used = log(
-                    min(max(used_lives[i], MIN_USED_LIFE), 1.0) if j == LIVES else (j + 0.5) / LIVES
-                )
-                by_force = -(of_force + force_life * log_used) / max(force_feed, MIN_EXPONENT)
-                highest = min(
-                    by_force, -(of_power + power_life * log_used) / max(power_feed, MIN_EXPONENT)
-                )
-                feed = min(max(highest, p.lowest), p.highest)
-                lasts[j, k] = exp(-(life_rate + life_speed * speed + life_feed * feed))
-                gained[j, k] = (
-                    p.metal * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)
-                ) * lasts[j, k]
+    # Of each set point: what it earns until the edge is worn out [s], and how long that takes [s].
+    # The rows are shares of the life; the last one is the environment's own.
+    earned = np.empty((LIVES + 1, SPEEDS))
+    lasts = np.empty((LIVES + 1, SPEEDS))
+    for i in range(len(prices)):
+        p = parameters[i % len(parameters)]
+        used_life = min(max(used_lives[i], MIN_USED_LIFE), 1.0)
+        compare_speeds(p, laws[i], used_life, earned, lasts)
         time = 1.0
-        for _ in range(NEWTON_STEPS if p.limits_time > 0.0 else 0):
-            earned, slope = -(p.edge_cost + time * p.edge_change_time), p.edge_change_time
-            for j in range(LIVES):
-                best = best_of(gained[j], lasts[j], time)
-                price = gained[j, best] - time * lasts[j, best]
-                if price > 0.0:
-                    earned += price / LIVES
-                    slope += lasts[j, best] / LIVES
-            time = min(max(time + earned / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
-        best = best_of(gained[LIVES], lasts[LIVES], time)
-        found[i, 0], found[i, 1] = (
-            time,
-            max(gained[LIVES, best] - time * lasts[LIVES, best], p.least_price),
-        )
+        if p.limits_time > 0.0:
+            time = price_of_time(p, earned, lasts)
+        best = best_of(earned[LIVES], lasts[LIVES], time)
+        life = earned[LIVES, best] - time * lasts[LIVES, best]
+        prices[i].time = time
+        prices[i].life = max(life, p.min_life_price)
+
+
+@compiled
+def compare_speeds(p, law, used_life, earned, lasts):
+    """Fill in earnings and lives at all cutting speeds, with the highest feed within the limits."""
+    for k in range(SPEEDS):
+        speed = p.min_log_speed + (p.max_log_speed - p.min_log_speed) * k / (SPEEDS - 1.0)
+        # Power that is left for the cut over the limit, which falls below the base speed.
+        capacity = exp(min(speed - p.log_base_speed, 0.0)) - p.idle_power * exp(speed)
+        force = law.log_force + law.force_speed * speed
+        power = law.log_power + law.power_speed * speed - log(max(capacity, MIN_CAPACITY))
+        for j in range(LIVES + 1):
+            log_used = log(used_life if j == LIVES else (j + 0.5) / LIVES)
+            force_feed = -(force + law.force_life * log_used) / max(law.force_feed, MIN_EXPONENT)
+            power_feed = -(power + law.power_life * log_used) / max(law.power_feed, MIN_EXPONENT)
+            highest = min(force_feed, power_feed)
+            feed = min(max(highest, p.min_log_feed), p.max_log_feed)
+            lasts[j, k] = exp(-(law.log_life_rate + law.life_speed * speed + law.life_feed * feed))
+            # Above the highest feed, loads exceed their limits in about the same proportion.
+            rate = p.metal_value * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)
+            earned[j, k] = rate * lasts[j, k]
+
+
+@compiled
+def price_of_time(p, earned, lasts):
+    """Return the price of time at which a whole edge pays for itself, by Newton's method."""
+    # Find c such that mean over D of max(p(D), 0) = edge cost + c * change time, where
+    # p(D) = earned - c * lasts at the best set point. By the envelope theorem, dp/dc = -lasts.
+    time = 1.0
+    for _ in range(NEWTON_STEPS):
+        surplus = -(p.edge_cost + time * p.edge_change_time)
+        slope = p.edge_change_time
+        for j in range(LIVES):
+            best = best_of(earned[j], lasts[j], time)
+            life_price = earned[j, best] - time * lasts[j, best]
+            if life_price > 0.0:
+                surplus += life_price / LIVES
+                slope += lasts[j, best] / LIVES
+        time = min(max(time + surplus / slope, MIN_TIME_PRICE), MAX_TIME_PRICE)
+    return time
 
 
 @compiled_separately
 def best_of(gain, rate, price):
     """Return the place of the set point that gains most at a price of its rate."""
-    best, most = 0, -np.inf
+    best = 0
+    max_worth = -np.inf
     for k in range(len(gain)):
         worth = gain[k] - price * rate[k]
-        if worth > most:
-            best, most = k, worth
+        if worth > max_worth:
+            best = k
+            max_worth = worth
     return best

@@ -1,196 +1,414 @@
 """The search for the cutting speed and feed with the greatest expected gain of a step.
 
-It is Newton's method in log speed and log feed, from the actual ones, within reach, with the gain's derivatives. A step goes to
-the top of a parabola within reach; it is shortened until the gain rises. Where the gain is not concave, the parabola takes the
-curvatures' magnitudes (Dauphin et al. 2014), so the step still goes uphill.
+It is Newton's method in log speed and log feed, from the actual ones, within reach. With x the
+logarithms of commanded speed and feed, g the slopes of the gain and H its curvatures, a step
+maximises the parabola
+
+    g' dx - dx' |H| dx / 2        within reach
+
+and is shortened until the gain rises. |H| has the eigenvalues' magnitudes (Dauphin et al. 2014,
+"Identifying and attacking the saddle point problem"), so the step goes uphill where the gain is not
+concave, too.
+
+The optimiser fills in the records; this file knows neither scenarios nor filters.
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from baselines.models.normal import excess, probability
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, log
 
-TRIES = 30  # greatest number of steps that are tried
-ENOUGH = 1e-6  # expected rise of the mean gain [-] below which the search ends
-FLAT = 1e-6  # curvature that is added, as a parabola without curvature has no top
-CORNER = (
-    0.001  # log distance from the base speed within which the limit of power bends smoothly [-]
-)
-NEGLIGIBLE = 6.0  # distance of a load below its limit over its spread [-] from which its excess does not count
+MAX_STEPS = 30  # steps that are tried
+MIN_RISE = 1e-6  # expected rise of the mean gain [-] below which the search ends
+FLAT = 1e-6  # curvature that is added, because a parabola without curvature has no top
+CORNER = 0.001
+"""Log distance from the base speed within which the limit of power bends smoothly [-]."""
+NEGLIGIBLE = 6.0
+"""Distance of a load below its limit over its spread [-] from which its excess does not count."""
 
-SLOWEST, FASTEST, LOWEST, HIGHEST, LOG_SPEED, LOG_FEED, USED_LIFE, BREAKAGE_PRICE = range(8)
-"""Numbers of an environment: ends of the reach of log cutting speed [log m/min] and log feed [log mm/rev]; the actual ones; used
-share of the edge's life by the nominal model [-]; cost of breaking the edge [s]."""
-LIFE_RATE, LIFE_SPEED, LIFE_FEED = range(8, 11)
-"""Log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [1/s]; exponents of speed and feed."""
-FORCE_SPEED, FORCE_FEED, FORCE_WEAR, POWER_SPEED, POWER_FEED, POWER_WEAR, ENVIRONMENT = range(
-    11, 18
+ENVIRONMENT = np.dtype(
+    (
+        np.record,
+        [
+            # Reach of the command: log cutting speed [log m/min] and log feed [log mm/rev].
+            ("min_log_speed", np.float64),
+            ("max_log_speed", np.float64),
+            ("min_log_feed", np.float64),
+            ("max_log_feed", np.float64),
+            # Actual values, likewise.
+            ("log_speed", np.float64),
+            ("log_feed", np.float64),
+            ("used_life", np.float64),  # of the edge, by the nominal model [-]
+            ("breakage_price", np.float64),  # cost of breaking the edge [s]
+            # Log rate at which a usual edge's life is used at 1 m/min and 1 mm/rev [log 1/s],
+            # and its exponents.
+            ("log_life_rate", np.float64),
+            ("life_speed", np.float64),
+            ("life_feed", np.float64),
+            # Exponents of speed, feed and wear in force and power.
+            ("force_speed", np.float64),
+            ("force_feed", np.float64),
+            ("force_wear", np.float64),
+            ("power_speed", np.float64),
+            ("power_feed", np.float64),
+            ("power_wear", np.float64),
+        ],
+    )
 )
-"""Exponents of speed, feed and wear in force and power; how many numbers there are."""
-(
-    LOG_FORCE,
-    LOG_POWER,
-    FORCE_SPREAD,
-    POWER_SPREAD,
-    STRENGTH_SPREAD,
-    METAL_VALUE,
-    LIFE_PRICE,
-    CUTTING,
-    UNMEASURED,
-    POINT,
-) = range(10)
-"""Numbers of a point ahead of the tool: log ratios of force and power to the nominal model at nominal wear; standard deviations
-above 0 of log force and log power in the price of overload, and of log(force / strength of the edge); value of metal over cutting
-speed and feed [per m/min and mm/rev]; price of a life [s] that is used at the rate of nominal depth and hardness; 1 in metal,
-else 0; 1 in metal of a bar that has not been measured, else 0; how many numbers there are."""
+"""Numbers of an environment."""
+
+POINT = np.dtype(
+    (
+        np.record,
+        [
+            # Log ratios of force and power to the nominal model at nominal wear [-].
+            ("log_force", np.float64),
+            ("log_power", np.float64),
+            # Standard deviations above 0 of log force, of log power (both in the price of
+            # overload), and of log(force / strength of the edge) [-].
+            ("force_spread", np.float64),
+            ("power_spread", np.float64),
+            ("strength_spread", np.float64),
+            # Value of metal over cutting speed and feed [per m/min and mm/rev].
+            ("metal_value", np.float64),
+            # Price of a life that is used at the rate of nominal depth and hardness [s].
+            ("life_price", np.float64),
+            ("cutting", np.float64),  # 1 in metal, else 0
+            ("unmeasured", np.float64),  # 1 in metal of a bar that has not been measured, else 0
+        ],
+    )
+)
+"""Numbers of a point ahead of the tool."""
+
+MOMENT = np.dtype(
+    (
+        np.record,
+        [
+            ("time", np.float64),  # after the step's start [s]
+            # Shares of a deviation of the drives from their commands that remain [-].
+            ("speed_left", np.float64),
+            ("feed_left", np.float64),
+        ],
+    )
+)
+"""The moment of a point."""
+
+SET_POINT = np.dtype((np.record, [("log_speed", np.float64), ("log_feed", np.float64)]))
+"""A commanded set point [log m/min], [log mm/rev]."""
+
+
+class Gain(NamedTuple):
+    """A gain [s of machine time per s] with its derivatives by commanded log speed and log feed."""
+
+    value: float
+    by_speed: float
+    by_feed: float
+    by_speed_speed: float
+    by_speed_feed: float
+    by_feed_feed: float
+
+
+class Newton(NamedTuple):
+    """A step in log speed and log feed, and the rise of the gain that a parabola expects of it."""
+
+    log_speed: float
+    log_feed: float
+    rise: float
+
+
+class Trial(NamedTuple):
+    """A set point that was tried."""
+
+    gain: float  # mean over the points [s of machine time per s]
+    step: Newton  # to the next set point
+
+
+class Load(NamedTuple):
+    """The log load over its limit, with its slopes by the commanded log speed and log feed."""
+
+    value: float
+    by_speed: float
+    by_feed: float
+
+
+class State(NamedTuple):
+    """Log speed, log feed and log wear at a point, with their slopes by the commanded ones."""
+
+    speed: float
+    feed: float
+    wear: float  # over the wear criterion
+    speed_by_speed: float
+    feed_by_feed: float
+    wear_by_speed: float
+    wear_by_feed: float
 
 
 @compiled_entry
-def search(parameters, lefts, environments, points, found):
-    """Fill in the best log cutting speeds and log feeds, shape (num_envs, 2).
+def search(parameters, moments, environments, points, best):
+    """Fill in the best set points.
 
-    ``parameters`` are records of laws and prices; ``lefts`` are times of the points after the step's start [s] and remaining
-    deviations of the drives [-], shape (3, points); both are for all environments or each. Numbers of environments have the shape
-    (num_envs, ENVIRONMENT), those of points (num_envs, POINT, points).
+    Args:
+        parameters: records of laws and prices (``edge_value.numbers``), for all environments or
+            each.
+        moments: records of ``MOMENT``, shape (1 or num_envs, points).
+        environments: records of ``ENVIRONMENT``, shape (num_envs,).
+        points: records of ``POINT``, shape (num_envs, points).
+        best: records of ``SET_POINT``, shape (num_envs,), which are overwritten.
     """
-    for i in range(len(found)):
-        p, left, env, ahead = (
-            parameters[i % len(parameters)],
-            lefts[i % len(lefts)],
-            environments[i],
-            points[i],
-        )
-        x = min(max(env[LOG_SPEED], env[SLOWEST]), env[FASTEST])
-        y = min(max(env[LOG_FEED], env[LOWEST]), env[HIGHEST])
-        gain, dx, dy, rise = outlook(p, left, env, ahead, x, y)
-        for _ in range(TRIES):
-            if rise < ENOUGH:
+    for i in range(len(best)):
+        p = parameters[i % len(parameters)]
+        times = moments[i % len(moments)]
+        env = environments[i]
+        ahead = points[i]
+        log_speed = min(max(env.log_speed, env.min_log_speed), env.max_log_speed)
+        log_feed = min(max(env.log_feed, env.min_log_feed), env.max_log_feed)
+        start = try_set_point(p, times, env, ahead, log_speed, log_feed)
+        gain = start.gain
+        step = start.step
+        for _ in range(MAX_STEPS):
+            if step.rise < MIN_RISE:
                 break
-            there = outlook(p, left, env, ahead, x + dx, y + dy)
-            if there[0] > gain:
-                x, y = x + dx, y + dy
-                gain, dx, dy, rise = there
+            new_log_speed = log_speed + step.log_speed
+            new_log_feed = log_feed + step.log_feed
+            trial = try_set_point(p, times, env, ahead, new_log_speed, new_log_feed)
+            if trial.gain > gain:
+                log_speed = new_log_speed
+                log_feed = new_log_feed
+                gain = trial.gain
+                step = trial.step
             else:
-                dx, dy, rise = 0.5 * dx, 0.5 * dy, 0.5 * rise
-        found[i, 0], found[i, 1] = x, y
+                step = Newton(0.5 * step.log_speed, 0.5 * step.log_feed, rise=0.5 * step.rise)
+        best[i].log_speed = log_speed
+        best[i].log_feed = log_feed
 
 
 @compiled_separately
-def outlook(p, left, env, ahead, x, y):
-    """Return the mean gain [s of machine time per s] expected of a commanded log speed x and log feed y, and the next step."""
-    points, overload_price = left.shape[1], -p.overload_price
-    sums, worst, worst_x, worst_y = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -math.inf, 0.0, 0.0
+def try_set_point(p, times, env, ahead, log_speed, log_feed):
+    """Return the mean gain expected of a commanded log speed and log feed, and the next step.
+
+    At each point, the gain is
+
+        value of metal - price of the life used - price of overload
+
+    and, once for all points, - price of breakage. All are functions of linear forms in the
+    commanded logarithms.
+    """
+    points = len(ahead)
+    gain = Gain(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    worst = Load(-math.inf, 0.0, 0.0)
     for k in range(points):
-        a, b = 1.0 - left[1, k], 1.0 - left[2, k]
-        speed, feed = (
-            env[LOG_SPEED] + a * (x - env[LOG_SPEED]),
-            env[LOG_FEED] + b * (y - env[LOG_FEED]),
-        )
-        metal = ahead[METAL_VALUE, k] * exp(speed + feed)
-        sums = plus(sums, metal, metal, metal, a, b)
-        if ahead[CUTTING, k] == 0.0:
+        point = ahead[k]
+        # The drives follow their commands with lags.
+        by_speed = 1.0 - times[k].speed_left
+        by_feed = 1.0 - times[k].feed_left
+        speed = env.log_speed + by_speed * (log_speed - env.log_speed)
+        feed = env.log_feed + by_feed * (log_feed - env.log_feed)
+        metal = point.metal_value * exp(speed + feed)
+        gain = plus(gain, metal, metal, metal, by_speed, by_feed)
+        if point.cutting == 0.0:
             continue
-        rate = exp(env[LIFE_RATE] + env[LIFE_SPEED] * speed + env[LIFE_FEED] * feed)
-        cost = -ahead[LIFE_PRICE, k] * rate
-        sums = plus(sums, cost, cost, cost, a * env[LIFE_SPEED], b * env[LIFE_FEED])
-        used = env[USED_LIFE] + rate * left[0, k]
-        wear, by_rate = p.wear_time * log(used), p.wear_time * rate * left[0, k] / used
-        wear_x, wear_y = by_rate * a * env[LIFE_SPEED], by_rate * b * env[LIFE_FEED]
-        force = (
-            p.force
-            + env[FORCE_SPEED] * speed
-            + env[FORCE_FEED] * feed
-            + env[FORCE_WEAR] * wear
-            + ahead[LOG_FORCE, k]
+
+        life_rate = exp(env.log_life_rate + env.life_speed * speed + env.life_feed * feed)
+        cost = -point.life_price * life_rate
+        life_by_speed = by_speed * env.life_speed
+        life_by_feed = by_feed * env.life_feed
+        gain = plus(gain, cost, cost, cost, life_by_speed, life_by_feed)
+
+        # The used life grows with time: D = D0 + rate * time, and wear is D^wear_time.
+        used_life = env.used_life + life_rate * times[k].time
+        wear_by_rate = p.wear_time * life_rate * times[k].time / used_life
+        state = State(
+            speed=speed,
+            feed=feed,
+            wear=p.wear_time * log(used_life),
+            speed_by_speed=by_speed,
+            feed_by_feed=by_feed,
+            wear_by_speed=wear_by_rate * by_speed * env.life_speed,
+            wear_by_feed=wear_by_rate * by_feed * env.life_feed,
         )
-        force_x, force_y = (
-            env[FORCE_SPEED] * a + env[FORCE_WEAR] * wear_x,
-            env[FORCE_FEED] * b + env[FORCE_WEAR] * wear_y,
-        )
-        if force > -NEGLIGIBLE * ahead[FORCE_SPREAD, k]:
-            over, slope, bend = excess(force, ahead[FORCE_SPREAD, k])
-            sums = plus(
-                sums,
-                overload_price * over,
-                overload_price * slope,
-                overload_price * bend,
-                force_x,
-                force_y,
+        force = force_at(p, env, point, state)
+        gain = charge_overload(p, gain, force, point.force_spread)
+        gain = charge_power(p, gain, env, point, state)
+        deviation = (force.value - p.log_strength) / point.strength_spread
+        if point.unmeasured > 0.0 and deviation > worst.value:
+            worst = Load(
+                value=deviation,
+                by_speed=force.by_speed / point.strength_spread,
+                by_feed=force.by_feed / point.strength_spread,
             )
-        above = speed - p.log_base_speed
-        root = math.sqrt(above * above + CORNER * CORNER)
-        power = (
-            p.power
-            + env[POWER_SPEED] * speed
-            + env[POWER_FEED] * feed
-            + env[POWER_WEAR] * wear
-            + ahead[LOG_POWER, k]
-        )
-        power += 0.5 * (root - above)
-        if power > -NEGLIGIBLE * ahead[POWER_SPREAD, k]:
-            over, slope, bend = excess(power, ahead[POWER_SPREAD, k])
-            power_x = (env[POWER_SPEED] + 0.5 * (above / root - 1.0)) * a + env[POWER_WEAR] * wear_x
-            power_y = env[POWER_FEED] * b + env[POWER_WEAR] * wear_y
-            sums = plus(
-                sums,
-                overload_price * over,
-                overload_price * slope,
-                overload_price * bend,
-                power_x,
-                power_y,
-            )
-            sums = plus(
-                sums,
-                0.0,
-                0.0,
-                overload_price * slope * 0.5 * (CORNER * CORNER) / (root * root * root),
-                a,
-                0.0,
-            )
-        deviation = (force - p.log_strength) / ahead[STRENGTH_SPREAD, k]
-        if ahead[UNMEASURED, k] > 0.0 and deviation > worst:
-            worst, worst_x, worst_y = (
-                deviation,
-                force_x / ahead[STRENGTH_SPREAD, k],
-                force_y / ahead[STRENGTH_SPREAD, k],
-            )
-    if worst > -math.inf:
-        risk, density = probability(worst)
-        price = -env[BREAKAGE_PRICE] / p.interval * points
-        sums = plus(sums, price * risk, price * density, -price * density * worst, worst_x, worst_y)
-    dx, dy, rise = step(env, x, y, sums)
-    return sums[0] / points, dx, dy, rise / points
+    if worst.value > -math.inf:
+        gain = charge_breakage(p, gain, env, worst, points)
+    step = newton_step(env, gain, log_speed, log_feed)
+    mean_step = Newton(step.log_speed, step.log_feed, rise=step.rise / points)
+    return Trial(gain.value / points, mean_step)
 
 
 @compiled
-def plus(sums, value, slope, bend, x, y):
-    """Add a term to sums of values, slopes and curvatures; x and y are the slopes of the form of which it is a function."""
-    total, by_x, by_y, by_xx, by_xy, by_yy = sums
-    bend_x, bend_y = bend * x, bend * y
-    return (
-        total + value,
-        by_x + slope * x,
-        by_y + slope * y,
-        by_xx + bend_x * x,
-        by_xy + bend_x * y,
-        by_yy + bend_y * y,
+def force_at(p, env, point, state):
+    """Return the log force over its limit."""
+    return Load(
+        value=p.log_force_coefficient
+        + env.force_speed * state.speed
+        + env.force_feed * state.feed
+        + env.force_wear * state.wear
+        + point.log_force,
+        by_speed=env.force_speed * state.speed_by_speed + env.force_wear * state.wear_by_speed,
+        by_feed=env.force_feed * state.feed_by_feed + env.force_wear * state.wear_by_feed,
     )
 
 
 @compiled
-def step(env, x, y, sums):
-    """Return the step to the top within reach of the parabola with these slopes and magnitudes of curvatures, and its rise."""
-    _, by_x, by_y, by_xx, by_xy, by_yy = sums
-    determinant = abs(by_xx * by_yy - by_xy * by_xy)
-    root = math.sqrt(by_xx * by_xx + 2.0 * by_xy * by_xy + by_yy * by_yy + 2.0 * determinant) + FLAT
-    xx = (by_xx * by_xx + by_xy * by_xy + determinant) / root + FLAT
-    yy = (by_yy * by_yy + by_xy * by_xy + determinant) / root + FLAT
-    xy = by_xy * (by_xx + by_yy) / root
-    dx = min(max((by_x * yy - by_y * xy) / (xx * yy - xy * xy), env[SLOWEST] - x), env[FASTEST] - x)
-    dy = min(max((by_y - xy * dx) / yy, env[LOWEST] - y), env[HIGHEST] - y)
-    best = dx, dy, by_x * dx + by_y * dy - 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy)
-    dy = min(max((by_y * xx - by_x * xy) / (xx * yy - xy * xy), env[LOWEST] - y), env[HIGHEST] - y)
-    dx = min(max((by_x - xy * dy) / xx, env[SLOWEST] - x), env[FASTEST] - x)
-    rise = by_x * dx + by_y * dy - 0.5 * (xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy)
-    return (dx, dy, rise) if rise > best[2] else best
+def charge_overload(p, gain, load, spread):
+    """Return the gain less the price of a load's expected excess over its limit."""
+    if load.value <= -NEGLIGIBLE * spread:
+        return gain
+    price = -p.overload_price
+    over = excess(load.value, spread)
+    return plus(
+        gain,
+        price * over.value,
+        price * over.slope,
+        price * over.curvature,
+        load.by_speed,
+        load.by_feed,
+    )
+
+
+@compiled
+def charge_power(p, gain, env, point, state):
+    """Return the gain less the price of the power's expected excess over its limit."""
+    # Below the base speed V_b, the limit falls with the speed. In logarithms, with u = log(V /
+    # V_b), power over limit rises by max(-u, 0), which is smoothed to (sqrt(u^2 + corner^2) - u) /
+    # 2.
+    above = state.speed - p.log_base_speed
+    root = math.sqrt(above * above + CORNER * CORNER)
+    value = (
+        p.log_power_coefficient
+        + env.power_speed * state.speed
+        + env.power_feed * state.feed
+        + env.power_wear * state.wear
+        + point.log_power
+    )
+    value += 0.5 * (root - above)
+    if value <= -NEGLIGIBLE * point.power_spread:
+        return gain
+    speed_exponent = env.power_speed + 0.5 * (above / root - 1.0)
+    power = Load(
+        value=value,
+        by_speed=speed_exponent * state.speed_by_speed + env.power_wear * state.wear_by_speed,
+        by_feed=env.power_feed * state.feed_by_feed + env.power_wear * state.wear_by_feed,
+    )
+    price = -p.overload_price
+    over = excess(power.value, point.power_spread)
+    gain = plus(
+        gain,
+        price * over.value,
+        price * over.slope,
+        price * over.curvature,
+        power.by_speed,
+        power.by_feed,
+    )
+    # The corner itself is curved: d2/du2 of the smoothed term is corner^2 / (2 root^3).
+    corner = price * over.slope * 0.5 * (CORNER * CORNER) / (root * root * root)
+    return plus(gain, 0.0, 0.0, corner, state.speed_by_speed, 0.0)
+
+
+@compiled
+def charge_breakage(p, gain, env, worst, points):
+    """Return the gain less the price of the risk that an unmeasured bar breaks the edge."""
+    # ``worst``: log(force / strength) in standard deviations, so the risk is its normal
+    # probability. The risk is that of the step, not of a second, and counts once for all points.
+    risk = probability(worst.value)
+    price = -env.breakage_price / p.interval * points
+    return plus(
+        gain,
+        price * risk.below,
+        price * risk.density,
+        -price * risk.density * worst.value,
+        worst.by_speed,
+        worst.by_feed,
+    )
+
+
+@compiled
+def plus(gain, value, slope, curvature, by_speed, by_feed):
+    """Add a function of a linear form to a gain.
+
+    ``value``, ``slope`` and ``curvature`` are those of the function, ``by_speed`` and ``by_feed``
+    the slopes of the form. The chain rule gives the gain's slopes and curvatures; curvatures of the
+    form are left out.
+    """
+    curvature_by_speed = curvature * by_speed
+    curvature_by_feed = curvature * by_feed
+    return Gain(
+        value=gain.value + value,
+        by_speed=gain.by_speed + slope * by_speed,
+        by_feed=gain.by_feed + slope * by_feed,
+        by_speed_speed=gain.by_speed_speed + curvature_by_speed * by_speed,
+        by_speed_feed=gain.by_speed_feed + curvature_by_speed * by_feed,
+        by_feed_feed=gain.by_feed_feed + curvature_by_feed * by_feed,
+    )
+
+
+@compiled
+def newton_step(env, gain, log_speed, log_feed):
+    """Return the step to the top, within reach, of the parabola with the slopes g and -|H|."""
+    # |H| is the root of H^2. For 2 x 2 matrices, with d = |det H|, it is
+    #     |H| = (H^2 + d I) / sqrt(trace H^2 + 2 d)
+    ss = gain.by_speed_speed
+    sf = gain.by_speed_feed
+    ff = gain.by_feed_feed
+    determinant = abs(ss * ff - sf * sf)
+    root = math.sqrt(ss * ss + 2.0 * sf * sf + ff * ff + 2.0 * determinant) + FLAT
+    parabola = Gain(
+        value=0.0,
+        by_speed=gain.by_speed,
+        by_feed=gain.by_feed,
+        by_speed_speed=(ss * ss + sf * sf + determinant) / root + FLAT,
+        by_speed_feed=sf * (ss + ff) / root,
+        by_feed_feed=(ff * ff + sf * sf + determinant) / root + FLAT,
+    )
+    # If the top is out of reach, the best point lies on an edge of the reach: with the speed
+    # clipped and the best feed for it, or the other way round.
+    speed_first = step_of_speed_first(env, parabola, log_speed, log_feed)
+    feed_first = step_of_feed_first(env, parabola, log_speed, log_feed)
+    return feed_first if feed_first.rise > speed_first.rise else speed_first
+
+
+@compiled
+def step_of_speed_first(env, parabola, log_speed, log_feed):
+    """Return the step to the top's log speed within reach, and the best log feed for it."""
+    b = parabola
+    determinant = b.by_speed_speed * b.by_feed_feed - b.by_speed_feed * b.by_speed_feed
+    top = (b.by_speed * b.by_feed_feed - b.by_feed * b.by_speed_feed) / determinant
+    speed_step = min(max(top, env.min_log_speed - log_speed), env.max_log_speed - log_speed)
+    best = (b.by_feed - b.by_speed_feed * speed_step) / b.by_feed_feed
+    feed_step = min(max(best, env.min_log_feed - log_feed), env.max_log_feed - log_feed)
+    return Newton(speed_step, feed_step, rise=rise_of(parabola, speed_step, feed_step))
+
+
+@compiled
+def step_of_feed_first(env, parabola, log_speed, log_feed):
+    """Return the step to the top's log feed within reach, and the best log speed for it."""
+    b = parabola
+    determinant = b.by_speed_speed * b.by_feed_feed - b.by_speed_feed * b.by_speed_feed
+    top = (b.by_feed * b.by_speed_speed - b.by_speed * b.by_speed_feed) / determinant
+    feed_step = min(max(top, env.min_log_feed - log_feed), env.max_log_feed - log_feed)
+    best = (b.by_speed - b.by_speed_feed * feed_step) / b.by_speed_speed
+    speed_step = min(max(best, env.min_log_speed - log_speed), env.max_log_speed - log_speed)
+    return Newton(speed_step, feed_step, rise=rise_of(parabola, speed_step, feed_step))
+
+
+@compiled
+def rise_of(parabola, speed_step, feed_step):
+    """Return the rise of a parabola along a step; its curvatures are given by magnitudes."""
+    curved = (
+        parabola.by_speed_speed * speed_step * speed_step
+        + 2.0 * parabola.by_speed_feed * speed_step * feed_step
+        + parabola.by_feed_feed * feed_step * feed_step
+    )
+    return parabola.by_speed * speed_step + parabola.by_feed * feed_step - 0.5 * curved

@@ -1,313 +1,516 @@
-"""The compiled equations of ``load_filter.py``, one environment at a time."""
+"""The compiled equations of the load filter, one environment at a time.
+
+``load_filter.py`` describes the states and is the interface; nothing else should call this file. In
+all functions, ``model`` is a record of the nominal model (``load_filter.numbers_of``), ``memory``
+one of ``MEMORY``, and ``mean`` and ``covariance`` are the estimate, of shapes (STATES,) and
+(STATES, STATES).
+
+The filter is an extended Kalman filter (Särkkä 2013, "Bayesian Filtering and Smoothing", section
+5.2). Its states move by linear equations, so only the measurements are linearised.
+"""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
 
-DEPTH, DEPTH_SLOPE, HARDNESS, HARDNESS_SLOPE, INSERT, HISTORY, LOT, WEAR_SPEED, WEAR_FEED, LAWS = (
-    range(10)
-)
-"""States: relative deviation of depth [-], its slope [1/mm], log hardness [-], its slope [1/mm]; log wear factors [-] of the
-insert, of the depth and hardness that its edge has cut, and of the lot; errors of the exponents of speed and feed in the law of
-wear [-]; from ``LAWS`` on those of the force law, then of the power law: bias and exponents of speed, feed and wear [-]."""
-ERRORS = 4
+# Places of the states in the estimate. The fields along the bar come first, each before its slope.
+DEPTH = 0  # relative deviation of the depth of cut [-]
+DEPTH_SLOPE = 1  # [1/mm]
+HARDNESS = 2  # log hardness [-]
+HARDNESS_SLOPE = 3  # [1/mm]
+# Terms of the log wear factor: log ratio of the edge's wear to the nominal wear.
+INSERT = 4  # log wear factor of the insert [-]
+HISTORY = 5  # log wear factor of the depth and hardness that the edge has cut [-]
+LOT = 6  # log wear factor of all edges of the job [-]
+WEAR_SPEED = 7  # error of the exponent of cutting speed in the law of wear [-]
+WEAR_FEED = 8  # error of the exponent of feed in the law of wear [-]
+# Errors of the law of force, then the same ones of the law of power.
+LAWS = 9
+BIAS = 0  # log error at the references [-]
+SPEED_ERROR = 1  # error of the exponent of cutting speed [-]
+FEED_ERROR = 2  # error of the exponent of feed [-]
+WEAR_ERROR = 3  # error of the exponent of wear [-]
+ERRORS = 4  # number of errors of a law
 STATES = LAWS + 2 * ERRORS
-MIN_DEPTH = 0.05  # least expected depth over the nominal depth [-]: the logarithm has no linear approximation near 0
-MAX_SPREAD = 1.0  # upper bound of the log standard deviation of a load [-]: the linear approximation fails beyond it
-MIN_READING = 0.01  # share of the expected reading below which a reading is ignored [-]: the tool does not cut
-INSPECTION_DEVIATION = (
-    0.05  # log standard deviation of a removed edge's wear by its unknown cuts [-] (assumption)
+
+# Places of the two laws in arrays that have one entry for each.
+FORCE = 0
+POWER = 1
+
+MIN_DEPTH = 0.05
+"""Lower bound of the expected depth over the nominal depth [-]: near 0, the logarithm is not
+linear."""
+MAX_SPREAD = 1.0
+"""Upper bound of the log standard deviation of a load [-]: beyond it, the linearisation fails."""
+MIN_READING = 0.01
+"""Share of the expected reading below which a reading is ignored [-]: the tool does not cut."""
+INSPECTION_DEVIATION = 0.05
+"""Log standard deviation of a removed edge's wear, because its cuts are not known exactly [-]
+(assumption)."""
+ON_EDGE = 1e-6  # distance by which a corrected position lies beyond the end of a bar [mm]
+
+READING = np.dtype(
+    (
+        np.record,
+        [
+            ("commanded_cutting_speed", np.float64),  # [m/min]
+            ("commanded_feed", np.float64),  # [mm/rev]
+            ("cutting_speed", np.float64),  # [m/min]
+            ("feed", np.float64),  # [mm/rev]
+            ("cutting_time", np.float64),  # of the edge [min]
+            ("nominal_wear", np.float64),  # [mm]
+            ("removed_wear", np.float64),  # of the edge that was removed last [mm]
+            ("thrust_force", np.float64),  # [N]
+            ("power", np.float64),  # [kW]
+            ("cutting", np.int64),  # 1 in metal, else 0
+        ],
+    )
 )
+"""The part of ``turning_env.Reading`` that the filter uses, with its names."""
 
-_FIELDS = [
-    ("path", np.float64),  # travelled distance in air and metal [mm]
-    ("speed", np.float64),  # at the last reading [m/min]; 0 before the first
-    ("feed", np.float64),  # likewise [mm/rev]
-    ("cutting_time", np.float64),  # likewise [min]
-    ("nominal_wear", np.float64),  # likewise [mm]
-    ("expected", np.float64, 2),  # nominal force [N] and power [kW] behind the sensors' lags
+MEMORY = np.dtype(
     (
-        "idle",
-        np.float64,
-    ),  # power of the idling spindle over that of the cut in the nominal model [-]
-    (
-        "pace",
-        np.float64,
-        2,
-    ),  # mean log speed and log feed of the edge over the references, by the life that it used
-    ("slack", np.float64),  # how much farther the tool may be [mm]
-    ("measured", np.int64),
-]
-MEMORY = np.dtype((np.record, _FIELDS))
+        np.record,
+        [
+            ("path", np.float64),  # travelled distance in air and metal [mm]
+            ("speed", np.float64),  # at the last reading [m/min]; 0 before the first
+            ("feed", np.float64),  # at the last reading [mm/rev]
+            ("cutting_time", np.float64),  # at the last reading [min]
+            ("nominal_wear", np.float64),  # at the last reading [mm]
+            # Nominal force [N] and power [kW] behind the lags of the sensors.
+            ("expected", np.float64, 2),
+            # Power of the idling spindle over that of the cut in the nominal model [-].
+            ("idle", np.float64),
+            # Mean log speed and log feed of the edge over the references [-], by used life.
+            ("mean_log_speed", np.float64),
+            ("mean_log_feed", np.float64),
+            ("slack", np.float64),  # how much farther the tool may be [mm]
+            ("measured", np.int64),  # 1 if this bar has been measured, else 0
+        ],
+    )
+)
+"""What the filter keeps of an environment beside the estimate."""
 
 
-@compiled_entry
-def follow(parameters, memory, means, covariances, readings, chosen):
-    """Predict up to readings and correct the estimates by them in chosen environments, see ``LoadFilter.observe``."""
-    work = np.empty((6, STATES))
-    for i in chosen:
-        p, m, mean, covariance, reading = (
-            parameters[i % len(parameters)],
-            memory[i],
-            means[i],
-            covariances[i],
-            readings[i],
-        )
-        (
-            commanded_speed,
-            commanded_feed,
-            speed,
-            feed,
-            cutting_time,
-            nominal_wear,
-            removed_wear,
-            force,
-            power,
-            in_metal,
-        ) = reading
-        first = m.speed == 0.0
-        fresh_edge = cutting_time < m.cutting_time
-        if fresh_edge:
-            if removed_wear > 0.0 and m.nominal_wear > 0.0:
-                learn_wear(
-                    m,
-                    mean,
-                    covariance,
-                    log(removed_wear / m.nominal_wear),
-                    INSPECTION_DEVIATION**2,
-                    work,
-                )
-            forget(mean, covariance, INSERT, HISTORY + 1, p)
-            m.expected[:] = 0.0
-        moved = 0.0 if first else distance_moved(p, m, commanded_speed, commanded_feed)
-        if (
-            fresh_edge and cutting_time == 0.0
-        ):  # an edge that is found worn or broken ends the step early, somewhere
-            moved *= 0.5
-            m.slack = max(m.slack, moved)
-        if in_metal == 0.0:
-            m.slack = min(m.slack, p.approach)
-        bar = math.floor(m.path / p.pitch)
-        m.path = on_track(p, m.path + moved, in_metal > 0.0)
-        if math.floor(m.path / p.pitch) > bar:
-            forget(mean, covariance, DEPTH, INSERT, p)
-            m.measured = 0
-        metal = max(
-            m.path - p.pitch * math.floor(m.path / p.pitch) - p.approach, 0.0
-        )  # of this bar, behind the tool [mm]
-        cut = min(moved, metal)
-        move_on(p, mean, covariance, cut)
-        covariance[INSERT, INSERT] += p.history * cut / p.bar_length
-        if nominal_wear > 0.0:
-            wear_edge(
-                p,
-                m,
-                mean,
-                covariance,
-                log(speed),
-                log(feed),
-                0.0 if fresh_edge else m.nominal_wear / nominal_wear,
-            )
-        time_in_metal = 0.0 if first else min(metal / (p.velocity * (speed * feed)), p.interval)
-        wear_in_metal = nominal_wear if in_metal > 0.0 else 0.0
-        learn(
-            p, m, mean, covariance, speed, feed, wear_in_metal, (force, power), time_in_metal, work
-        )
-        m.speed, m.feed, m.cutting_time, m.nominal_wear = speed, feed, cutting_time, nominal_wear
+class Place(NamedTuple):
+    """A point at which laws are taken: logarithms over the references [-]."""
+
+    log_speed: float
+    log_feed: float
+    log_wear: float  # nominal
+
+
+class Transition(NamedTuple):
+    """How a field and its slope follow from those at an earlier place.
+
+    The field is ``field_field`` times the earlier field plus ``field_slope`` times the earlier
+    slope; likewise for the slope.
+    """
+
+    field_field: float
+    field_slope: float
+    slope_field: float
+    slope_slope: float
+
+
+class Growth(NamedTuple):
+    """Increments of the variances and the covariance of a field and its slope."""
+
+    field: float
+    both: float
+    slope: float
+
+
+class BarAhead(NamedTuple):
+    """Depth and hardness expected at a point ahead of the tool."""
+
+    depth_ratio: float  # over the nominal depth [-]
+    log_hardness: float  # [-]
+    depth_variance: float  # that the distance adds [-]
+    hardness_variance: float  # likewise [-]
+    # Derivatives by the states.
+    depth_by_depth: float
+    depth_by_slope: float
+    hardness_by_hardness: float
+    hardness_by_slope: float
+
+
+class TrueStates(NamedTuple):
+    """True states of the environments, each of shape (num_envs,)."""
+
+    depth: Any  # relative deviation of the depth of cut [-]
+    log_hardness: Any  # [-]
+    log_wear_factor: Any  # [-]
+
+
+class Scratch(NamedTuple):
+    """Arrays that a correction overwrites, allocated once for all environments."""
+
+    derivatives: Any  # of log force and log power by the states, shape (2, STATES)
+    gain: Any  # covariance of a measurement and the states, shape (STATES,)
+    mean_before: Any  # the mean before the corrections, shape (STATES,)
+    surprise: Any  # log measured load over expected load, shape (2,)
+    variance: Any  # of the measurement, 0 for none, shape (2,)
 
 
 @compiled
-def wear_factor(m, mean):
-    """Return the expected log ratio of the edge's wear to the nominal model."""
+def new_scratch():
+    """Return arrays that corrections overwrite."""
+    return Scratch(
+        derivatives=np.empty((2, STATES)),
+        gain=np.empty(STATES),
+        mean_before=np.empty(STATES),
+        surprise=np.empty(2),
+        variance=np.empty(2),
+    )
+
+
+@compiled_entry
+def follow(models, memories, means, covariances, readings, chosen):
+    """Predict up to readings and correct the estimates by them in chosen environments.
+
+    See ``LoadFilter.observe``.
+    """
+    scratch = new_scratch()
+    for i in chosen:
+        model = models[i % len(models)]
+        follow_one(model, memories[i], means[i], covariances[i], readings[i], scratch)
+
+
+@compiled
+def follow_one(model, memory, mean, covariance, reading, scratch):
+    """Predict up to a reading and correct the estimate by it."""
+    first = memory.speed == 0.0
+    fresh_edge = reading.cutting_time < memory.cutting_time
+    if fresh_edge:
+        replace_edge(model, memory, mean, covariance, reading.removed_wear, scratch)
+
+    moved = 0.0 if first else distance_moved(model, memory, reading)
+    if fresh_edge and reading.cutting_time == 0.0:
+        # An edge that is found worn or broken ends the step early, somewhere.
+        moved *= 0.5
+        memory.slack = max(memory.slack, moved)
+    if reading.cutting == 0:
+        memory.slack = min(memory.slack, model.approach)
+    bar = math.floor(memory.path / model.pitch)
+    memory.path = on_track(model, memory.path + moved, reading.cutting != 0)
+    if math.floor(memory.path / model.pitch) > bar:
+        forget(mean, covariance, DEPTH, INSERT, model)
+        memory.measured = 0
+
+    bar_start = model.pitch * math.floor(memory.path / model.pitch)
+    metal = max(memory.path - bar_start - model.approach, 0.0)  # of this bar, behind the tool [mm]
+    cut = min(moved, metal)
+    move_on(model, mean, covariance, cut)
+    # Wear by unknown bars is a random walk: its variance grows by ``history`` with each bar.
+    covariance[INSERT, INSERT] += model.history * cut / model.bar_length
+    if reading.nominal_wear > 0.0:
+        old_wear = 0.0 if fresh_edge else memory.nominal_wear / reading.nominal_wear
+        wear_edge(model, memory, mean, covariance, reading, old_wear)
+
+    time_in_metal = 0.0
+    if not first:
+        velocity = model.velocity * (reading.cutting_speed * reading.feed)
+        time_in_metal = min(metal / velocity, model.interval)
+    learn_loads(model, memory, mean, covariance, reading, time_in_metal, scratch)
+    memory.speed = reading.cutting_speed
+    memory.feed = reading.feed
+    memory.cutting_time = reading.cutting_time
+    memory.nominal_wear = reading.nominal_wear
+
+
+@compiled
+def replace_edge(model, memory, mean, covariance, removed_wear, scratch):
+    """Learn from the removed edge's wear, if it is measured, and reset the edge's states."""
+    if removed_wear > 0.0 and memory.nominal_wear > 0.0:
+        log_factor = log(removed_wear / memory.nominal_wear)
+        learn_wear(memory, mean, covariance, log_factor, INSPECTION_DEVIATION**2, scratch)
+    forget(mean, covariance, INSERT, HISTORY + 1, model)
+    memory.expected[:] = 0.0
+
+
+@compiled
+def wear_factor(memory, mean):
+    """Return the expected log ratio of the edge's wear to the nominal wear."""
     return (
         mean[INSERT]
         + mean[HISTORY]
         + mean[LOT]
-        + mean[WEAR_SPEED] * m.pace[0]
-        + mean[WEAR_FEED] * m.pace[1]
+        + mean[WEAR_SPEED] * memory.mean_log_speed
+        + mean[WEAR_FEED] * memory.mean_log_feed
     )
 
 
 @compiled
-def set_wear_factor(m, derivatives, value):
-    """Set the derivatives by the states of something that changes by ``value`` with the log wear factor."""
-    derivatives[INSERT:LAWS] = value, value, value, value * m.pace[0], value * m.pace[1]
+def set_wear_factor(memory, derivatives, value):
+    """Set the derivatives by the states of a term that is ``value`` times the log wear factor."""
+    derivatives[INSERT] = value
+    derivatives[HISTORY] = value
+    derivatives[LOT] = value
+    derivatives[WEAR_SPEED] = value * memory.mean_log_speed
+    derivatives[WEAR_FEED] = value * memory.mean_log_feed
 
 
 @compiled
-def learn_wear(m, mean, covariance, log_factor, variance, work):
+def learn_wear(memory, mean, covariance, log_factor, variance, scratch):
     """Correct the estimate by a measured log ratio of wear to the nominal wear."""
-    work[0] = 0.0
-    set_wear_factor(m, work[0], 1.0)
-    correct(mean, covariance, work[0], log_factor - wear_factor(m, mean), variance, work[1])
+    derivatives = scratch.derivatives[0]
+    derivatives[:] = 0.0
+    set_wear_factor(memory, derivatives, 1.0)
+    surprise = log_factor - wear_factor(memory, mean)
+    correct(mean, covariance, derivatives, surprise, variance, scratch.gain)
 
 
 @compiled
-def wear_edge(p, m, mean, covariance, log_speed, log_feed, old_wear):
-    """Add the present depth, hardness, speed and feed to those that the edge has cut; ``old_wear``: share of its wear."""
-    fresh = 1.0 - exp(log(old_wear) / p.wear_time) if old_wear > 0.0 else 1.0
-    m.pace[0] += fresh * (log_speed - p.references[0] - m.pace[0])
-    m.pace[1] += fresh * (log_feed - p.references[1] - m.pace[1])
-    of_depth, of_hardness = fresh * p.history_exponents[0], fresh * p.history_exponents[1]
-    mean[HISTORY] += of_depth * mean[DEPTH] + of_hardness * mean[HARDNESS] - fresh * mean[HISTORY]
-    columns = covariance.T
+def wear_edge(model, memory, mean, covariance, reading, old_wear):
+    """Add the present depth, hardness, speed and feed to those that the edge has cut.
+
+    ``old_wear``: share of its wear.
+    """
+    # Wear grows as W = a t^n under constant conditions. So the share of the used life that this
+    # step added is 1 - (old wear / wear)^(1/n). The history is the mean over the used life:
+    #     history becomes (1 - fresh) * history + fresh * (c * depth + h * hardness)
+    fresh = 1.0 - exp(log(old_wear) / model.wear_time) if old_wear > 0.0 else 1.0
+    log_speed = log(reading.cutting_speed)
+    log_feed = log(reading.feed)
+    memory.mean_log_speed += fresh * (log_speed - model.reference_log_speed - memory.mean_log_speed)
+    memory.mean_log_feed += fresh * (log_feed - model.reference_log_feed - memory.mean_log_feed)
+    by_depth = fresh * model.wear_by_depth
+    by_hardness = fresh * model.wear_by_hardness
+    mean[HISTORY] += by_depth * mean[DEPTH] + by_hardness * mean[HARDNESS] - fresh * mean[HISTORY]
+    # P <- T P T', where T changes the history alone: first its row, then its column.
     covariance[HISTORY] += (
-        of_depth * covariance[DEPTH]
-        + of_hardness * covariance[HARDNESS]
+        by_depth * covariance[DEPTH]
+        + by_hardness * covariance[HARDNESS]
         - fresh * covariance[HISTORY]
     )
+    columns = covariance.T
     columns[HISTORY] += (
-        of_depth * columns[DEPTH] + of_hardness * columns[HARDNESS] - fresh * columns[HISTORY]
+        by_depth * columns[DEPTH] + by_hardness * columns[HARDNESS] - fresh * columns[HISTORY]
     )
 
 
 @compiled
-def forget(mean, covariance, first, last, p):
-    """Reset some states to the prior, which has the mean 0."""
+def forget(mean, covariance, first, last, model):
+    """Reset the states ``first`` to ``last - 1`` to the prior, which has the mean 0."""
     for k in range(first, last):
         mean[k] = 0.0
         covariance[k, :] = 0.0
         covariance[:, k] = 0.0
-        covariance[k, k] = p.prior[k]
+        covariance[k, k] = model.prior[k]
 
 
 @compiled
-def distance_moved(p, m, speed, feed):
-    """Return the distance since the last reading [mm], from the drives' response to their commands."""
-    over_speed, over_feed = m.speed - speed, m.feed - feed
-    moved = p.sub_steps * (speed * feed) + over_speed * feed * p.spindle_left
+def distance_moved(model, memory, reading):
+    """Return the distance since the last reading [mm], by the drives' response to commands."""
+    # Speed and feed approach their commands V and f from V + dV and f + df, as first-order lags.
+    # With the shares r and s that remain in a sub-step, the distance is the sum over sub-steps of
+    #     (V + dV r) (f + df s) = V f + dV f r + V df s + dV df r s
+    speed = reading.commanded_cutting_speed
+    feed = reading.commanded_feed
+    over_speed = memory.speed - speed
+    over_feed = memory.feed - feed
+    moved = model.sub_steps * (speed * feed) + over_speed * feed * model.spindle_left
     return (
-        p.sub_step
-        * p.velocity
-        * (moved + speed * over_feed * p.feed_left + over_speed * over_feed * p.both_left)
+        model.sub_step
+        * model.velocity
+        * (moved + speed * over_feed * model.feed_left + over_speed * over_feed * model.both_left)
     )
 
 
 @compiled
-def on_track(p, path, cutting):
-    """Return the distance [mm], corrected if it contradicts the reading on whether the tool cuts."""
-    start = p.pitch * math.floor(path / p.pitch)
+def on_track(model, path, cutting):
+    """Return the distance [mm], corrected if the reading says that the tool is elsewhere."""
+    start = model.pitch * math.floor(path / model.pitch)
     along = path - start
-    in_air = along < p.approach
+    in_air = along < model.approach
+    # The position moves to the nearer end of the stretch that it cannot be on.
     if cutting and in_air:
-        return start + p.approach if along > 0.5 * p.approach else max(start - 1e-6, 0.0)
+        if along > 0.5 * model.approach:
+            return start + model.approach
+        return max(start - ON_EDGE, 0.0)
     if not cutting and not in_air:
-        return start + (p.pitch + 1e-6 if along > 0.5 * p.pitch else max(p.approach - 1e-6, 0.0))
+        if along > 0.5 * model.pitch:
+            return start + (model.pitch + ON_EDGE)
+        return start + max(model.approach - ON_EDGE, 0.0)
     return path
 
 
 @compiled
 def transition(rate, distance):
-    """Return the transition of a field and its slope over a distance [mm]: four numbers of a matrix."""
+    """Return the transition of a field and its slope over a distance [mm]."""
+    # State-space form of a process with the Matern 3/2 correlation (Hartikainen and Särkkä 2010,
+    # "Kalman filtering and smoothing solutions to temporal Gaussian process regression models").
     step = rate * distance
     left = exp(-step)
-    return (1.0 + step) * left, distance * left, -rate * step * left, (1.0 - step) * left
+    return Transition(
+        field_field=(1.0 + step) * left,
+        field_slope=distance * left,
+        slope_field=-rate * step * left,
+        slope_slope=(1.0 - step) * left,
+    )
 
 
 @compiled
-def growth(p, k, a, b, c, d):
-    """Return the increments of variances and covariance of the states k and k + 1 by the transition (a, b; c, d)."""
-    u, v = p.prior[k], p.prior[k + 1]
-    return u - (a * a * u + b * b * v), -(a * c * u + b * d * v), v - (c * c * u + d * d * v)
+def growth(model, k, t):
+    """Return the noise that the transition ``t`` adds to the states k and k + 1."""
+    # The process is stationary: Q = P0 - T P0 T', where P0 is the prior.
+    field = model.prior[k]
+    slope = model.prior[k + 1]
+    return Growth(
+        field=field
+        - (t.field_field * t.field_field * field + t.field_slope * t.field_slope * slope),
+        both=-(t.field_field * t.slope_field * field + t.field_slope * t.slope_slope * slope),
+        slope=slope
+        - (t.slope_field * t.slope_field * field + t.slope_slope * t.slope_slope * slope),
+    )
 
 
 @compiled
-def turn(rows, k, a, b, c, d):
-    """Multiply the rows k and k + 1 of a matrix by the transition (a, b; c, d)."""
+def turn(rows, k, t):
+    """Multiply the rows k and k + 1 of a matrix by the transition ``t``."""
     for j in range(STATES):
-        here, slope = rows[k, j], rows[k + 1, j]
-        rows[k, j], rows[k + 1, j] = a * here + b * slope, c * here + d * slope
+        field = rows[k, j]
+        slope = rows[k + 1, j]
+        rows[k, j] = t.field_field * field + t.field_slope * slope
+        rows[k + 1, j] = t.slope_field * field + t.slope_slope * slope
 
 
 @compiled
-def move_on(p, mean, covariance, distance):
+def move_on(model, mean, covariance, distance):
     """Move the estimate of depth and hardness along the bar by a distance [mm]."""
-    for field in range(2):
-        k = 2 * field
-        a, b, c, d = transition(p.rates[field], distance)
-        mean[k], mean[k + 1] = a * mean[k] + b * mean[k + 1], c * mean[k] + d * mean[k + 1]
-        turn(covariance, k, a, b, c, d)
-        turn(covariance.T, k, a, b, c, d)
-        first, both, second = growth(p, k, a, b, c, d)
-        covariance[k, k] += first
-        covariance[k, k + 1] += both
-        covariance[k + 1, k] += both
-        covariance[k + 1, k + 1] += second
+    move_field(model, mean, covariance, DEPTH, transition(model.depth_rate, distance))
+    move_field(model, mean, covariance, HARDNESS, transition(model.hardness_rate, distance))
 
 
 @compiled
-def log_load(p, m, mean, law, depth, hardness, place, derivatives):
-    """Return the log ratio of a law's load to the nominal model, and set its derivatives by the states.
+def move_field(model, mean, covariance, k, t):
+    """Move the estimate of a field and its slope, the states k and k + 1, by a transition."""
+    field = mean[k]
+    slope = mean[k + 1]
+    mean[k] = t.field_field * field + t.field_slope * slope
+    mean[k + 1] = t.slope_field * field + t.slope_slope * slope
+    # P <- T P T' + Q
+    turn(covariance, k, t)
+    turn(covariance.T, k, t)
+    noise = growth(model, k, t)
+    covariance[k, k] += noise.field
+    covariance[k, k + 1] += noise.both
+    covariance[k + 1, k] += noise.both
+    covariance[k + 1, k + 1] += noise.slope
 
-    ``place``: logarithms of speed, feed and nominal wear over the references. ``depth`` and ``hardness``: relative deviation of
-    depth and log hardness; derivatives by the other states do not depend on them.
+
+@compiled
+def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
+    """Return the log ratio of a law's load to the nominal load, and set its derivatives.
+
+    ``depth`` and ``hardness``: relative deviation of depth and log hardness; derivatives by the
+    other states do not depend on them. ``load_filter.py`` gives the equation.
     """
-    speed, feed, wear = place
     first = LAWS + ERRORS * law
-    factor = wear_factor(m, mean)
-    share = max(1.0 + depth, MIN_DEPTH)
-    exponent = p.log_laws[law, 3] + mean[first + 3]
+    factor = wear_factor(memory, mean)
+    depth_ratio = max(1.0 + depth, MIN_DEPTH)
+    exponent = model.wear_exponents[law] + mean[first + WEAR_ERROR]
     derivatives[:] = 0.0
-    derivatives[DEPTH] = p.bar_exponents[law, 0] / share
-    derivatives[HARDNESS] = p.bar_exponents[law, 1]
-    set_wear_factor(m, derivatives, exponent)
-    derivatives[first : first + ERRORS] = 1.0, speed, feed, wear + factor
-    of_bar = p.bar_exponents[law, 0] * log(share) + p.bar_exponents[law, 1] * hardness
-    of_law = mean[first] + mean[first + 1] * speed + mean[first + 2] * feed + mean[first + 3] * wear
-    return of_bar + exponent * factor + of_law
+    derivatives[DEPTH] = model.depth_exponents[law] / depth_ratio
+    derivatives[HARDNESS] = model.hardness_exponents[law]
+    set_wear_factor(memory, derivatives, exponent)
+    derivatives[first + BIAS] = 1.0
+    derivatives[first + SPEED_ERROR] = place.log_speed
+    derivatives[first + FEED_ERROR] = place.log_feed
+    derivatives[first + WEAR_ERROR] = place.log_wear + factor
+    by_bar = (
+        model.depth_exponents[law] * log(depth_ratio) + model.hardness_exponents[law] * hardness
+    )
+    by_errors = (
+        mean[first + BIAS]
+        + mean[first + SPEED_ERROR] * place.log_speed
+        + mean[first + FEED_ERROR] * place.log_feed
+        + mean[first + WEAR_ERROR] * place.log_wear
+    )
+    return by_bar + exponent * factor + by_errors
 
 
 @compiled
-def learn(p, m, mean, covariance, speed, feed, nominal_wear, loads, time_in_metal, work):
-    """Correct the estimate by measured force and power; without wear the tool does not cut."""
-    derivatives, gain, before, surprise, variance = work[:2], work[2], work[3], work[4], work[5]
-    cutting = nominal_wear > 0.0
-    log_speed, log_feed = log(speed), log(feed)
-    log_wear = log(nominal_wear if cutting else p.wear_criterion)
-    place = log_speed - p.references[0], log_feed - p.references[1], log_wear - p.references[2]
-    for law in range(2):
-        own, lag = p.log_laws[law], p.lags[law]
-        nominal = (
-            exp(own[0] + own[1] * log_speed + own[2] * log_feed + own[3] * log_wear)
-            if cutting
-            else 0.0
+def learn_loads(model, memory, mean, covariance, reading, time_in_metal, scratch):
+    """Correct the estimate by measured force and power; ``time_in_metal``: in this step [s]."""
+    for law in (FORCE, POWER):
+        compare_load(model, memory, mean, law, reading, time_in_metal, scratch)
+    # Both loads were linearised at the same mean. The first correction moves the mean, so the
+    # surprise of the second is taken at the moved mean.
+    mean_before = scratch.mean_before
+    mean_before[:] = mean
+    for law in (FORCE, POWER):
+        variance = scratch.variance[law]
+        if variance > 0.0:
+            derivatives = scratch.derivatives[law]
+            surprise = scratch.surprise[law]
+            for k in range(STATES):
+                surprise -= derivatives[k] * (mean[k] - mean_before[k])
+            correct(mean, covariance, derivatives, surprise, variance, scratch.gain)
+
+
+@compiled
+def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
+    """Set derivatives, surprise and variance of one measured load.
+
+    The variance is 0 if it tells nothing.
+    """
+    speed = reading.cutting_speed
+    cutting = reading.nominal_wear > 0.0 and reading.cutting != 0
+    log_speed = log(speed)
+    log_feed = log(reading.feed)
+    log_wear = log(reading.nominal_wear if cutting else model.wear_criterion)
+    nominal = 0.0
+    if cutting:
+        nominal = exp(
+            model.log_coefficients[law]
+            + model.speed_exponents[law] * log_speed
+            + model.feed_exponents[law] * log_feed
+            + model.wear_exponents[law] * log_wear
         )
-        load = loads[law]
-        if law == 1 and cutting:
-            m.idle = p.idle_power * speed / nominal
-            if p.separates_idle > 0.0:
-                load -= p.idle_power * speed
-            else:
-                nominal += p.idle_power * speed
-        expected = m.expected[law] * decay(p.interval, lag) + nominal * (
-            1.0 - decay(time_in_metal, lag)
+    load = reading.power if law == POWER else reading.thrust_force
+    if law == POWER and cutting:
+        memory.idle = model.idle_power * speed / nominal
+        if model.separates_idle > 0.0:
+            load -= model.idle_power * speed
+        else:
+            nominal += model.idle_power * speed
+
+    # The sensor is a first-order lag of the load, which stood still before the tool entered.
+    lag = model.lags[law]
+    expected = memory.expected[law] * decay(model.interval, lag) + nominal * (
+        1.0 - decay(time_in_metal, lag)
+    )
+    memory.expected[law] = expected
+    scratch.variance[law] = 0.0
+    if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
+        # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
+        timing = 0.5 * model.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
+        place = Place(
+            log_speed=log_speed - model.reference_log_speed,
+            log_feed=log_feed - model.reference_log_feed,
+            log_wear=log_wear - model.reference_log_wear,
         )
-        m.expected[law] = expected
-        variance[law] = 0.0
-        if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
-            # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
-            timing = 0.5 * p.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
-            variance[law] = p.noise[law] + timing * timing
-            surprise[law] = log(load / expected) - log_load(
-                p, m, mean, law, mean[DEPTH], mean[HARDNESS], place, derivatives[law]
-            )
-            m.measured = 1
-    before[:] = mean
-    for law in range(2):
-        if variance[law] > 0.0:
-            for k in range(
-                STATES
-            ):  # the second measurement meets an estimate that the first has moved
-                surprise[law] -= derivatives[law, k] * (mean[k] - before[k])
-            correct(mean, covariance, derivatives[law], surprise[law], variance[law], gain)
+        derivatives = scratch.derivatives[law]
+        depth = mean[DEPTH]
+        hardness = mean[HARDNESS]
+        estimate = log_load(model, memory, mean, law, depth, hardness, place, derivatives)
+        scratch.surprise[law] = log(load / expected) - estimate
+        scratch.variance[law] = model.noise[law] + timing * timing
+        memory.measured = 1
 
 
 @compiled
 def decay(time, time_constant):
-    """Return the share of a deviation that remains after a time [s]: exp(-time / time_constant), 0 for a time constant of 0."""
+    """Return the share of a deviation that remains after a time [s].
+
+    It is exp(-time / time_constant), or 0 for a time constant of 0.
+    """
     if time_constant > 0.0:
         return exp(-time / time_constant)
     return 0.0 if time > 0.0 else 1.0
@@ -315,7 +518,12 @@ def decay(time, time_constant):
 
 @compiled
 def correct(mean, covariance, derivatives, surprise, variance, gain):
-    """Correct an estimate by a measurement; ``surprise`` is measured less expected, ``gain`` is overwritten."""
+    """Correct an estimate by a measurement.
+
+    ``surprise`` is measured less expected, ``gain`` is overwritten.
+    """
+    # Kalman's equations for one number, with the derivatives H and the variance R:
+    #     g = P H',  S = H g + R,  mean += g / S * surprise,  P -= g g' / S
     spread = variance
     for i in range(STATES):
         gain[i] = 0.0
@@ -325,89 +533,173 @@ def correct(mean, covariance, derivatives, surprise, variance, gain):
     for i in range(STATES):
         share = gain[i] / spread
         mean[i] += share * surprise
-        for j in range(i + 1):
+        for j in range(i + 1):  # the lower triangle is copied, so P stays symmetric to the last bit
             value = covariance[i, j] - share * gain[j]
             covariance[i, j] = value
             covariance[j, i] = value
 
 
 @compiled_entry
-def learn_states(memory, mean, covariance, chosen, states, variance):
-    """Correct the estimates by true states, see ``LoadFilter.tell``."""
-    work = np.empty((2, STATES))
+def learn_states(memories, means, covariances, chosen, true_states, variance):
+    """Correct the estimates by ``TrueStates``, see ``LoadFilter.tell``."""
+    scratch = new_scratch()
     for i in chosen:
-        memory[i].measured = 1
-        for field in range(2):
-            work[0] = 0.0
-            work[0, 2 * field] = 1.0
-            correct(
-                mean[i],
-                covariance[i],
-                work[0],
-                states[i, field] - mean[i, 2 * field],
-                variance,
-                work[1],
-            )
-        learn_wear(memory[i], mean[i], covariance[i], states[i, 2], variance, work)
+        mean = means[i]
+        covariance = covariances[i]
+        memories[i].measured = 1
+        learn_state(mean, covariance, DEPTH, true_states.depth[i], variance, scratch)
+        learn_state(mean, covariance, HARDNESS, true_states.log_hardness[i], variance, scratch)
+        log_factor = true_states.log_wear_factor[i]
+        learn_wear(memories[i], mean, covariance, log_factor, variance, scratch)
+
+
+@compiled
+def learn_state(mean, covariance, k, value, variance, scratch):
+    """Correct the estimate by a measurement of the state k."""
+    derivatives = scratch.derivatives[0]
+    derivatives[:] = 0.0
+    derivatives[k] = 1.0
+    correct(mean, covariance, derivatives, value - mean[k], variance, scratch.gain)
 
 
 @compiled_entry
-def look_ahead(parameters, memory, means, covariances, distances, enterings, found):
-    """Fill in ``Outlook``, shape (fields, num_envs, points), see ``LoadFilter.outlook``."""
-    derivatives, variances, loads, products = (
-        np.empty(STATES),
-        np.empty(2),
-        np.empty(2),
-        np.empty((2, STATES)),
-    )
-    for env in range(len(memory)):
-        p, m, mean, covariance = (
-            parameters[env % len(parameters)],
-            memory[env],
-            means[env],
-            covariances[env],
-        )
-        log_wear = log(m.nominal_wear) - p.references[2] if m.nominal_wear > 0.0 else 0.0
-        place = log(m.speed) - p.references[0], log(m.feed) - p.references[1], log_wear
-        origin = -p.references[0], -p.references[1], log(p.wear_criterion) - p.references[2]
-        for law in range(2):  # what does not depend on the bar
-            loads[law] = log_load(p, m, mean, law, 0.0, 0.0, origin, derivatives)
-            here = log_load(p, m, mean, law, 0.0, 0.0, place, derivatives)
-            if law == 1:
-                loads[1] += log(1.0 + (m.idle * exp(-here) if p.separates_idle > 0.0 else m.idle))
-            variances[law] = 0.0
-            for i in range(STATES):
-                total = 0.0
-                for j in range(INSERT, STATES):
-                    total += covariance[i, j] * derivatives[j]
-                products[law, i] = total
-                variances[law] += derivatives[i] * total if i >= INSERT else 0.0
+def look_ahead(models, memories, means, covariances, distances, entering, outlook):
+    """Fill in an ``Outlook`` of arrays of shape (num_envs, points), see ``LoadFilter.outlook``."""
+    # The states of edge and laws do not move with distance, so their part of load and variance
+    # is computed once for all points. ``products``: their covariance with all states.
+    derivatives = np.empty(STATES)
+    products = np.empty((2, STATES))
+    loads = np.empty(2)
+    variances = np.empty(2)
+    for env in range(len(memories)):
+        model = models[env % len(models)]
+        mean = means[env]
+        covariance = covariances[env]
+        for law in (FORCE, POWER):
+            loads[law] = load_of_edge(model, memories[env], mean, law, derivatives)
+            variances[law] = variance_of_edge(covariance, derivatives, products[law])
         for k in range(distances.shape[1]):
-            depth, hardness, free_depth, free_hardness = 0.0, 0.0, p.prior[DEPTH], p.prior[HARDNESS]
-            a, b, e, f = 0.0, 0.0, 0.0, 0.0
-            if not enterings[env, k]:
-                a, b, c, d = transition(p.rates[0], distances[env, k])
-                free_depth = growth(p, DEPTH, a, b, c, d)[0]
-                e, f, c, d = transition(p.rates[1], distances[env, k])
-                free_hardness = growth(p, HARDNESS, e, f, c, d)[0]
-                depth = a * mean[DEPTH] + b * mean[DEPTH_SLOPE]
-                hardness = e * mean[HARDNESS] + f * mean[HARDNESS_SLOPE]
-            share = max(1.0 + depth, MIN_DEPTH)
-            found[0, env, k], found[1, env, k] = p.depth_of_cut * share, hardness
-            for law in range(2):
-                by_depth, by_hardness = p.bar_exponents[law, 0] / share, p.bar_exponents[law, 1]
-                derivatives[:INSERT] = by_depth * a, by_depth * b, by_hardness * e, by_hardness * f
-                variance = (
-                    variances[law]
-                    + by_depth * by_depth * free_depth
-                    + by_hardness * by_hardness * free_hardness
-                )
-                for i in range(INSERT):
-                    total = 2.0 * products[law, i]
-                    for j in range(INSERT):
-                        total += covariance[i, j] * derivatives[j]
-                    variance += derivatives[i] * total
-                found[2 + law, env, k] = (
-                    loads[law] + p.bar_exponents[law, 0] * log(share) + by_hardness * hardness
-                )
-                found[4 + law, env, k] = math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))
+            bar = bar_ahead(model, mean, distances[env, k], entering[env, k])
+            outlook.depth_of_cut[env, k] = model.depth_of_cut * bar.depth_ratio
+            outlook.log_hardness[env, k] = bar.log_hardness
+            outlook.log_force[env, k] = load_of_bar(model, FORCE, bar, loads[FORCE])
+            outlook.log_power[env, k] = load_of_bar(model, POWER, bar, loads[POWER])
+            outlook.force_spread[env, k] = spread_of_load(
+                model, FORCE, bar, covariance, variances[FORCE], products[FORCE]
+            )
+            outlook.power_spread[env, k] = spread_of_load(
+                model, POWER, bar, covariance, variances[POWER], products[POWER]
+            )
+
+
+@compiled
+def load_of_edge(model, memory, mean, law, derivatives):
+    """Return the log ratio of load to nominal load on a nominal bar, and set its derivatives.
+
+    The ratio is that at 1 m/min, 1 mm/rev and the wear criterion: it scales the nominal law with
+    the expected exponents. The derivatives are those at the present speed and feed.
+    """
+    log_wear = 0.0
+    if memory.nominal_wear > 0.0:
+        log_wear = log(memory.nominal_wear) - model.reference_log_wear
+    here = Place(
+        log_speed=log(memory.speed) - model.reference_log_speed,
+        log_feed=log(memory.feed) - model.reference_log_feed,
+        log_wear=log_wear,
+    )
+    origin = Place(
+        log_speed=-model.reference_log_speed,
+        log_feed=-model.reference_log_feed,
+        log_wear=log(model.wear_criterion) - model.reference_log_wear,
+    )
+    load = log_load(model, memory, mean, law, 0.0, 0.0, origin, derivatives)
+    load_here = log_load(model, memory, mean, law, 0.0, 0.0, here, derivatives)
+    if law == POWER:
+        # A separated idle power does not grow with the errors of the cut's power.
+        idle = memory.idle * exp(-load_here) if model.separates_idle > 0.0 else memory.idle
+        load += log(1.0 + idle)
+    return load
+
+
+@compiled
+def variance_of_edge(covariance, derivatives, products):
+    """Return the variance of a log load by the states of edge and laws.
+
+    Set ``products``, the covariance of this part of the log load with all states.
+    """
+    variance = 0.0
+    for i in range(STATES):
+        total = 0.0
+        for j in range(INSERT, STATES):
+            total += covariance[i, j] * derivatives[j]
+        products[i] = total
+        variance += derivatives[i] * total if i >= INSERT else 0.0
+    return variance
+
+
+@compiled
+def bar_ahead(model, mean, distance, entering):
+    """Return depth and hardness at a distance ahead [mm].
+
+    If ``entering``, of a bar that has not been measured.
+    """
+    if entering:
+        return BarAhead(
+            depth_ratio=1.0,
+            log_hardness=0.0,
+            depth_variance=model.prior[DEPTH],
+            hardness_variance=model.prior[HARDNESS],
+            depth_by_depth=0.0,
+            depth_by_slope=0.0,
+            hardness_by_hardness=0.0,
+            hardness_by_slope=0.0,
+        )
+    t_depth = transition(model.depth_rate, distance)
+    t_hardness = transition(model.hardness_rate, distance)
+    depth = t_depth.field_field * mean[DEPTH] + t_depth.field_slope * mean[DEPTH_SLOPE]
+    return BarAhead(
+        depth_ratio=max(1.0 + depth, MIN_DEPTH),
+        log_hardness=t_hardness.field_field * mean[HARDNESS]
+        + t_hardness.field_slope * mean[HARDNESS_SLOPE],
+        depth_variance=growth(model, DEPTH, t_depth).field,
+        hardness_variance=growth(model, HARDNESS, t_hardness).field,
+        depth_by_depth=t_depth.field_field,
+        depth_by_slope=t_depth.field_slope,
+        hardness_by_hardness=t_hardness.field_field,
+        hardness_by_slope=t_hardness.field_slope,
+    )
+
+
+@compiled
+def load_of_bar(model, law, bar, load_of_edge):
+    """Return the log ratio of load to nominal load at a point ahead."""
+    return (
+        load_of_edge
+        + model.depth_exponents[law] * log(bar.depth_ratio)
+        + model.hardness_exponents[law] * bar.log_hardness
+    )
+
+
+@compiled
+def spread_of_load(model, law, bar, covariance, variance_of_edge, products):
+    """Return the standard deviation of a log load at a point ahead."""
+    # Var(H x) with H = (bar, edge), split as H_b P_bb H_b' + 2 H_b P_be H_e' + H_e P_ee H_e'.
+    by_depth = model.depth_exponents[law] / bar.depth_ratio
+    by_hardness = model.hardness_exponents[law]
+    derivatives = (
+        by_depth * bar.depth_by_depth,
+        by_depth * bar.depth_by_slope,
+        by_hardness * bar.hardness_by_hardness,
+        by_hardness * bar.hardness_by_slope,
+    )
+    variance = (
+        variance_of_edge
+        + by_depth * by_depth * bar.depth_variance
+        + by_hardness * by_hardness * bar.hardness_variance
+    )
+    for i in range(INSERT):
+        total = 2.0 * products[i]
+        for j in range(INSERT):
+            total += covariance[i, j] * derivatives[j]
+        variance += derivatives[i] * total
+    return math.sqrt(min(max(variance, 0.0), MAX_SPREAD * MAX_SPREAD))

@@ -1,46 +1,76 @@
-"""An extended Kalman filter of bar, edge and laws from measured thrust force and power, with a nominal model per environment.
+"""An extended Kalman filter of bar, edge and laws from measured thrust force and power.
 
-Force and power are power laws, so their log ratios to the nominal model are nearly linear in the states:
+Each environment has a nominal model. Force and power are power laws, so their log ratios to the
+nominal model are nearly linear in the states:
 
-    log ratio = c log(depth / nominal) + h log(hardness) + e w + b + v log(V / V0) + s log(f / f0) + g log(W / W0) + noise
-    w = insert + lot,   W = nominal wear * exp(w)
+    log ratio = c log(depth / nominal) + h log(hardness) + e w
+              + b + v log(V / V0) + s log(f / f0) + g log(W / W0) + noise
+    w = insert + history + lot,   W = nominal wear * exp(w)
 
-Depth and hardness vary along the bar and from bar to bar, as stationary processes with a slope (Matern 3/2: correlation
-(1 + a) exp(-a), a = rate * distance). Their variance is the sum of the scenario's variances; the rate follows from the mean
-square slope along a bar. ``insert`` and ``lot`` are log wear factors of the edge and of all edges of the job. Each law has a bias
-b and errors v, s and g of its exponents of speed, feed and wear, constant for a job (dual estimation). They count from the
-initial speed V0 and feed f0, and from half the wear criterion, W0. Without ``LawErrors`` laws and lot are known.
+Depth and hardness vary along the bar and from bar to bar, as stationary processes with a slope
+(Matern 3/2: correlation (1 + a) exp(-a), a = rate * distance). Their variance is the sum of the
+scenario's variances; the rate follows from the mean square slope along a bar. ``insert`` is the log
+wear factor of the edge, ``history`` that of the bars that it has cut, ``lot`` that of all edges of
+the job. Each law has a bias b and errors v, s and g of its exponents of speed, feed and wear,
+constant for a job (dual estimation). They count from the initial speed V0 and feed f0, and from
+half the wear criterion, W0. Without ``LawErrors``, laws and lot are known.
 
-If edges are inspected, the wear of a removed edge measures insert + lot. Observations do not contain the position, so the filter
-integrates the travelled distance to know when the next bar begins.
+If edges are inspected, the wear of a removed edge measures its log wear factor. Observations do not
+contain the position, so the filter integrates the travelled distance to know when the next bar
+begins.
+
+The equations are in ``kalman_steps.py``. This file is their interface: the numbers of a nominal
+model, and the estimates in the units that controllers use.
 """
 
 import math
 from collections.abc import Sequence
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from baselines.models import kalman_steps
-from baselines.models.kalman_steps import ERRORS, HISTORY, INSERT, LAWS, LOT, MEMORY, STATES, decay
+from baselines.models.kalman_steps import (
+    BIAS,
+    ERRORS,
+    FEED_ERROR,
+    HISTORY,
+    INSERT,
+    LAWS,
+    LOT,
+    MEMORY,
+    READING,
+    SPEED_ERROR,
+    STATES,
+    WEAR_ERROR,
+    WEAR_FEED,
+    WEAR_SPEED,
+    TrueStates,
+    decay,
+)
 from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import hypotenuse, log
 from turning_env.physics.spindle import idle_power_at
 
-SLOPE = 1.603  # root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for nodes of fields
-READING_DEVIATION = 1e-3  # log standard deviation of readings beside noise [-] (assumption): steps are not resolved exactly
-MISFIT = (
-    0.02  # log standard deviation of loads about the corrected laws [-] (found on training jobs)
-)
+SLOPE = 1.603
+"""Root mean square slope along a bar, times correlation length over spread: sqrt(pi/2 + 1) for
+nodes of fields."""
+READING_DEVIATION = 1e-3
+"""Log standard deviation of readings beside noise [-] (assumption): steps are not resolved
+exactly."""
+MISFIT = 0.02
+"""Log standard deviation of loads about the corrected laws [-] (found on training jobs)."""
 
 
 class LawErrors(NamedTuple):
-    """Mean and covariance of the errors of a nominal model's laws, true less nominal; see ``baselines/law_errors.py``.
+    """Mean and covariance of the errors of a nominal model's laws, true less nominal.
 
-    They are those of wear (logarithm of the rate at which life is used, its exponent of speed over the nominal one, less 1, and
-    its exponent of feed), of force and of power (logarithm, exponents of speed, feed and wear).
+    See ``baselines/law_errors.py``.
+
+    They are those of wear (logarithm of the rate at which life is used, its exponent of speed over
+    the nominal one, less 1, and its exponent of feed), of force and of power (logarithm, exponents
+    of speed, feed and wear).
     """
 
     mean: Array  # shape (errors,)
@@ -52,10 +82,29 @@ class Outlook(NamedTuple):
 
     depth_of_cut: Array  # [mm]
     log_hardness: Array  # [-]
-    log_force: Array  # log ratio of thrust force to the nominal law with ``LoadFilter.exponents``, at nominal wear [-]
-    log_power: Array  # likewise of power, with the idling spindle's
-    force_spread: Array  # standard deviation of log force [-]
-    power_spread: Array  # standard deviation of log power [-]
+    # Log ratios to the nominal laws with ``LoadFilter.exponents`` [-], at nominal wear. Power
+    # contains that of the idling spindle.
+    log_force: Array
+    log_power: Array
+    # Standard deviations of log force and log power [-].
+    force_spread: Array
+    power_spread: Array
+
+
+class WearErrors(NamedTuple):
+    """Expected errors of the law of wear; every field has shape (num_envs,)."""
+
+    log_wear: Array  # at 1 m/min and 1 mm/rev [-]
+    speed_exponent: Array  # [-]
+    feed_exponent: Array  # [-]
+
+
+class NominalModel(NamedTuple):
+    """The knowledge of a filter before its first reading, for some nominal models."""
+
+    parameters: Any  # records of ``numbers_of``, shape (models,)
+    mean: Array  # expected states, shape (models, STATES)
+    covariance: Array  # shape (models, STATES, STATES)
 
 
 def records(rows: Sequence[dict[str, Any]]) -> Any:
@@ -64,221 +113,263 @@ def records(rows: Sequence[dict[str, Any]]) -> Any:
     return np.array([tuple(row.values()) for row in rows], np.dtype((np.record, fields)))
 
 
-def model_of(
-    scenarios: Sequence[Scenario], errors: LawErrors | None = None
-) -> tuple[Any, Array, Array]:
-    """Return what a filter knows of nominal models, with ``errors`` or right: records, expected states and their covariance."""
-    parameters = records([_numbers(scenario, errors is not None) for scenario in scenarios])
-    mean, covariance = (
-        np.zeros((len(scenarios), STATES)),
-        parameters["prior"][:, :, np.newaxis] * np.eye(STATES),
-    )
+def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> NominalModel:
+    """Return the filter's knowledge of nominal models, whose laws have ``errors`` or are right."""
+    parameters = records([numbers_of(scenario, errors is not None) for scenario in scenarios])
+    mean = np.zeros((len(scenarios), STATES))
+    covariance = parameters["prior"][:, :, np.newaxis] * np.eye(STATES)
     if errors is not None:
-        wear = (scenario.material.wear for scenario in scenarios)
-        scales = np.array(
-            [[law.time, law.cutting_speed, law.time] + [1.0] * (STATES - LAWS) for law in wear]
-        )
+        # Errors of wear are given as those of the used life, which is wear to the power 1 / time
+        # exponent.
+        scales = np.ones((len(scenarios), STATES))
+        scales[:, LOT] = [scenario.material.wear.time for scenario in scenarios]
+        scales[:, WEAR_SPEED] = [scenario.material.wear.cutting_speed for scenario in scenarios]
+        scales[:, WEAR_FEED] = scales[:, LOT]
+        scales = scales[:, LOT:]
         mean[:, LOT:] = scales * errors.mean
         covariance[:, LOT:, LOT:] = (
             scales[:, :, np.newaxis] * errors.covariance * scales[:, np.newaxis, :]
         )
-    return parameters, mean, covariance
+    return NominalModel(parameters, mean, covariance)
 
 
 class LoadFilter:
-    """A filter that estimates the states of many environments from readings, with one nominal model or one for each."""
+    """A filter that estimates the states of many environments from readings.
+
+    Args:
+        scenarios: one nominal model, or one for each environment.
+        num_envs: number of environments.
+        errors: expected errors of the laws; None: the laws are right.
+
+    Attributes:
+        parameters: records of the nominal models, see ``numbers_of``.
+        mean: expected states, shape (num_envs, STATES).
+        covariance: their covariance, shape (num_envs, STATES, STATES).
+        memory: records of ``kalman_steps.MEMORY``, shape (num_envs,).
+    """
 
     def __init__(
         self, scenarios: Sequence[Scenario], num_envs: int, errors: LawErrors | None = None
     ) -> None:
-        self.parameters, self._mean, self._covariance = model_of(scenarios, errors)
-        self.mean = np.zeros((num_envs, STATES))  # expected states
-        self.covariance = np.zeros((num_envs, STATES, STATES))  # their covariance
-        self.memory = np.zeros(
-            num_envs, MEMORY
-        )  # records of what the filter keeps beside the states
+        self._prior = model_of(scenarios, errors)
+        self.parameters = self._prior.parameters
+        self.mean = np.zeros((num_envs, STATES))
+        self.covariance = np.zeros((num_envs, STATES, STATES))
+        self.memory = np.zeros(num_envs, MEMORY)
 
-    def assign(self, env_index: int, model: tuple[Any, Array, Array]) -> None:
-        """Give an environment, of as many as there are models, another nominal model, and reset it."""
-        for known, other in zip(
-            (self.parameters, self._mean, self._covariance), model, strict=True
-        ):
-            known[env_index] = other[0]
-        self.reset(np.arange(len(self._mean)) == env_index)
+    def assign(self, env_index: int, model: NominalModel) -> None:
+        """Give an environment another nominal model, and reset it."""
+        self._prior.parameters[env_index] = model.parameters[0]
+        self._prior.mean[env_index] = model.mean[0]
+        self._prior.covariance[env_index] = model.covariance[0]
+        self.reset(np.arange(len(self._prior.mean)) == env_index)
 
     def reset(self, mask: Mask) -> None:
         """Reset to the start of the first bar and to the prior."""
-        scenarios = np.flatnonzero(mask) % len(self._mean)
-        self.mean[mask], self.covariance[mask] = self._mean[scenarios], self._covariance[scenarios]
+        models = np.flatnonzero(mask) % len(self._prior.mean)
+        self.mean[mask] = self._prior.mean[models]
+        self.covariance[mask] = self._prior.covariance[models]
         self.memory[mask] = np.zeros((), MEMORY)
 
     @property
     def prior_deviations(self) -> Array:
         """Standard deviations of the states before an edge's first cut, shape (models, STATES)."""
-        deviations = np.sqrt(np.diagonal(self._covariance, axis1=1, axis2=2))
+        deviations = np.sqrt(np.diagonal(self._prior.covariance, axis1=1, axis2=2))
+        # The history of a fresh edge is known: it is 0. The insert's deviation gives it a scale.
         deviations[:, HISTORY] = deviations[:, INSERT]
         return deviations
 
     @property
     def along(self) -> Array:
         """Position from the start of the present bar's approach [mm], shape (num_envs,)."""
-        path, pitch = self.memory["path"], self.parameters["pitch"]
+        path = self.memory["path"]
+        pitch = self.parameters["pitch"]
         return np.asarray(path - pitch * np.floor(path / pitch))
 
     @property
     def log_wear_factor(self) -> Array:
         """Expected log ratio of wear to the nominal model [-], shape (num_envs,)."""
-        return np.asarray(sum(weight * self.mean[:, state] for state, weight in self._wear_states))
+        return np.asarray(
+            sum(weight * self.mean[:, state] for state, weight in self._wear_weights.items())
+        )
 
     @property
     def wear_deviation(self) -> Array:
         """Standard deviation of the log wear factor [-], shape (num_envs,)."""
-        pairs = product(self._wear_states, repeat=2)
-        variance = sum(one * other * self.covariance[:, i, k] for (i, one), (k, other) in pairs)
+        weights = self._wear_weights
+        variance: Any = 0.0
+        for row, row_weight in weights.items():
+            for column, column_weight in weights.items():
+                variance = variance + row_weight * column_weight * self.covariance[:, row, column]
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     @property
-    def _wear_states(self) -> list[tuple[int, Any]]:
-        """Return the states that the log wear factor contains, and their weights."""
-        return list(enumerate((1.0, 1.0, 1.0, *self.memory["pace"].T), INSERT))
+    def _wear_weights(self) -> dict[int, Any]:
+        """Weights of the states in the log wear factor, as in ``kalman_steps.wear_factor``."""
+        return {
+            INSERT: 1.0,
+            HISTORY: 1.0,
+            LOT: 1.0,
+            WEAR_SPEED: self.memory["mean_log_speed"],
+            WEAR_FEED: self.memory["mean_log_feed"],
+        }
 
     @property
-    def wear_errors(self) -> Array:
-        """Expected errors of the law of wear: logarithm at 1 m/min and 1 mm/rev, exponents of both; shape (3, num_envs)."""
-        lot, speed, feed = self.mean[:, LOT:LAWS].T
-        log_speed, log_feed, _ = self.parameters["references"].T
-        return np.stack([lot - speed * log_speed - feed * log_feed, speed, feed])
+    def wear_errors(self) -> WearErrors:
+        """Expected errors of the law of wear."""
+        lot = self.mean[:, LOT]
+        speed_error = self.mean[:, WEAR_SPEED]
+        feed_error = self.mean[:, WEAR_FEED]
+        log_speed = self.parameters["reference_log_speed"]
+        log_feed = self.parameters["reference_log_feed"]
+        return WearErrors(
+            log_wear=lot - speed_error * log_speed - feed_error * log_feed,
+            speed_exponent=speed_error,
+            feed_exponent=feed_error,
+        )
 
     @property
     def load_errors(self) -> Array:
-        """Expected log errors of force and power at 1 m/min, 1 mm/rev and the wear criterion; shape (2, num_envs)."""
-        bias, *exponents = self.mean[:, LAWS:].reshape(-1, 2, ERRORS).T
-        log_speed, log_feed, log_wear = self.parameters["references"].T
-        deviations = -log_speed, -log_feed, log(self.parameters["wear_criterion"]) - log_wear
-        return np.asarray(
-            bias
-            + sum(error * deviation for error, deviation in zip(exponents, deviations, strict=True))
+        """Expected log errors of force and power at 1 m/min, 1 mm/rev and the wear criterion.
+
+        Shape (2, num_envs).
+        """
+        errors = self._law_errors
+        log_speed = self.parameters["reference_log_speed"]
+        log_feed = self.parameters["reference_log_feed"]
+        log_wear = self.parameters["reference_log_wear"]
+        wear_deviation = log(self.parameters["wear_criterion"]) - log_wear
+        by_exponents = (
+            errors[SPEED_ERROR] * -log_speed
+            + errors[FEED_ERROR] * -log_feed
+            + errors[WEAR_ERROR] * wear_deviation
         )
+        return np.asarray(errors[BIAS] + by_exponents)
 
     @property
     def exponents(self) -> Array:
-        """Expected exponents of speed, feed and wear of force and power [-], shape (num_envs, 2, 3)."""
-        errors = self.mean[:, LAWS:].reshape(-1, 2, ERRORS)[:, :, 1:]
-        return np.asarray(self.parameters["log_laws"][:, :, 1:] + errors)
+        """Expected exponents of speed, feed and wear in force and power, shape (3, 2, num_envs)."""
+        errors = self._law_errors
+        return np.stack(
+            [
+                self.parameters["speed_exponents"].T + errors[SPEED_ERROR],
+                self.parameters["feed_exponents"].T + errors[FEED_ERROR],
+                self.parameters["wear_exponents"].T + errors[WEAR_ERROR],
+            ]
+        )
+
+    @property
+    def _law_errors(self) -> Array:
+        """Expected errors of the laws of force and power, shape (ERRORS, 2, num_envs)."""
+        return self.mean[:, LAWS:].reshape(-1, 2, ERRORS).T
 
     def observe(self, reading: Reading, mask: Mask | None = None) -> None:
-        """Predict up to a reading and correct the estimate by it, in the environments of a mask or in all."""
-        columns = (
-            *(
-                reading.commanded_cutting_speed,
-                reading.commanded_feed,
-                reading.cutting_speed,
-                reading.feed,
-            ),
-            *(
-                reading.cutting_time,
-                reading.nominal_wear,
-                reading.removed_wear,
-                reading.thrust_force,
-                reading.power,
-            ),
-            reading.cutting,
-        )
-        readings = np.stack(columns, axis=1).astype(np.float64)
+        """Predict up to a reading and correct the estimate by it, in a mask or everywhere."""
+        readings = np.zeros(len(self.mean), READING)
+        for name in READING.names or ():
+            readings[name] = getattr(reading, name)
         chosen = np.arange(len(readings)) if mask is None else np.flatnonzero(mask)
         kalman_steps.follow(
             self.parameters, self.memory, self.mean, self.covariance, readings, chosen
         )
 
-    def tell(self, mask: Mask, states: Array, deviation: float) -> None:
-        """Correct the estimates of a mask by true deviation of depth, log hardness and log wear factor, shape (num_envs, 3)."""
+    def tell(self, mask: Mask, true_states: TrueStates, deviation: float) -> None:
+        """Correct the estimates of a mask by true states with a standard deviation [-]."""
         kalman_steps.learn_states(
             self.memory,
             self.mean,
             self.covariance,
             np.flatnonzero(mask),
-            states,
+            true_states,
             deviation * deviation,
         )
 
     def outlook(self, distance: Array, entering: Mask) -> Outlook:
-        """Return the outlook at distances ahead [mm], shape (num_envs, points); if ``entering``, on an unmeasured bar."""
-        found = np.empty((len(Outlook._fields), *distance.shape))
+        """Return the outlook at distances ahead [mm], shape (num_envs, points).
+
+        If ``entering``, on an unmeasured bar.
+        """
+        outlook = Outlook(*np.empty((len(Outlook._fields), *distance.shape)))
         kalman_steps.look_ahead(
-            self.parameters, self.memory, self.mean, self.covariance, distance, entering, found
+            self.parameters, self.memory, self.mean, self.covariance, distance, entering, outlook
         )
-        return Outlook(*found)
+        return outlook
 
 
-def _numbers(scenario: Scenario, errors: bool) -> dict[str, Any]:
+def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
     """Return the numbers of a nominal model, which may have ``errors``, for ``kalman_steps.py``."""
-    control, machine, sensors, work = (
-        scenario.control,
-        scenario.machine,
-        scenario.sensors,
-        scenario.workpiece,
-    )
-    wear, laws = scenario.material.wear, (scenario.material.thrust_force, scenario.material.power)
-    along = np.array([work.depth_along_spread / work.depth_of_cut, work.hardness_along_spread])
-    bar = np.array([work.depth_bar_spread / work.depth_of_cut, work.hardness_bar_spread])
-    spread = hypotenuse(along, bar)
-    slope = (
-        SLOPE * along / np.array([work.depth_correlation_length, work.hardness_correlation_length])
-    )
-    # An edge's wear also deviates from nominal because of the depth and hardness of the bars that it has cut.
-    by_bars = wear.depth_of_cut, wear.hardness
-    history = (
-        0.0 if errors else np.square(by_bars[0] * spread[0]) + np.square(by_bars[1] * spread[1])
-    )
-    insert = np.sqrt(np.square(scenario.tool.wear_factor_spread) + history)
-    prior = np.square(
-        [spread[0], slope[0], spread[1], slope[1], insert] + [0.0] * (STATES - HISTORY)
-    )
+    control = scenario.control
+    tool = scenario.tool
+    sensors = scenario.sensors
+    work = scenario.workpiece
+    wear = scenario.material.wear
+    laws = (scenario.material.thrust_force, scenario.material.power)
+
+    depth_along = work.depth_along_spread / work.depth_of_cut
+    depth_spread = hypotenuse(depth_along, work.depth_bar_spread / work.depth_of_cut)
+    depth_slope = SLOPE * depth_along / work.depth_correlation_length
+    hardness_along = work.hardness_along_spread
+    hardness_spread = hypotenuse(hardness_along, work.hardness_bar_spread)
+    hardness_slope = SLOPE * hardness_along / work.hardness_correlation_length
+
+    # The depth and hardness of the bars that an edge has cut move its wear, too. If the laws are
+    # right, the loads show little of it, and it counts with the insert. Otherwise the state
+    # ``HISTORY`` follows it.
+    history = 0.0
+    if not errors:
+        history = np.square(wear.depth_of_cut * depth_spread) + np.square(
+            wear.hardness * hardness_spread
+        )
+    insert = np.sqrt(np.square(tool.wear_factor_spread) + history)
+    prior = np.zeros(STATES)
+    prior[:HISTORY] = [depth_spread, depth_slope, hardness_spread, hardness_slope, insert]
     noise = np.square([sensors.force_noise, sensors.power_noise]) + np.square(READING_DEVIATION)
+
+    # Shares of a deviation of the drives that remain in the sub-steps of a step.
     sub_step = control.interval / control.sub_steps
     times = sub_step * np.arange(1.0, control.sub_steps + 1.0)
-    spindle, feed = (
-        np.vectorize(decay)(times, lag)
-        for lag in (machine.spindle_time_constant, machine.feed_time_constant)
-    )
+    spindle_left = np.vectorize(decay)(times, scenario.machine.spindle_time_constant)
+    feed_left = np.vectorize(decay)(times, scenario.machine.feed_time_constant)
     return {
-        "depth_of_cut": work.depth_of_cut,
-        "approach": work.approach,
-        "bar_length": work.bar_length,
-        "pitch": work.bar_length + work.approach,
-        "velocity": 1000.0
-        / (60.0 * math.pi * work.diameter),  # feed velocity [mm/s] per cutting speed and feed
-        "rates": np.divide(
-            slope, spread, out=np.zeros(2), where=spread > 0
-        ),  # of depth and hardness [1/mm]
-        "prior": prior,  # variances
-        "history": history,  # variance of an edge's log wear from the bars that it has cut, if they are not followed
-        "history_exponents": by_bars if errors else (0.0, 0.0),  # of depth and hardness in wear
-        "wear_time": wear.time,
-        "separates_idle": float(
-            errors
-        ),  # whether the idling spindle's power is told from that of the cut
-        # Log force [N] and power [kW] at 1 m/min, 1 mm/rev and 1 mm of wear; exponents.
-        "log_laws": [
-            (log(law(1.0, 1.0, work.depth_of_cut)), law.cutting_speed, law.feed, law.wear)
-            for law in laws
-        ],
-        "bar_exponents": [(law.depth_of_cut, law.hardness) for law in laws],
-        "references": log(
-            [
-                control.initial_cutting_speed,
-                control.initial_feed,
-                0.5 * scenario.tool.wear_criterion,
-            ]
-        ),
+        "depth_of_cut": work.depth_of_cut,  # [mm]
+        "approach": work.approach,  # [mm]
+        "bar_length": work.bar_length,  # [mm]
+        "pitch": work.bar_length + work.approach,  # [mm]
+        # Feed velocity [mm/s] per cutting speed [m/min] and feed [mm/rev].
+        "velocity": 1000.0 / (60.0 * math.pi * work.diameter),
+        # Rates of the correlations of depth and hardness [1/mm].
+        "depth_rate": depth_slope / depth_spread if depth_spread > 0.0 else 0.0,
+        "hardness_rate": hardness_slope / hardness_spread if hardness_spread > 0.0 else 0.0,
+        "prior": np.square(prior),  # variances of the states
+        # Variance of an edge's log wear from the bars that it has cut, if they are not followed.
+        "history": history,
+        # Exponents of depth and hardness in the law of wear, if the bars are followed.
+        "wear_by_depth": wear.depth_of_cut if errors else 0.0,
+        "wear_by_hardness": wear.hardness if errors else 0.0,
+        "wear_time": wear.time,  # exponent of time in the law of wear
+        # 1 if the idling spindle's power is told from that of the cut, else 0.
+        "separates_idle": float(errors),
+        # Of force [N] and power [kW]: logarithm at 1 m/min, 1 mm/rev and 1 mm of wear; exponents.
+        "log_coefficients": [log(law(1.0, 1.0, work.depth_of_cut)) for law in laws],
+        "speed_exponents": [law.cutting_speed for law in laws],
+        "feed_exponents": [law.feed for law in laws],
+        "wear_exponents": [law.wear for law in laws],
+        "depth_exponents": [law.depth_of_cut for law in laws],
+        "hardness_exponents": [law.hardness for law in laws],
+        # Speed, feed and wear from which the errors of exponents count.
+        "reference_log_speed": log(control.initial_cutting_speed),
+        "reference_log_feed": log(control.initial_feed),
+        "reference_log_wear": log(0.5 * tool.wear_criterion),
+        # Of the sensors of force and power: time constants [s] and variances of the log readings.
         "lags": [sensors.force_time_constant, sensors.power_time_constant],
-        "noise": noise + np.square(MISFIT) if errors else noise,  # variances
-        "interval": control.interval,
-        "sub_step": sub_step,
-        "spindle_left": spindle.sum(),  # sums over a step's sub-steps of deviations that remain
-        "feed_left": feed.sum(),
-        "both_left": (spindle * feed).sum(),
+        "noise": noise + np.square(MISFIT) if errors else noise,
+        "interval": control.interval,  # [s]
+        "sub_step": sub_step,  # [s]
+        # Sums over the sub-steps of a step.
+        "spindle_left": spindle_left.sum(),
+        "feed_left": feed_left.sum(),
+        "both_left": (spindle_left * feed_left).sum(),
         "sub_steps": control.sub_steps,
-        "wear_criterion": scenario.tool.wear_criterion,
+        "wear_criterion": tool.wear_criterion,  # [mm]
         "idle_power": idle_power_at(scenario, 1.0),  # [kW] per cutting speed
     }

@@ -10,44 +10,46 @@ from turning_env import Reading, RoughTurningVectorEnv, Scenario, read
 
 NOMINAL = Scenario()
 STILL = {
-    f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")
+    "hardness_bar_spread": 0.0,
+    "hardness_along_spread": 0.0,
+    "depth_bar_spread": 0.0,
+    "depth_along_spread": 0.0,
 }
-WEAR = np.diag([1.0, *[0.0] * 10])
 QUIET = changed(NOMINAL, workpiece=STILL, tool={"wear_factor_spread": 0.0, "edge_strength": 1e6})
+NUM_ENVS = 4
+ALL = np.ones(NUM_ENVS, np.bool_)
 
 
 def heavier(factor: float) -> Scenario:
-    """Bars that all take so many times the nominal force and power."""
-    laws = {name: getattr(QUIET.material, name).model_dump() for name in ("thrust_force", "power")}
-    return changed(
-        QUIET,
-        material={
-            name: law | {"coefficient": factor * law["coefficient"]} for name, law in laws.items()
-        },
-    )
+    """Return a task whose bars all take so many times the nominal force and power."""
+    material = {}
+    for name in ("thrust_force", "power"):
+        law = getattr(QUIET.material, name).model_dump()
+        material[name] = law | {"coefficient": factor * law["coefficient"]}
+    return changed(QUIET, material=material)
 
 
-def followed(
-    played: Scenario, known: Scenario, steps: int, num_envs: int = 4
-) -> tuple[LoadFilter, Reading]:
-    """A filter that knows one scenario while another is played at constant speed and feed: what it read last."""
-    env, estimate = RoughTurningVectorEnv(num_envs, played), LoadFilter([known], num_envs)
-    seen, _ = env.reset(seed=0)
-    estimate.reset(np.ones(num_envs, np.bool_))
+def follow(played: Scenario, nominal: Scenario, steps: int) -> tuple[LoadFilter, Reading]:
+    """Return a filter after a play at constant speed and feed, and its last reading."""
+    env = RoughTurningVectorEnv(NUM_ENVS, played)
+    estimate = LoadFilter([nominal], NUM_ENVS)
+    observations, _ = env.reset(seed=0)
+    estimate.reset(ALL)
     for _ in range(steps):
-        reading = read(seen, known)
+        reading = read(observations, nominal)
         estimate.observe(reading)
-        seen = env.step(np.zeros((num_envs, 2)))[0]
+        observations = env.step(np.zeros((NUM_ENVS, 2)))[0]
     return estimate, reading
 
 
 @pytest.mark.parametrize("factor", [0.85, 1.15])
 def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
-    estimate, reading = followed(heavier(factor), NOMINAL, 60)
+    estimate, reading = follow(heavier(factor), NOMINAL, steps=60)
     assert reading.cutting.all()
-    outlook = estimate.outlook(np.zeros((4, 1)), np.zeros((4, 1), np.bool_))
-    assert outlook.log_force == pytest.approx(np.full((4, 1), np.log(factor)), abs=0.04)
-    assert outlook.log_power == pytest.approx(np.full((4, 1), np.log(factor)), abs=0.03)
+    outlook = estimate.outlook(np.zeros((NUM_ENVS, 1)), np.zeros((NUM_ENVS, 1), np.bool_))
+    expected = np.full((NUM_ENVS, 1), np.log(factor))
+    assert outlook.log_force == pytest.approx(expected, abs=0.04)
+    assert outlook.log_power == pytest.approx(expected, abs=0.03)
 
 
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
@@ -55,18 +57,21 @@ def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
         QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"}
     )
     played = changed(nominal, mismatch={"wear_factor": 1.3})
-    env, estimate = (
-        RoughTurningVectorEnv(4, played),
-        LoadFilter([nominal], 4, LawErrors(np.array([0.2, *[0.0] * 10]), WEAR)),
-    )
+    # Only the law of wear is in doubt: its error has the mean 0.2 and the variance 1.
+    errors = LawErrors(mean=np.zeros(11), covariance=np.zeros((11, 11)))
+    errors.mean[0] = 0.2
+    errors.covariance[0, 0] = 1.0
+    env = RoughTurningVectorEnv(NUM_ENVS, played)
+    estimate = LoadFilter([nominal], NUM_ENVS, errors)
     observations, _ = env.reset(seed=0)
-    estimate.reset(np.ones(4, np.bool_))
+    estimate.reset(ALL)
     start = estimate.mean[0, LOT]
     assert start == pytest.approx(0.2 * nominal.material.wear.time)
     for step in range(61):
         estimate.observe(read(observations, nominal))
-        observations, *_ = env.step(np.array([[0.0, 0.0, 1.0 if step % 30 == 29 else -1.0]] * 4))
+        change_edge = 1.0 if step % 30 == 29 else -1.0
+        observations, *_ = env.step(np.array([[0.0, 0.0, change_edge]] * NUM_ENVS))
     assert estimate.mean[:, LOT] == pytest.approx(np.log(1.3), abs=0.05)
     assert estimate.mean[:, INSERT] == pytest.approx(0.0, abs=0.05)
-    estimate.reset(np.ones(4, np.bool_))
+    estimate.reset(ALL)
     assert (estimate.mean[:, LOT] == start).all()
