@@ -13,8 +13,9 @@ from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import run
+from turning_nc.removal import remove
 from turning_nc.report import summary
-from turning_nc.stock import read_stock, remove
+from turning_nc.stock import read_stock
 from turning_nc.words import read_program_file
 
 from turning_env import Scenario

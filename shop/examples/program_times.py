@@ -17,8 +17,10 @@ from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import beyond, change_wear
 from turning_nc.moves import run
-from turning_nc.report import findings, implausible, rows, summary, table
-from turning_nc.stock import read_stock, remove
+from turning_nc.plausibility import implausible
+from turning_nc.removal import remove
+from turning_nc.report import findings, rows, summary, table
+from turning_nc.stock import read_stock
 from turning_nc.words import divide
 
 from turning_env import Scenario

@@ -26,8 +26,8 @@ from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import change_wear
 from turning_nc.expression import number_text
 from turning_nc.moves import run
-from turning_nc.stock import Values
 from turning_nc.words import NcError, divide
+from turning_shop import Values
 from turning_shop.whatif import CHANGES
 
 from turning_env.extras import needed

@@ -31,7 +31,7 @@ def program(options: argparse.Namespace) -> int:
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
     """
-    from turning_nc import adapt, cutting, edges, moves, report, stock
+    from turning_nc import adapt, cutting, edges, moves, plausibility, removal, report, stock
 
     if options.figure:  # before anything is computed, as Matplotlib may be missing
         from turning_nc import picture
@@ -66,12 +66,12 @@ def program(options: argparse.Namespace) -> int:
     )
     notes += [f"no --stock is given: {guessed} is taken"] if guessed else []
     with naming(options.program):
-        removal = stock.remove(run, polygon, tools)
-    notes += removal.notes
+        cut = removal.remove(run, polygon, tools)
+    notes += cut.notes
     nose_radius = scenario.tool.nose_radius or None
     max_feed = min(options.max_feed or math.inf, FEED_PER_NOSE * (nose_radius or math.inf))
     machine = cutting.Machine(options.max_spindle, options.rapid, options.tool_change, max_feed)
-    situation = cutting.Situation(scenario, machine, run, removal, evidence)
+    situation = cutting.Situation(scenario, machine, run, cut, evidence)
     played = cutting.play(situation, options.wear or edges.change_wear(situation))
     off = "limits.thrust_force is off"  # not any more, if the strength of edges bounds it
     notes += [
@@ -79,7 +79,7 @@ def program(options: argparse.Namespace) -> int:
     ]
     notes += [strength] if strength else []
     notes += edges.beyond(situation, played)
-    implausible = report.implausible(situation, played)
+    implausible = plausibility.implausible(situation, played)
     if implausible and options.adapt and not options.force:
         listed = "".join(f"\n  {name}: {text}" for name, text in implausible.items())
         raise NcError(

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_nc.kinds import DRILL
 from turning_nc.moves import Moves
-from turning_nc.stock import MIN_DEPTH, Removal, Values
+from turning_nc.removal import MIN_DEPTH, Removal
+from turning_shop import Values
 from turning_shop.whatif import NO_LIMIT
 
 from turning_env.physics.spindle import capacity_at, idle_power_at

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Play, Situation, play, tool_life
-from turning_nc.stock import Values
 from turning_nc.words import at_lines
-from turning_shop import prediction
+from turning_shop import Values, prediction
 from turning_shop.advise import life_margin, whole_parts
 from turning_shop.prediction import Evidence
 from turning_shop.whatif import CHANGES

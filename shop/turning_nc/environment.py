@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from turning_nc.cutting import Machine, Situation, motion
 from turning_nc.moves import run
-from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.removal import remove
+from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError, naming, read_program_file
+from turning_shop import Values
 
 from turning_env.action import set_point_action
 from turning_env.env import RoughTurningEnv
 from turning_env.scenario import Scenario, Source
 from turning_env.scenario.sections import MAX_DEPTHS
-
-Values = NDArray[np.float64]
 
 MAX_OVERRIDE = 2.0  # highest feed over the programmed feed [-]
 TIME_LIMIT = 10.0  # time limit of an episode over the programmed time of its parts [-]

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from turning_shop import Values
 
 from turning_env.extras import needed
 
 with needed():
     import shapely
 
-Values = NDArray[np.float64]
 
 MAX_VERTICES = 64  # of a piece; above it, overlays cost more than the calls to them
 SMALL = MAX_VERTICES // 4  # vertices up to which neighbours in one cut are joined

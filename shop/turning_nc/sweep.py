@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from turning_nc.paths import Point
+from turning_shop import Values
 
 from turning_env.extras import needed
 
 with needed():
     import shapely
 
-Values = NDArray[np.float64]
 
 SAME = 1e-9  # distance below which two corners of a tool stand behind each other, or two ends of an edge are level [mm]
 _PROBES = 24  # places that a round of a search tries at once

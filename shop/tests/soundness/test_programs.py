@@ -15,8 +15,10 @@ from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import beyond, change_wear
 from turning_nc.moves import Reading, run
-from turning_nc.report import findings, implausible, rows, summary, table
-from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.plausibility import implausible
+from turning_nc.removal import remove
+from turning_nc.report import findings, rows, summary, table
+from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError, divide
 
 from shop.tests.soundness.programs import STOCKS, TOOLS, any_program

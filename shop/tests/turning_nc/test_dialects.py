@@ -12,7 +12,8 @@ from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation
 from turning_nc.dialects import DIALECTS
 from turning_nc.moves import Move, Reading, run
-from turning_nc.stock import read_stock, remove
+from turning_nc.removal import remove
+from turning_nc.stock import read_stock
 from turning_nc.words import NcError, divide
 
 from shop.tests.turning_nc.test_moves import ISO, SIEMENS, moves

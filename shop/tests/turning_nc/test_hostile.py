@@ -13,8 +13,9 @@ from examples.adapt_programs import SCENARIO
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.expression import parse
+from turning_nc.removal import remove
 from turning_nc.report import rows
-from turning_nc.stock import read_stock, remove
+from turning_nc.stock import read_stock
 from turning_nc.words import MAX_CHARACTERS, NcError, divide
 
 from shop.tests.turning_nc.test_moves import BAR, DREH, moves

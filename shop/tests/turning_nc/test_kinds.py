@@ -5,7 +5,8 @@ import pytest
 pytest.importorskip("shapely")
 
 from turning_nc.cutting import Machine, Situation, play
-from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.removal import remove
+from turning_nc.stock import guessed_stock, read_stock
 
 from shop.tests.turning_nc.test_moves import moves
 from turning_env import Scenario

@@ -9,8 +9,8 @@ pytest.importorskip("shapely")
 
 import shapely
 from turning_nc.metal import MAX_VERTICES, Metal, overlaps
-from turning_nc.stock import tool_shape
 from turning_nc.sweep import Removed, Sweep
+from turning_nc.tool_shapes import tool_shape
 
 KINDS = ("outside", "outside-left", "inside", "copying", "neutral", "groove:3", "drill:8")
 

@@ -15,8 +15,9 @@ pytest.importorskip("shapely")
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.moves import Move
+from turning_nc.removal import remove
 from turning_nc.report import rows
-from turning_nc.stock import read_stock, remove, volume
+from turning_nc.stock import read_stock, volume
 
 from shop.tests.turning_nc.test_moves import moves
 from turning_env import Scenario

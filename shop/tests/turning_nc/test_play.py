@@ -17,8 +17,10 @@ from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
 from turning_nc.moves import run
-from turning_nc.report import implausible, summary
-from turning_nc.stock import guessed_stock, read_stock, remove, volume
+from turning_nc.plausibility import implausible
+from turning_nc.removal import remove
+from turning_nc.report import summary
+from turning_nc.stock import guessed_stock, read_stock, volume
 from turning_nc.words import NcError, divide
 from turning_shop import WorkshopError
 

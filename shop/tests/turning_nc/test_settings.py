@@ -6,8 +6,9 @@ pytest.importorskip("shapely")
 
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.moves import Moves, Reading, run
-from turning_nc.report import implausible
-from turning_nc.stock import guessed_stock, read_stock, remove
+from turning_nc.plausibility import implausible
+from turning_nc.removal import remove
+from turning_nc.stock import guessed_stock, read_stock
 from turning_nc.words import NcError, divide
 
 from shop.tests.turning_nc.test_moves import BAR, moves
