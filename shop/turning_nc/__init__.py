@@ -3,9 +3,10 @@
 ``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program. ``stock`` to ``report``
 play and adapt the programs of users; ``program`` to ``simulate`` write and play the project's own.
 Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
+
+Importing this package registers ``PROGRAM_ID``: ``gymnasium.make("turning_nc:" + PROGRAM_ID, ...)``.
 """
 
-# Gymnasium calls ``register_envs`` while it is imported: only this module of it is complete by then.
 from gymnasium.envs.registration import register, registry
 
 PROGRAM_ID = "RoughTurning-Program-v1"
@@ -16,3 +17,7 @@ def register_envs() -> None:
     """Register ``PROGRAM_ID`` with Gymnasium, unless it is registered already."""
     if PROGRAM_ID not in registry:
         register(PROGRAM_ID, entry_point="turning_nc.environment:ProgramEnv")
+
+
+# Gymnasium 1.x loads no plug-ins, but imports the module that stands before an id's colon.
+register_envs()

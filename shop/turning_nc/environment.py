@@ -203,7 +203,7 @@ class ProgramEnv(RoughTurningEnv):
 
     Those of `ToolPath`:
 
-        gymnasium.make("RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
+        gymnasium.make("turning_nc:RoughTurning-Program-v1", program="part.mpf", stock="bar:80x120", parts=10)
     """
 
     def __init__(

@@ -86,7 +86,8 @@ def test_what_is_missing_is_said_in_one_line(package: str, command: str, without
 
 
 def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) -> None:
-    code = "import gymnasium; gymnasium.make('RoughTurning-Program-v1', program='part.mpf')"
+    env_id = "turning_nc:RoughTurning-Program-v1"
+    code = f"import gymnasium; gymnasium.make('{env_id}', program='part.mpf')"
     finished = python(without, "shapely", "-c", code)
     assert finished.stderr.count("Traceback") == 1
     last = finished.stderr.splitlines()[-1]

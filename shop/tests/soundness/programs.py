@@ -2,8 +2,7 @@
 
 from random import Random
 
-from examples.adapt_programs import COLLECTION, path_of
-
+from shop.examples.adapt_programs import COLLECTION, path_of
 from shop.tests.turning_nc.test_moves import CUTS, ISO, SIEMENS
 
 NUMBERS: tuple[str, ...] = (

@@ -11,10 +11,10 @@ from gymnasium.utils.env_checker import check_env
 
 pytest.importorskip("shapely")
 
-from examples.adapt_programs import COLLECTION, path_of
 from turning_nc.environment import ToolPath
 from turning_nc.words import NcError
 
+from shop.examples.adapt_programs import COLLECTION, path_of
 from tests.turning_env.playing import infos
 from turning_env import RoughTurningVectorEnv, Scenario
 
@@ -37,7 +37,7 @@ def arguments(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["welle", "stepped_shaft"])
 def test_the_programmed_values_take_the_programs_time_and_remove_its_metal(name: str) -> None:
-    env = gymnasium.make("RoughTurning-Program-v1", scenario=EVEN, parts=1, **arguments(name))
+    env = gymnasium.make("turning_nc:RoughTurning-Program-v1", scenario=EVEN, parts=1, **arguments(name))
     path = env.unwrapped.tool_path  # type: ignore[attr-defined]
     speed, machine, workpiece = (
         float(np.median(path.speeds)),
@@ -82,7 +82,7 @@ PROGRAMMED, IDLE, FASTEST = (0.0, -1.0 / 15.0), (-1.0, -1.0), (1.0, 1.0)
 def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed: int) -> None:
     (tmp_path / "taper.nc").write_text(TAPER)
     env = gymnasium.make(
-        "RoughTurning-Program-v1",
+        "turning_nc:RoughTurning-Program-v1",
         program=tmp_path / "taper.nc",
         scenario=SHORT,
         stock="bar:80x60",
@@ -144,7 +144,7 @@ def test_a_tool_path_is_a_scenario_of_every_batch() -> None:
 
 
 def test_the_environment_keeps_to_gymnasiums_rules() -> None:
-    env = gymnasium.make("RoughTurning-Program-v1", **arguments("welle"))
+    env = gymnasium.make("turning_nc:RoughTurning-Program-v1", **arguments("welle"))
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=0)
     for wrong in ([0.0], [0.0, np.nan], 0.0, "ab"):

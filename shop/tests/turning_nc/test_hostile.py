@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from examples.adapt_programs import SCENARIO
 from turning_nc.cutting import Machine, Situation, play
 from turning_nc.edges import change_wear
 from turning_nc.expression import parse
@@ -18,6 +17,7 @@ from turning_nc.report import rows
 from turning_nc.stock import read_stock
 from turning_nc.words import MAX_CHARACTERS, NcError, divide
 
+from shop.examples.adapt_programs import SCENARIO
 from shop.tests.turning_nc.test_moves import BAR, DREH, moves
 from turning_env.__main__ import main
 

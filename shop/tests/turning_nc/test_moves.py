@@ -10,13 +10,13 @@ import pytest
 pytest.importorskip("shapely")
 
 import shapely
-from examples.adapt_programs import COLLECTION, path_of
 from turning_nc.dialects import FANUC, SINUMERIK
 from turning_nc.moves import Moves, Reading, run
 from turning_nc.removal import remove
 from turning_nc.stock import read_stock
 from turning_nc.words import NcError, divide
 
+from shop.examples.adapt_programs import COLLECTION, path_of
 from shop.tests.turning_nc.linuxcnc import INSTALLED, canonical
 from tests.programs import NO_LINUXCNC
 

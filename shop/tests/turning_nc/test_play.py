@@ -12,7 +12,6 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from turning_nc.adapt import Where, adapt
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
@@ -26,6 +25,7 @@ from turning_shop import WorkshopError
 
 from baselines.models.process import Process
 from baselines.two_limits import set_point
+from shop.examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from shop.tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
 from shop.tests.turning_nc.test_moves import BAR, moves
 from tests.programs import NO_LINUXCNC
@@ -285,7 +285,7 @@ def test_the_page_prints_what_the_commands_print(
 ) -> None:
     page = (ROOT / "shop" / "docs" / "your_own_program.md").read_text("utf-8")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "shop").symlink_to(ROOT / "shop")
     shown = re.findall(
         r"```bash\npython -m turning_env ([^\n]*)\n```\n\n```text\n(.*?)```", page, re.DOTALL
     )
