@@ -289,7 +289,7 @@ def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``TooSlow`` if it gives no actions in time)."""
+    """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``AgentTimeoutError`` if it gives no actions in time)."""
     if path.suffix == ONNX_SUFFIX or (
         any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()
     ):

@@ -21,14 +21,22 @@ from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.sandbox import (
     LIMITS,
     AgentFileError,
+    AgentTimeoutError,
     GuardedPolicy,
     Limits,
     PolicyMaker,
-    TooSlow,
 )
 from turning_env.scoring.sandbox_child import Outline
 
-__all__ = ["LIMITS", "AgentFileError", "GuardedPolicy", "Limits", "Sandbox", "TooSlow", "load"]
+__all__ = [
+    "LIMITS",
+    "AgentFileError",
+    "AgentTimeoutError",
+    "GuardedPolicy",
+    "Limits",
+    "Sandbox",
+    "load",
+]
 
 
 class Sandbox(sandbox.Sandbox):
@@ -56,8 +64,8 @@ class Sandbox(sandbox.Sandbox):
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
     """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and each play has limits.
 
-    Raise TooSlow if it gives no actions in time, AgentFileError with the reason if the file is refused or cannot be read, and
-    ModuleNotFoundError if onnx or onnxruntime is not installed. TooSlow is an AgentFileError. So are errors of its policies.
+    Raise AgentTimeoutError if it gives no actions in time, AgentFileError with the reason if the file is refused or cannot be read, and
+    ModuleNotFoundError if onnx or onnxruntime is not installed. AgentTimeoutError is an AgentFileError. So are errors of its policies.
     """
     sandbox.require("onnx", "onnxruntime")
     try:

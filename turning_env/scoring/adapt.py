@@ -22,17 +22,19 @@ def as_factory(
 ) -> PolicyFactory:
     """Return a function that makes the policy for a number of environments.
 
-    ``turning_env.score`` lists the accepted kinds: TypeError if it is none. An ONNX file plays in a process of its own within
-    ``limits``; AgentFileError, a ValueError, says why it cannot. All else runs in this process. ``space`` is that of the
-    observations, if it is known: a model of Stable-Baselines3 that was trained on another is refused.
+    Args:
+        policy: one of the kinds that ``turning_env.score`` lists, or the name ``module:object`` of
+            one. An ONNX file plays in a process of its own; all else runs in this process.
+        limits: limits of an ONNX file's process.
+        space: that of the observations, if it is known: a model of Stable-Baselines3 that was
+            trained on another is refused.
+
+    Raises:
+        TypeError: if the policy is of none of these kinds.
+        AgentFileError: a ValueError, which says why an ONNX file cannot play.
     """
     if isinstance(policy, str) and re.fullmatch(r"[\w.]+:[\w.]+", policy):
-        try:
-            policy = pkgutil.resolve_name(policy)
-        except (AttributeError, ModuleNotFoundError) as error:
-            raise ValueError(
-                f"cannot be imported from this folder or the installed packages: {error}"
-            ) from error
+        policy = _imported(policy)
     if isinstance(policy, str | Path):
         return _onnx(Path(policy), limits)
     if isinstance(policy, type):
@@ -40,16 +42,28 @@ def as_factory(
     if hasattr(policy, "act"):
         return lambda num_envs: policy if hasattr(policy, "reset") else _Function(policy.act)
     if hasattr(policy, "predict"):
-        return lambda num_envs: _Predicts(policy, space)
+        return lambda num_envs: _Model(policy, space)
+    # A module exists only if PyTorch has been imported, which takes long.
     torch = sys.modules.get("torch")
     if torch is not None and isinstance(policy, torch.nn.Module):
         return lambda num_envs: _Function(_module(torch, policy))
     if callable(policy):
         return lambda num_envs: _Function(policy)
     raise TypeError(
-        f"a {type(policy).__name__} is no policy: give a function of observations, an object with reset and act, a model of "
-        "Stable-Baselines3, a module of PyTorch, or the path of an ONNX file"
+        f"a {type(policy).__name__} is no policy: give a function of observations, an object with "
+        "reset and act, a model of Stable-Baselines3, a module of PyTorch, or the path of an ONNX "
+        "file"
     )
+
+
+def _imported(name: str) -> Any:
+    """Return the object with a name such as ``module:object``."""
+    try:
+        return pkgutil.resolve_name(name)
+    except (AttributeError, ModuleNotFoundError) as error:
+        raise ValueError(
+            f"cannot be imported from this folder or the installed packages: {error}"
+        ) from error
 
 
 @dataclass
@@ -59,12 +73,16 @@ class _Function(Policy):
     function: Callable[[Observations], Any]
 
     def act(self, observations: Observations) -> Actions:
-        return np.asarray(np.clip(np.asarray(self.function(observations), np.float32), -1.0, 1.0))
+        actions = np.asarray(self.function(observations), np.float32)
+        return np.asarray(np.clip(actions, -1.0, 1.0))
 
 
 @dataclass
-class _Predicts:
-    """A model of Stable-Baselines3 or sb3-contrib, with or without memory, and with the statistics of ``VecNormalize``."""
+class _Model:
+    """A model of Stable-Baselines3 or sb3-contrib, with or without memory.
+
+    The statistics of ``VecNormalize``, if it was trained with them, normalise its observations.
+    """
 
     model: Any
     space: Space[Any] | None  # of the observations that it will see
@@ -78,14 +96,16 @@ class _Predicts:
         trained = self.model.observation_space
         if trained.shape != observations.shape[1:]:
             raise ValueError(
-                f"the model was trained on observations of {trained.shape[0]} entries, but these have {observations.shape[1]}: "
-                "play the id or family of its training; export a model with a belief by train.export; or give a function of these"
+                f"the model was trained on observations of {trained.shape[0]} entries, "
+                f"but these have {observations.shape[1]}: play the id or family of its training; "
+                "export a model with a belief by train.export; or give a function of these"
             )
         self._statistics = normalisation(self.model)
         if self.space is not None and not _same_bounds(trained, self.space):
             raise ValueError(
-                "the model was trained on observations of other bounds, as a wrapper such as NormalizeObservation, or another "
-                f"scenario, gives: play the id or family of its training, or {ADVICE}"
+                "the model was trained on observations of other bounds, as a wrapper such as "
+                "NormalizeObservation, or another scenario, gives: "
+                f"play the id or family of its training, or {ADVICE}"
             )
         self._is_checked = True
 
@@ -104,11 +124,13 @@ class _Predicts:
         return np.asarray(actions, np.float32)
 
 
-def _same_bounds(one: Any, other: Any) -> bool:
+def _same_bounds(space: Any, expected: Any) -> bool:
     """Return whether a space of the same shape has the same bounds."""
-    return isinstance(one, Box) and bool(
-        np.allclose(one.low, other.low) and np.allclose(one.high, other.high)
-    )
+    if not isinstance(space, Box):
+        return False
+    same_low = np.allclose(space.low, expected.low)
+    same_high = np.allclose(space.high, expected.high)
+    return bool(same_low and same_high)
 
 
 def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
@@ -117,7 +139,8 @@ def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
 
     def run(observations: Observations) -> Any:
         with torch.no_grad():
-            return module(torch.as_tensor(observations, device=device)).cpu().numpy()
+            actions = module(torch.as_tensor(observations, device=device))
+        return actions.cpu().numpy()
 
     return run
 

@@ -1,18 +1,22 @@
-"""Confine this process: take away what a network's arithmetic does not need, before a stranger's file is read.
+"""Confine this process to what a network's arithmetic needs, before a stranger's file is read.
 
 Three measures follow one another, and each holds without the others:
 
-* **limits** of the operating system: memory, processor time, no new descriptors, no writing to files, no new processes;
-* **Landlock** (Linux 5.13): no file is opened, created, removed or renamed, and, on newer kernels, no connection is made and no
-  signal sent to another process;
-* **seccomp** (Linux 3.17): every system call that is not on a short list fails with EPERM, whatever the process has become.
+* **limits** of the operating system: memory, processor time, no new descriptors, no writing to
+  files, no new processes;
+* **Landlock** (Linux 5.13): no file is opened, created, removed or renamed, and, on newer kernels,
+  no connection is made and no signal sent to another process;
+* **seccomp** (Linux 3.17): every system call that is not on a short list fails with EPERM, whatever
+  the process has become.
 
-Nothing gives a right back. ``docs/security.md`` says what remains where a measure is missing. The file is imported by the process
-that it confines, and imports nothing of the package. No kept library has all three: that for Landlock has neither connections nor
-signals, and that for seccomp needs a shared library of the system.
+Nothing gives a right back. ``docs/security.md`` says what remains where a measure is missing. The
+file is imported by the process that it confines, and imports nothing of the package. No maintained
+library has all three: that for Landlock has neither connections nor signals, and that for seccomp
+needs a shared library of the system.
 
-Sources: the kernel's ``Documentation/userspace-api/landlock.rst`` and ``seccomp_filter.rst``; the numbers of system calls in
-``arch/x86/entry/syscalls/syscall_64.tbl`` and ``include/uapi/asm-generic/unistd.h``.
+Sources: the kernel's ``Documentation/userspace-api/landlock.rst`` and ``seccomp_filter.rst``; the
+numbers of system calls in ``arch/x86/entry/syscalls/syscall_64.tbl`` and
+``include/uapi/asm-generic/unistd.h``.
 """
 
 import ctypes
@@ -26,20 +30,29 @@ try:
 except ImportError:  # pragma: no cover - on Windows
     resource = None  # type: ignore[assignment]
 
-LIMITS, LANDLOCK, SECCOMP = "limits", "Landlock", "seccomp"
+LIMITS = "limits"
+LANDLOCK = "Landlock"
+SECCOMP = "seccomp"
 MEASURES = (LIMITS, LANDLOCK, SECCOMP)
 
-_DESCRIPTORS = 3  # standard input, output and error; the first is the connection to the parent
-_MANY = 2**20  # descriptors; no system has more by default
+_NUM_DESCRIPTORS = 3  # standard input, output and error; the first is the connection to the parent
+_MAX_DESCRIPTORS = 2**20  # no system has more by default
 
 
 def limit(memory: int, computing: int) -> tuple[str, ...]:
-    """Confine this process to ``memory`` [MiB] and ``computing`` [s of processor time, 0: any], and to no files or processes.
+    """Confine this process to limits of memory and time, and to no files or processes.
 
-    Import all that is needed before. Return the ``MEASURES`` that the operating system took.
+    Import all that is needed before.
+
+    Args:
+        memory: [MiB].
+        computing: processor time [s]; 0: any.
+
+    Returns:
+        the ``MEASURES`` that the operating system took.
     """
     privileges_renounced = sys.platform == "linux" and _renounce_privileges()
-    # In this order: Landlock needs a descriptor, limits need system calls, and the filter forbids both.
+    # In this order: Landlock needs a descriptor, limits need system calls, the filter forbids both.
     measures = {
         LANDLOCK: privileges_renounced and _forbid_files(),
         LIMITS: _limit_resources(memory, computing),
@@ -52,7 +65,7 @@ def _limit_resources(memory: int, computing: int) -> bool:
     if resource is None:  # on Windows the parent limits the time alone
         return False
     # Whatever else the parent may have left open.
-    os.closerange(_DESCRIPTORS, _highest_descriptor() + 1)
+    os.closerange(_NUM_DESCRIPTORS, _highest_descriptor() + 1)
     limits = {
         resource.RLIMIT_AS: (memory * 2**20, memory * 2**20),
         resource.RLIMIT_CORE: (0, 0),
@@ -78,10 +91,12 @@ def _limit_resources(memory: int, computing: int) -> bool:
 
 def _highest_descriptor() -> int:
     soft_limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _MANY if soft_limit == resource.RLIM_INFINITY else min(soft_limit, _MANY)
+    if soft_limit == resource.RLIM_INFINITY:
+        return _MAX_DESCRIPTORS
+    return min(soft_limit, _MAX_DESCRIPTORS)
 
 
-# ----------------------------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 # Linux
 
 _PR_SET_NO_NEW_PRIVS = 38
@@ -90,14 +105,12 @@ _PR_SET_NO_NEW_PRIVS = 38
 _LANDLOCK_CREATE_RULESET = 444
 _LANDLOCK_RESTRICT_SELF = 446
 _LANDLOCK_CREATE_RULESET_VERSION = 1
-_FILE_RIGHTS = {
-    1: 13,
-    2: 14,
-    3: 15,
-    5: 16,
-}  # number of rights to files that are known from a version of the interface on
-_NETWORK_VERSION, _NETWORK_RIGHTS = 4, 0b11  # bind and connect TCP
-_SCOPE_VERSION, _SCOPES = 6, 0b11  # connect to abstract Unix sockets, and send signals, outside
+# Number of rights to files that are known from a version of the interface on.
+_FILE_RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16}
+_NETWORK_VERSION = 4
+_NETWORK_RIGHTS = 0b11  # bind and connect TCP
+_SCOPE_VERSION = 6
+_SCOPES = 0b11  # connect to abstract Unix sockets, and send signals, outside
 
 _SECCOMP_SET_MODE_FILTER = 1
 _SECCOMP_FILTER_FLAG_TSYNC = 1  # for all threads of the process
@@ -109,8 +122,9 @@ _EPERM = 1
 _ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # AUDIT_ARCH_...
 _SECCOMP = {"x86_64": 317, "aarch64": 277}
 
-# What a network's arithmetic, Python and the conversation with the parent need: memory, time, locks, random numbers, the end, and
-# the three descriptors that are open. None of these opens anything or reaches another process.
+# What a network's arithmetic, Python and the messages to the parent need: memory, time, locks,
+# random numbers, the end, and the three open descriptors. None of these opens anything or reaches
+# another process.
 _ALLOWED = {
     "x86_64": {
         "read": 0,
@@ -197,7 +211,7 @@ def _system_call(number: int, *arguments: object) -> int:
 
 
 def _renounce_privileges() -> bool:
-    """Promise never to gain privileges, without which the kernel takes no rules of an ordinary user."""
+    """Promise never to gain privileges; else the kernel takes no rules of an ordinary user."""
     zero = ctypes.c_ulong(0)
     refused = ctypes.CDLL(None).prctl(_PR_SET_NO_NEW_PRIVS, ctypes.c_ulong(1), zero, zero, zero)
     return not refused
@@ -217,7 +231,8 @@ def _forbid_files() -> bool:
     file_rights = max(count for since, count in _FILE_RIGHTS.items() if since <= version)
     network_rights = _NETWORK_RIGHTS if version >= _NETWORK_VERSION else 0
     scopes = _SCOPES if version >= _SCOPE_VERSION else 0
-    # struct landlock_ruleset_attr; a kernel that knows only the first fields takes the others where they are 0
+    # struct landlock_ruleset_attr; a kernel that knows only the first fields takes the others if
+    # they are 0.
     attributes = struct.pack("=QQQ", 2**file_rights - 1, network_rights, scopes)
     size = ctypes.c_size_t(len(attributes))
     rules = _system_call(
@@ -244,12 +259,16 @@ def _forbid_system_calls() -> bool:
         _fields_ = (("length", ctypes.c_ushort), ("instructions", ctypes.c_void_p))
 
     filled = Program(len(program) // 8, ctypes.addressof(instructions))
-    mode, flags = ctypes.c_uint(_SECCOMP_SET_MODE_FILTER), ctypes.c_uint(_SECCOMP_FILTER_FLAG_TSYNC)
+    mode = ctypes.c_uint(_SECCOMP_SET_MODE_FILTER)
+    flags = ctypes.c_uint(_SECCOMP_FILTER_FLAG_TSYNC)
     return _system_call(_SECCOMP[machine], mode, flags, ctypes.byref(filled)) == 0
 
 
 def _filter(architecture: int, allowed: list[int]) -> bytes:
-    """Return the filter: another architecture's calls end the process, and calls that are not allowed fail with EPERM."""
+    """Return the filter of system calls.
+
+    Another architecture's calls end the process; calls that are not allowed fail with EPERM.
+    """
     count = len(allowed)
     instructions = [
         _instruction(_LOAD_WORD, _ARCHITECTURE),
@@ -266,5 +285,8 @@ def _filter(architecture: int, allowed: list[int]) -> bytes:
 
 
 def _instruction(code: int, value: int, if_true: int = 0) -> bytes:
-    """Return an instruction, ``struct sock_filter``; ``if_true``: how many instructions a jump skips if its condition holds."""
+    """Return an instruction, ``struct sock_filter``.
+
+    A jump skips ``if_true`` instructions if its condition holds.
+    """
     return struct.pack("=HBBI", code, if_true, 0, value)

@@ -1,6 +1,7 @@
-"""Run the network of an ONNX file, on one thread and in a fixed order, so that its actions are reproducible to the last bit.
+"""Run the network of an ONNX file, so that its actions are reproducible to the last bit.
 
-A process that runs strangers' networks (``sandbox_child.py``) imports this file without the rest of the package.
+It runs on one thread and in a fixed order. A process that runs strangers' networks
+(``sandbox_child.py``) imports this file without the rest of the package.
 """
 
 import os
@@ -24,33 +25,40 @@ class OnnxPolicy:
         self.memory = np.where(mask[:, None], np.float32(0.0), self.memory)
 
     def act(self, observations: Floats) -> Floats:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries), both float32, or ValueError."""
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
+
+        Both are float32. ValueError if the network cannot act.
+        """
         actions, self.memory = self.run(observations, self.memory)
         return actions
 
     def run(self, observations: Floats, memory: Floats) -> tuple[Floats, Floats]:
-        """Return the actions and the next memory, and leave the policy's own memory as it is; raises as ``act``."""
+        """Return the actions and the next memory; leave the policy's own memory as it is.
+
+        Raises as ``act``.
+        """
+        inputs = {"observation": observations}
+        if memory.shape[1]:
+            inputs["memory"] = memory
         try:
-            results = self._session.run(
-                None,
-                {"observation": observations} | ({"memory": memory} if memory.shape[1] else {}),
-            )
+            results = self._session.run(None, inputs)
         except Exception as error:  # ONNX Runtime's errors have no common type
             reason = first_line(error)
             if "allocate" in reason:
                 raise ValueError(f"needs more memory than it may have: {reason}") from error
             entries = f"{observations.shape[1]} entries (`leaderboard run` adds a belief)"
             raise ValueError(f"cannot act on {entries}: {reason}") from error
-        found = dict(
-            zip((output.name for output in self._session.get_outputs()), results, strict=True)
-        )
-        action: Floats = found["action"]
-        remembered: Floats = found.get("next_memory", memory)
-        if len(action) != len(observations) or len(remembered) != len(observations):
+        names = [output.name for output in self._session.get_outputs()]
+        outputs = dict(zip(names, results, strict=True))
+        actions: Floats = outputs["action"]
+        next_memory: Floats = outputs.get("next_memory", memory)
+        num_envs = len(observations)
+        if len(actions) != num_envs or len(next_memory) != num_envs:
             raise ValueError(
-                f"gives {len(action)} actions and {len(remembered)} memories for {len(observations)} environments"
+                f"gives {len(actions)} actions and {len(next_memory)} memories "
+                f"for {num_envs} environments"
             )
-        return action, remembered
+        return actions, next_memory
 
 
 def runtime() -> Any:
@@ -65,7 +73,8 @@ def session_of(source: bytes | str) -> Any:
     """Return ONNX Runtime's session of a file's content or path; ValueError if it cannot be run."""
     onnxruntime = runtime()
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.use_deterministic_compute = True
     options.log_severity_level = 4  # errors are raised
@@ -77,16 +86,20 @@ def session_of(source: bytes | str) -> Any:
 
 def check_actions(actions: Floats, shape: tuple[int, int]) -> None:
     """Raise ValueError unless actions have the shape and lie in -1 to 1."""
-    if actions.shape != shape or actions.dtype != np.float32 or not (np.abs(actions) <= 1.0).all():
-        wrong = (
-            actions[~(np.abs(actions) <= 1.0).all(axis=1)] if actions.shape == shape else actions
-        )
-        raise ValueError(
-            f"acts {wrong[:1].tolist()}, which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1"
-        )
+    # The comparison is written so that NaN fails it.
+    if actions.shape == shape and actions.dtype == np.float32 and (np.abs(actions) <= 1.0).all():
+        return
+    wrong = actions
+    if actions.shape == shape:
+        wrong = actions[~(np.abs(actions) <= 1.0).all(axis=1)]
+    raise ValueError(
+        f"acts {wrong[:1].tolist()}, "
+        f"which are not {shape[0]} actions of {shape[1]} numbers in -1 to 1"
+    )
 
 
 def first_line(error: BaseException) -> str:
     """Return an error's first line, with unprintable characters replaced."""
-    line = (str(error).strip().splitlines() or [type(error).__name__])[0]
+    lines = str(error).strip().splitlines()
+    line = lines[0] if lines else type(error).__name__
     return "".join(character if character.isprintable() else "?" for character in line[:500])

@@ -15,20 +15,25 @@ Actions = NDArray[np.float32]
 
 
 class Policy(Protocol):
-    """Chooses the actions of a fixed number of environments. It sees their observations and nothing else."""
+    """Chooses the actions of a fixed number of environments by their observations alone."""
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Clear the memory of the environments in the mask, shape (num_envs,): their next observation begins an episode.
+        """Clear the memory of the environments in the mask, shape (num_envs,).
 
-        A subclass without state need not define this method.
+        Their next observation begins an episode. A policy without memory need not define this.
         """
         return
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions in -1..1, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32."""
+        """Return actions in -1..1, shape (num_envs, actions).
+
+        Observations have the shape (num_envs, entries). Both are float32.
+        """
 
 
-MAX_NAME = 200  # characters of a policy's name: with a training seed and a suffix it names a file, of 255 bytes at most
+MAX_NAME = 200
+"""Largest number of bytes of a policy's name. With a training seed and a suffix it names a file,
+whose name may have 255."""
 MAX_TRAINING_SEED = 2**63 - 1
 
 PolicyFactory = Callable[[int], Policy]
@@ -57,41 +62,38 @@ class ScenarioId(BaseModel):
 class PolicySpec(BaseModel):
     """A policy that can play: its identity and how to make it.
 
-    Two specs are the same policy if their ``identity`` is equal. You may change descriptions and commands freely. Raise a rule's
-    ``version`` if its actions change.
+    Two specs are the same policy if their ``identity`` is equal. You may change descriptions and
+    commands freely. Raise a rule's ``version`` if its actions change.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     name: str
-    version: int = Field(
-        default=1, ge=1
-    )  # of a rule or an oracle; raised when its actions change (golden actions)
-    kind: Literal["rule", "agent", "oracle"] = (
-        "rule"  # oracle: sees hidden quantities, or is a bound that nobody can play
-    )
+    version: int = Field(default=1, ge=1)
+    """Version of a rule or an oracle, raised when its actions change (golden actions)."""
+    kind: Literal["rule", "agent", "oracle"] = "rule"
+    """An oracle sees hidden quantities, or is a bound that nobody can play."""
     description: str = ""
-    parameters: dict[str, JsonValue] = Field(
-        default_factory=dict
-    )  # a rule's settings, or hyperparameters of an agent's training
+    parameters: dict[str, JsonValue] = Field(default_factory=dict)
+    """A rule's settings, or hyperparameters of an agent's training."""
     knows: Literal["nominal", "true_wear", "true_forms", "true_laws"] = "nominal"
-    """Model from which a family's policy is built: each job's nominal one, also with the true wear law, with forms that no power
-    law has (failures of edges, phases of wear, chatter), or with all that is true."""
+    """Model from which a family's policy is built: each job's nominal one, also with the true wear
+    law, with forms that no power law has (failures of edges, phases of wear, chatter), or with all
+    that is true."""
     forgets: bool = False  # whether it forgets everything at each change of the edge
-    training_seed: int | None = Field(
-        default=None, ge=0, le=MAX_TRAINING_SEED
-    )  # agents of one name with several training seeds are one policy on a leaderboard
+    training_seed: int | None = Field(default=None, ge=0, le=MAX_TRAINING_SEED)
+    """Training seed of an agent. Agents of one name are one policy on a leaderboard."""
     sha256: str | None = None  # SHA-256 of an agent's file
     command: str | None = None  # the command that trained an agent or tuned a rule
-    tuned_for: ScenarioId | None = (
-        None  # the scenario on which it was tuned or trained; None: the one that it plays
-    )
+    tuned_for: ScenarioId | None = None
+    """The scenario on which it was tuned or trained; None: the one that it plays."""
     trained_on: Scenario | None = Field(default=None, exclude=True, repr=False)
     """The scenario of a loaded agent's training."""
     make: PolicyFactory = Field(default=_known_by_name, exclude=True, repr=False)
     """Makes the policy for a number of environments."""
     compute: Callable[..., Any] | None = Field(default=None, exclude=True, repr=False)
-    """A bound's function in place of ``make``: returns its episodes for a scenario, seeds and a callback."""
+    """Function of a bound in place of ``make``: returns its episodes for a scenario, seeds and a
+    callback."""
 
     @field_validator("name")
     @classmethod
@@ -99,7 +101,8 @@ class PolicySpec(BaseModel):
         reserved = ("trajectories", "manifest", "results")
         if not re.fullmatch(r"(?!\.)[^/\\]+", name) or not name.isprintable() or name in reserved:
             raise ValueError(
-                f"{name[:MAX_NAME]!r} cannot be a policy's name, as its results are kept in a file of that name"
+                f"{name[:MAX_NAME]!r} cannot be a policy's name, "
+                "as its results are kept in a file of that name"
             )
         if len(name.encode()) > MAX_NAME:
             raise ValueError(
@@ -117,31 +120,35 @@ class PolicySpec(BaseModel):
 
     @property
     def title(self) -> str:
-        """Return the name with, in words, its knowledge and its memory."""
-        knows = {
-            "true_wear": " with the true wear law",
-            "true_forms": " with true forms",
-            "true_laws": " with true laws",
-        }
-        return (
-            self.name
-            + knows.get(self.knows, "")
-            + (" without memory between edges" if self.forgets else "")
-        )
+        """Name with, in words, its knowledge and its memory."""
+        title = self.name + _KNOWLEDGE[self.knows]
+        if self.forgets:
+            title += " without memory between edges"
+        return title
 
     @property
     def label(self) -> str:
-        """Return the title, with an agent's training seed."""
-        return (
-            self.title if self.training_seed is None else f"{self.title}-seed{self.training_seed}"
-        )
+        """Title with an agent's training seed."""
+        if self.training_seed is None:
+            return self.title
+        return f"{self.title}-seed{self.training_seed}"
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Return the fields that distinguish this policy from others."""
-        usual = {
-            name
-            for name in ("knows", "forgets")
-            if getattr(self, name) == type(self).model_fields[name].default
-        }
-        return self.model_dump(exclude={"description", "command"} | usual)
+        """Fields that distinguish this policy from others."""
+        excluded = {"description", "command"}
+        # Fields that were added later count only if they are used.
+        if self.knows == "nominal":
+            excluded.add("knows")
+        if not self.forgets:
+            excluded.add("forgets")
+        return self.model_dump(exclude=excluded)
+
+
+_KNOWLEDGE = {
+    "nominal": "",
+    "true_wear": " with the true wear law",
+    "true_forms": " with true forms",
+    "true_laws": " with true laws",
+}
+"""What a title says of a policy that ``knows`` more than the nominal model."""

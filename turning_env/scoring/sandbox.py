@@ -5,8 +5,9 @@ from turning_env.scoring.sandbox import load
 
 policy = load(Path("my_agent.onnx"))(1)
 
-This side sends observations, receives and checks actions, and limits how long it waits. It never looks into the file itself:
-``sandbox_child.py`` is the process that does, and ``confinement.py`` says what that process may still do.
+This side sends observations, receives and checks actions, and limits how long it waits. It never
+looks into the file itself: ``sandbox_child.py`` is the process that does, and ``confinement.py``
+says what that process may still do.
 """
 
 import os
@@ -15,7 +16,6 @@ import socket
 import subprocess
 import sys
 import weakref
-from collections.abc import Collection
 from dataclasses import dataclass
 from errno import ENOENT
 from functools import cache
@@ -51,7 +51,7 @@ os._exit(0)  # skip the clean-up of libraries that can open nothing
 
 
 def program_of(module: str) -> str:
-    """Return the program of a process that runs ``main(memory, computing)`` of a module of this project."""
+    """Return the program of a process that runs ``main(memory, computing)`` of a module."""
     packages = {"turning_env", module.partition(".")[0]}
     folders = {name: list(sys.modules[name].__path__) for name in sorted(packages)}
     return _PROGRAM.format(folders=folders, module=module)
@@ -61,10 +61,8 @@ def program_of(module: str) -> str:
 class Limits:
     """Limits of a network's process."""
 
-    answer: float = (
-        60.0  # wall-clock time until an answer [s]: generous, as the machine may be busy
-    )
-    start: float = 120.0  # wall-clock time until its process is ready [s]
+    answer: float = 60.0  # wall time until an answer [s]: generous, as the machine may be busy
+    start: float = 120.0  # wall time until its process is ready [s]
     computing: int = 600  # total processor time of one play of all its episodes [s]; 0: any
     memory: int = 3072  # memory [MiB], including ONNX Runtime's own
 
@@ -79,14 +77,14 @@ class AgentFileError(ValueError):
     """
 
 
-class TooSlow(AgentFileError):
+class AgentTimeoutError(AgentFileError):
     """A network needs more time than it may have."""
 
 
 class Sandbox:
-    """A process that checks a file's content and plays it; AgentFileError says why it cannot. Its ``program`` is not trusted.
+    """A process that checks a file's content and plays it; AgentFileError says why it cannot.
 
-    It ends when this object is garbage-collected.
+    What it sends is not trusted. It ends when this object is garbage-collected.
     """
 
     entries: int = ANY  # of an observation
@@ -95,10 +93,10 @@ class Sandbox:
 
     def __init__(self, content: bytes, limits: Limits = LIMITS, program: str | None = None) -> None:
         self._limits = limits
-        ours, its = socket.socketpair()
-        with its:
-            self.process = _started(program or self.program(), limits, its)
-        self._connection = child.Connection(ours, limits.start)
+        end_here, end_there = socket.socketpair()
+        with end_there:
+            self.process = _started(program or self.program(), limits, connection=end_there)
+        self._connection = child.Connection(end_here, limits.start)
         self.close = weakref.finalize(self, _end, self.process, self._connection)
         try:
             self.send(child.CONTENT, content)
@@ -118,25 +116,28 @@ class Sandbox:
         return program_of("turning_env.scoring.sandbox_child")
 
     def accept(self, content: bytes, outline: Outline) -> None:
-        """Take the sizes of a network from its outline, or raise AgentFileError if they are not those of a policy."""
-        inputs, outputs = outline.inputs, outline.outputs
+        """Take the sizes of a network from its outline.
+
+        Raise AgentFileError if inputs and outputs are not those of a policy.
+        """
+        inputs = outline.inputs
+        outputs = outline.outputs
         without_memory = {"observation"}, {"action"}
         with_memory = {"observation", "memory"}, {"action", "next_memory"}
         if (set(inputs), set(outputs)) not in (without_memory, with_memory):
             raise AgentFileError(
-                f"maps {', '.join(sorted(inputs))} to {', '.join(sorted(outputs))}, but must have the input observation and "
-                "the output action; with a memory, also the input memory and the output next_memory"
+                f"maps {', '.join(sorted(inputs))} to {', '.join(sorted(outputs))}, "
+                "but must have the input observation and the output action; "
+                "with a memory, also the input memory and the output next_memory"
             )
         memory_size = inputs.get("memory", 0)
         if memory_size == ANY:
             raise AgentFileError(
                 "has a memory of any size, but must state the entries per environment"
             )
-        self.entries, self.actions, self.memory_size = (
-            inputs["observation"],
-            outputs["action"],
-            memory_size,
-        )
+        self.entries = inputs["observation"]
+        self.actions = outputs["action"]
+        self.memory_size = memory_size
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
         """Send a message. Raise AgentFileError if the process is gone, or does not listen."""
@@ -152,7 +153,7 @@ class Sandbox:
         """
         kind, content = self._receive(max_bytes, starting)
         if starting and kind == child.MEASURES:
-            _tell_if_missing(content)
+            _warn_of_missing(_missing(content))
             kind, content = self._receive(max_bytes, starting)
         if kind == child.ANSWER and len(content) <= max_bytes:
             return content
@@ -169,7 +170,7 @@ class Sandbox:
             return self._connection.receive(max(max_bytes, _MAX_ERROR), timeout)
         except TimeoutError as error:
             self.close()
-            raise TooSlow(f"gives no answer within {timeout:g} s") from error
+            raise AgentTimeoutError(f"gives no answer within {timeout:g} s") from error
         except (OSError, EOFError) as error:
             raise self._end_reason() from error
 
@@ -180,11 +181,13 @@ class Sandbox:
             status = 0
         self.close()
         if status == -signal.SIGXCPU:
-            return TooSlow(
+            return AgentTimeoutError(
                 f"needs more than the {self._limits.computing} s of processor time that it may have"
             )
-        why = f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
-        return AgentFileError(f"its process has ended (status {status}), {why}")
+        return AgentFileError(
+            f"its process has ended (status {status}), "
+            f"perhaps for more than the {self._limits.memory} MiB of memory allowed"
+        )
 
 
 def _started(program: str, limits: Limits, connection: socket.socket) -> "subprocess.Popen[bytes]":
@@ -205,26 +208,31 @@ def _end(process: "subprocess.Popen[bytes]", connection: child.Connection) -> No
     process.wait()
 
 
-def _tell_if_missing(measures: bytes) -> None:
+def _missing(measures: bytes) -> tuple[str, ...]:
+    """Return the measures that a process has not taken, by what it says of itself."""
     taken = measures.decode("utf-8", "replace").split(",")
-    missing = tuple(name for name in confinement.MEASURES if name not in taken)
-    if missing:
-        _tell_missing(missing)
+    return tuple(name for name in confinement.MEASURES if name not in taken)
 
 
 @cache
-def _tell_missing(missing: Collection[str]) -> None:
-    """Say once what does not confine the processes of networks here."""
+def _warn_of_missing(missing: tuple[str, ...]) -> None:
+    """Print a notice, once, that measures are missing."""
+    if not missing:
+        return
     active = [name for name in confinement.MEASURES if name not in missing]
     print(
-        f"notice: networks run with less protection on this system: {', '.join(active) or 'nothing'} active, "
-        f"{', '.join(missing)} missing or in part (docs/security.md says what remains)",
+        "notice: networks run with less protection on this system: "
+        f"{', '.join(active) or 'nothing'} active, {', '.join(missing)} missing or in part "
+        "(docs/security.md says what remains)",
         file=sys.stderr,
     )
 
 
 class GuardedPolicy:
-    """The policy of a sandbox's network, for ``num_envs`` environments. An earlier policy of the sandbox acts no more."""
+    """The policy of a sandbox's network, for ``num_envs`` environments.
+
+    An earlier policy of the same sandbox must not act any more.
+    """
 
     def __init__(self, sandbox: Sandbox, num_envs: int) -> None:
         self.sandbox = sandbox
@@ -236,21 +244,26 @@ class GuardedPolicy:
         """Clear the memory of the environments in the mask, shape (num_envs,)."""
         if mask.shape != (self._num_envs,) or mask.dtype != np.bool_:
             raise ValueError(
-                f"the mask must be bool of shape ({self._num_envs},), got {mask.dtype} of {mask.shape}"
+                f"the mask must be bool of shape ({self._num_envs},), "
+                f"got {mask.dtype} of {mask.shape}"
             )
         self.sandbox.send(child.RESET, mask.tobytes())
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32, both checked."""
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
+
+        Both are float32 and checked.
+        """
         self._check_observations(observations)
         self.sandbox.send(child.ACT, observations.tobytes())
-        per_action = 4 * self._num_envs  # bytes
-        most = MAX_ACTIONS if self.sandbox.actions == ANY else self.sandbox.actions
-        content = self.sandbox.answer(per_action * most)
-        size, rest = divmod(len(content), per_action)
+        bytes_per_action = 4 * self._num_envs
+        max_actions = MAX_ACTIONS if self.sandbox.actions == ANY else self.sandbox.actions
+        content = self.sandbox.answer(bytes_per_action * max_actions)
+        size, rest = divmod(len(content), bytes_per_action)
         if rest or size == 0 or self.sandbox.actions not in (ANY, size):
             raise AgentFileError(
-                f"gives {len(content)} bytes, which are not actions of {self._num_envs} environments"
+                f"gives {len(content)} bytes, "
+                f"which are not actions of {self._num_envs} environments"
             )
         actions = np.frombuffer(content, np.float32).reshape(self._num_envs, size).copy()
         try:
@@ -262,17 +275,20 @@ class GuardedPolicy:
     def _check_observations(self, observations: Observations) -> None:
         entries = observations.shape[-1] if self.sandbox.entries == ANY else self.sandbox.entries
         if observations.shape != (self._num_envs, entries) or observations.dtype != np.float32:
-            wanted = f"float32 of shape ({self._num_envs}, {entries})"
-            found = f"{observations.dtype} of {observations.shape}"
-            hint = "`leaderboard run` adds the belief of an agent that was trained with one"
             raise ValueError(
-                f"the agent cannot act on these observations: they must be {wanted}, got {found} ({hint})"
+                "the agent cannot act on these observations: "
+                f"they must be float32 of shape ({self._num_envs}, {entries}), "
+                f"got {observations.dtype} of {observations.shape} "
+                "(`leaderboard run` adds the belief of an agent that was trained with one)"
             )
 
 
 @dataclass(frozen=True)
 class PolicyMaker:
-    """A function that makes policies of a file, each in its own process; it travels to other processes as the file."""
+    """A function that makes policies of a file, each in a process of its own.
+
+    It is pickled with the file's content.
+    """
 
     content: bytes
     limits: Limits
@@ -283,13 +299,16 @@ class PolicyMaker:
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicyFactory:
-    """Load any network with the inputs and outputs of a policy, and return a function that makes its policies.
+    """Return a function that makes the policies of any network that is one.
 
-    The file may come from anywhere: it can run no code, and each play has limits. It must hold its weights, as its process can
-    open no other file.
+    The file may come from anywhere: it can run no code, and each play has limits. It must hold its
+    weights, as its process can open no other file.
 
-    Raise FileNotFoundError if there is no such file, ModuleNotFoundError without onnxruntime, TooSlow if the network gives no
-    answer in time, and AgentFileError with the reason if the file is refused.
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ModuleNotFoundError: without onnxruntime.
+        AgentTimeoutError: an AgentFileError, if the network gives no answer in time.
+        AgentFileError: says why the file is refused.
     """
     require("onnxruntime")
     if not path.is_file():

@@ -1,8 +1,9 @@
-"""The process that runs a stranger's network. It holds that file, observations and actions, and nothing else.
+"""The process that runs a stranger's network. It holds that file, observations and actions alone.
 
-It starts with an empty environment and confines itself (``confinement.py``) before it sees the file. It imports nothing of the
-environment that is played, which it must not know. ``sandbox.py`` is the parent, which starts ``main``; ``Connection`` is how the
-two talk. ``train/agents/sandbox_child.py`` runs the files that enter leaderboards, with more checks.
+It starts with an empty environment and confines itself (``confinement.py``) before it sees the
+file. It imports nothing of the environment that is played, which it must not know. ``sandbox.py``
+is the parent, which starts ``main``; the two talk through a ``Connection``.
+``train/agents/sandbox_child.py`` runs the files that enter leaderboards, with more checks.
 """
 
 import json
@@ -16,17 +17,16 @@ import numpy as np
 from turning_env.scoring import confinement, onnx_session
 from turning_env.scoring.onnx_session import Floats, OnnxPolicy
 
-ANSWER, ERROR, MEASURES = (
-    b"K",
-    b"E",
-    b"M",
-)  # kinds of messages of the child: an answer, why there is none, how it is confined
-CONTENT, SIZES, RESET, ACT = (
-    b"C",
-    b"L",
-    b"R",
-    b"A",
-)  # kinds of messages of the parent; RESET is not answered
+# Kinds of messages of the child.
+ANSWER = b"K"
+ERROR = b"E"  # why there is no answer
+MEASURES = b"M"  # how the process is confined
+
+# Kinds of messages of the parent.
+CONTENT = b"C"  # of the file
+SIZES = b"L"  # number of environments and entries of the memory of a new policy
+RESET = b"R"  # not answered
+ACT = b"A"
 
 ANY = -1  # number of entries where a network takes any
 _HEAD = struct.Struct("<cQ")  # kind and length
@@ -48,13 +48,16 @@ class Network(Protocol):
     """A network from a file, in the process that runs it: how it is checked and how it acts."""
 
     def read(self, content: bytes) -> Outline:
-        """Take a file's content and return its outline, or raise ValueError if the file is refused."""
+        """Take a file's content and return its outline, or raise ValueError if it is refused."""
 
     def session(self) -> Any:
         """Return ONNX Runtime's session of the file, or raise ValueError if the file is refused."""
 
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
-        """Return a policy's actions at its call of a number, from 0 on, or raise ValueError if they are refused."""
+        """Return a policy's actions, or raise ValueError if they are refused.
+
+        ``call`` counts the calls of the policy from 0 on.
+        """
 
 
 class PlainNetwork:
@@ -68,9 +71,11 @@ class PlainNetwork:
             if "external" in str(error).lower():
                 raise ValueError(f"keeps its weights in another file, but {_ALL_INSIDE}") from error
             raise
-        inputs = {each.name: _entries(each.shape) for each in self._session.get_inputs()}
-        outputs = {each.name: _entries(each.shape) for each in self._session.get_outputs()}
-        return Outline({}, inputs, outputs)
+        return Outline(
+            properties={},
+            inputs={node.name: _entries(node.shape) for node in self._session.get_inputs()},
+            outputs={node.name: _entries(node.shape) for node in self._session.get_outputs()},
+        )
 
     def session(self) -> Any:
         """Return the session."""
@@ -87,24 +92,30 @@ def _entries(shape: Any) -> int:
 
 
 class Connection:
-    """One end of a connection for messages: a kind and bytes. Neither side trusts the other to be quick.
+    """One end of a connection for messages: a kind and bytes.
 
-    A message must be taken within ``send_timeout`` [s]; None: no limit.
+    Neither side trusts the other to be quick. A message must be taken within ``send_timeout`` [s];
+    None: no limit.
     """
 
     def __init__(self, connection: socket.socket, send_timeout: float | None = None) -> None:
-        self._connection, self._send_timeout = connection, send_timeout
+        self._connection = connection
+        self._send_timeout = send_timeout
         self.close = connection.close
 
     def send(self, kind: bytes, content: bytes = b"") -> None:
-        """Send a message. Raise TimeoutError if the other side does not take it in time and OSError if the other side is gone."""
+        """Send a message.
+
+        Raise TimeoutError if the other side does not take it in time, OSError if it is gone.
+        """
         self._set_timeout(self._send_timeout)
         self._connection.sendall(_HEAD.pack(kind, len(content)) + content)
 
     def receive(self, max_bytes: int, timeout: float | None = None) -> tuple[bytes, bytes]:
-        """Return the kind and the content of the next message; ``timeout`` [s] covers the whole message, None: no limit.
+        """Return the kind and the content of the next message.
 
-        Raise TimeoutError, EOFError if the other side is gone, or OSError if the message is longer than ``max_bytes``.
+        ``timeout`` [s] covers the whole message; None: no limit. Raise TimeoutError, EOFError if
+        the other side is gone, or OSError if the message is longer than ``max_bytes``.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         kind, length = _HEAD.unpack(self._receive(_HEAD.size, deadline))
@@ -114,17 +125,22 @@ class Connection:
 
     def _receive(self, count: int, deadline: float | None) -> bytes:
         content = bytearray(count)
-        view, received = memoryview(content), 0
+        view = memoryview(content)
+        received = 0
         while received < count:
-            self._set_timeout(None if deadline is None else max(deadline - time.monotonic(), 1e-3))
-            more = self._connection.recv_into(view[received:])
-            if not more:
+            timeout = None
+            if deadline is not None:
+                timeout = max(deadline - time.monotonic(), 1e-3)
+            self._set_timeout(timeout)
+            new_bytes = self._connection.recv_into(view[received:])
+            if not new_bytes:
                 raise EOFError("the other side has closed the connection")
-            received += more
+            received += new_bytes
         return bytes(content)
 
     def _set_timeout(self, seconds: float | None) -> None:
-        # Also to set what is set already asks the operating system, which a confined process may not.
+        # Setting a timeout asks the operating system, even if it is set already, and a confined
+        # process may not.
         if self._connection.gettimeout() != seconds:
             self._connection.settimeout(seconds)
 
@@ -135,7 +151,10 @@ def main(memory: int, computing: int) -> None:
 
 
 def run(network: Network, memory: int, computing: int) -> None:
-    """Serve the parent process over the socket on standard input; ``memory`` [MiB] and ``computing`` [s] are limits."""
+    """Serve the parent process over the socket on standard input.
+
+    ``memory`` [MiB] and ``computing`` [s of processor time] are limits.
+    """
     parent = Connection(socket.socket(fileno=0))
     try:
         _open_what_is_needed()
@@ -172,8 +191,9 @@ def _serve(parent: Connection, network: Network) -> None:
     while True:
         kind, content = parent.receive(_MAX_REQUEST)
         if kind == SIZES:
-            num_envs, memory_size = (int(number) for number in np.frombuffer(content, np.int64))
-            policy, calls = OnnxPolicy(session, memory_size, num_envs), 0
+            num_envs, memory_size = np.frombuffer(content, np.int64).tolist()
+            policy = OnnxPolicy(session, memory_size, num_envs)
+            calls = 0
             parent.send(ANSWER)
         elif kind == RESET:
             policy.reset(np.frombuffer(content, np.bool_))
@@ -186,8 +206,8 @@ def _serve(parent: Connection, network: Network) -> None:
 
 def _as_bytes(actions: Floats, num_envs: int) -> bytes:
     if actions.ndim != 2 or len(actions) != num_envs or actions.dtype != np.float32:
-        found = f"{actions.dtype} of shape {actions.shape}"
         raise ValueError(
-            f"gives actions that are {found}, but must be float32 of shape ({num_envs}, actions)"
+            f"gives actions that are {actions.dtype} of shape {actions.shape}, "
+            f"but must be float32 of shape ({num_envs}, actions)"
         )
     return np.ascontiguousarray(actions).tobytes()

@@ -1,7 +1,7 @@
-"""Wrappers that changed the observations of a Stable-Baselines3 model in its training: applied or refused when it plays.
+"""Wrappers that changed the observations of a Stable-Baselines3 model in its training.
 
-The model's file does not hold these wrappers: a model trained with ``VecNormalize`` and shown plain observations acts on numbers
-that it has never seen.
+They are applied or refused when it plays. The model's file does not hold these wrappers: a model
+trained with ``VecNormalize`` and shown plain observations acts on numbers that it has never seen.
 """
 
 from collections.abc import Iterator
@@ -14,21 +14,24 @@ _NEUTRAL = ("VecMonitor", "VecCheckNan")
 """Wrappers of Stable-Baselines3 that leave observations as they are."""
 ADVICE = (
     "give a function that changes observations likewise, such as "
-    "lambda observations: model.predict(statistics.normalize_obs(observations), deterministic=True)[0]"
+    "lambda observations: "
+    "model.predict(statistics.normalize_obs(observations), deterministic=True)[0]"
 )
 
 
 def normalisation(model: Any) -> Any:
     """Return the ``VecNormalize`` whose statistics a model needs; None if it needs none.
 
-    ValueError if the statistics are not there, or another wrapper of the training's environment changes observations.
+    ValueError if the statistics are not there, or another wrapper of the training's environment
+    changes observations.
     """
     env = model.get_env() if hasattr(model, "get_env") else None
     if env is None:
         if was_normalised(model):
             raise ValueError(
-                "the model was trained with VecNormalize, whose statistics its file does not hold: load it with its environment, "
-                f"such as PPO.load(path, env=VecNormalize.load(statistics, env)), or {ADVICE}"
+                "the model was trained with VecNormalize, whose statistics its file does not hold: "
+                "load it with its environment, such as "
+                f"PPO.load(path, env=VecNormalize.load(statistics, env)), or {ADVICE}"
             )
         return None
     statistics = None
@@ -41,7 +44,8 @@ def normalisation(model: Any) -> Any:
             raise ValueError(
                 f"the model was trained behind {kind}, which may change observations: {ADVICE}"
             )
-    if name := _changing_wrapper(env):
+    name = _changing_wrapper(env)
+    if name:
         raise ValueError(
             f"the model was trained behind {name}, which changes observations: {ADVICE}"
         )
@@ -49,10 +53,10 @@ def normalisation(model: Any) -> Any:
 
 
 def was_normalised(model: Any) -> bool:
-    """Return whether a model that was loaded without its environment was trained with ``VecNormalize``.
+    """Return whether a model, loaded without its environment, was trained with ``VecNormalize``.
 
-    Such a training keeps the observations before normalisation, and the model's file holds its first. They are also there if only
-    rewards were normalised: the file does not say which.
+    Such a training keeps the observations before normalisation, and the model's file holds its
+    first. They are also there if only rewards were normalised: the file does not say which.
     """
     return getattr(model, "_last_original_obs", None) is not None
 
@@ -69,11 +73,11 @@ def _changing_wrapper(env: Any) -> str | None:
     innermost = env
     for wrapper in _vec_wrappers(env):
         innermost = wrapper.venv
-    vectors = (
-        [innermost.vector_env] if hasattr(innermost, "vector_env") else []
-    )  # of RoughTurningVecEnv
-    for each in [*vectors, *getattr(innermost, "envs", [])]:
-        wrapped = each
+    envs = [*getattr(innermost, "envs", [])]
+    if hasattr(innermost, "vector_env"):  # of RoughTurningVecEnv
+        envs.insert(0, innermost.vector_env)
+    for env_of_batch in envs:
+        wrapped = env_of_batch
         while isinstance(wrapped, gymnasium.Wrapper | gymnasium.vector.VectorWrapper):
             if isinstance(wrapped, gymnasium.ObservationWrapper | VectorObservationWrapper):
                 return type(wrapped).__name__

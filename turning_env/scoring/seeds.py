@@ -1,12 +1,13 @@
-"""The seeds for training, tuning and scoring: no policy is scored on bars on which it was tuned or trained.
+"""The seeds for training, tuning and scoring, which have no bars in common.
 
-Seed and episode number determine an episode's bars and edge. Agents train on seeds below ``TUNING_START``, with any number of
-episodes per seed. Rules are tuned on ``tuning_seeds``. All policies are scored on ``held_out_seeds``, one episode per seed.
+Seed and episode number determine an episode's bars and edge. Agents train on seeds below
+``TUNING_START``, with any number of episodes per seed. Rules are tuned on ``tuning_seeds``. All
+policies are scored on ``held_out_seeds``, one episode per seed.
 """
 
 TUNING_START = 1_000_000_000
 HELD_OUT_START = 2_000_000_000
-_MAX = 1_000_000
+MAX_SEEDS = 1_000_000
 
 
 def tuning_seeds(count: int) -> list[int]:
@@ -20,6 +21,6 @@ def held_out_seeds(count: int) -> list[int]:
 
 
 def _seeds(start: int, count: int) -> list[int]:
-    if not 1 <= count <= _MAX:
-        raise ValueError(f"{count} seeds asked for, but there must be 1 to {_MAX}")
+    if not 1 <= count <= MAX_SEEDS:
+        raise ValueError(f"{count} seeds asked for, but there must be 1 to {MAX_SEEDS}")
     return list(range(start, start + count))

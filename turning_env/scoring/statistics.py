@@ -1,10 +1,13 @@
 """Estimates with bootstrap intervals over held-out seeds and training seeds.
 
-A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample draws the same
-number of seeds, and the same number of each policy's training seeds, with replacement. All policies share the resampled seeds,
-so the bars' common effect cancels in a difference between two policies. A policy is feasible if the upper confidence limit of its
-share of cutting time in severe overload is within the scenario's allowance, and infeasible if the lower limit is above it. If the
-allowance lies between the limits, feasibility is not shown: more seeds would decide.
+A policy's values are an array of shape (training seeds, seeds); a rule has one row. A resample
+draws the same number of seeds, and the same number of each policy's training seeds, with
+replacement. All policies share the resampled seeds, so the bars' common effect cancels in a
+difference between two policies.
+
+A policy is feasible if the upper confidence limit of its share of cutting time in severe overload
+is within the scenario's allowance, and infeasible if the lower limit is above it. If the allowance
+lies between the limits, feasibility is not shown: more seeds would decide.
 """
 
 import math
@@ -18,15 +21,14 @@ from numpy.typing import NDArray
 from turning_env.scenario import Scenario
 
 Floats = NDArray[np.float64]
+Feasibility = Literal["feasible", "not shown", "infeasible"]
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
 KEY = 709  # fixed, so that the same episodes give the same limit
-_ROUNDING = 1e-6  # an interval that is narrower is but the rounding of sums
-
-
-Feasibility = Literal["feasible", "not shown", "infeasible"]
 MAX_DECIMALS = 2
+_CHUNK = 100  # resamples whose values are sorted together, to bound memory
+_MIN_WIDTH = 1e-6  # of an interval; a narrower one is only the rounding of sums
 
 
 @dataclass(frozen=True)
@@ -39,19 +41,24 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, replicates: Floats) -> "Estimate":
-        """Return a value with the percentile interval of its bootstrap replicates, shape (resamples,)."""
+        """Return a value with the percentile interval of its bootstrap replicates.
+
+        ``replicates`` has the shape (resamples,).
+        """
         tail = (1.0 - CONFIDENCE) / 2.0
         low, high = np.quantile(replicates, [tail, 1.0 - tail])
         return cls(float(value), float(low), float(high))
 
     def decimals(self, factor: float = 1.0) -> int:
-        """Return the decimals, at most two, that show the interval in two digits, or without an interval the value.
+        """Return the decimals, at most two, that show the interval in two digits.
 
-        ``factor`` is that from the unit of this estimate to the unit that is shown.
+        Without an interval, they show the value. ``factor`` is that from the unit of this estimate
+        to the unit that is shown.
         """
-        width = factor * (self.high - self.low)
-        shown = width if width > _ROUNDING else abs(factor * self.value)
-        if shown <= _ROUNDING:
+        shown = factor * (self.high - self.low)
+        if shown <= _MIN_WIDTH:
+            shown = abs(factor * self.value)
+        if shown <= _MIN_WIDTH:
             return 0
         return min(max(1 - math.floor(math.log10(shown)), 0), MAX_DECIMALS)
 
@@ -64,43 +71,58 @@ class Bootstrap:
         self._seed_weights = _weights(self._seeds, seeds)
 
     def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
-        # Keyed by name: two policies' training seeds are unrelated even if they are the same numbers.
-        return np.random.default_rng([KEY, crc32(policy.encode())]).integers(
-            count, size=(RESAMPLES, count)
-        )
+        """Return the training seeds of a policy in each resample, shape (resamples, count)."""
+        # Keyed by name: two policies' training seeds are unrelated even if they are equal numbers.
+        generator = np.random.default_rng([KEY, crc32(policy.encode())])
+        return generator.integers(count, size=(RESAMPLES, count))
 
     def means(self, values: Floats, policy: str) -> Floats:
-        """Return the mean of a policy's values, shape (training seeds, seeds), in each resample, shape (resamples,)."""
+        """Return the mean of a policy's values in each resample, shape (resamples,).
+
+        Args:
+            values: shape (training seeds, seeds).
+            policy: name of the policy.
+        """
         weights = _weights(self._training_seeds(policy, len(values)), len(values))
         means: Floats = np.sum(weights @ values * self._seed_weights, axis=1)
         return means
 
     def interquartile_means(self, values: Floats, policy: str) -> Floats:
         """Return the interquartile mean of a policy's values in each resample: see ``means``."""
-        rows, columns = (
-            self._training_seeds(policy, len(values))[:, :, None],
-            self._seeds[:, None, :],
-        )
-        chunks = (
-            values[rows[k : k + 100], columns[k : k + 100]] for k in range(0, RESAMPLES, 100)
-        )  # to bound memory
-        return np.concatenate(
-            [interquartile_mean(chunk.reshape(len(chunk), -1)) for chunk in chunks]
-        )
+        rows = self._training_seeds(policy, len(values))[:, :, np.newaxis]
+        columns = self._seeds[:, np.newaxis, :]
+        means = []
+        for first in range(0, RESAMPLES, _CHUNK):
+            chunk = slice(first, first + _CHUNK)
+            resampled = values[rows[chunk], columns[chunk]]
+            means.append(interquartile_mean(resampled.reshape(len(resampled), -1)))
+        return np.concatenate(means)
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
-        """Return the one-sided upper confidence limit of ``severe_share`` [-]; arguments of shape (training seeds, seeds)."""
-        return self.severe_limits(severe, engaged, policy)[1]
+        """Return the upper limit of ``severe_limits``."""
+        _, upper = self.severe_limits(severe, engaged, policy)
+        return upper
 
     def severe_limits(self, severe: Floats, engaged: Floats, policy: str) -> tuple[float, float]:
-        """Return the one-sided lower and upper confidence limits of ``severe_share``; see ``severe_limit``."""
+        """Return the lower and upper one-sided confidence limits of ``severe_share`` [-].
+
+        Args:
+            severe: times in severe overload [s], shape (training seeds, seeds).
+            engaged: cutting times [s], likewise.
+            policy: name of the policy.
+        """
         shares = ratio(self.means(severe, policy), self.means(engaged, policy))
         lower, upper = np.quantile(shares, [1.0 - CONFIDENCE, CONFIDENCE])
         return float(lower), float(upper)
 
 
 def feasibility(limits: tuple[float, float], allowance: float) -> Feasibility:
-    """Return whether a policy is feasible, by the lower and upper confidence limits of its share of severe overload [-]."""
+    """Return whether a policy is feasible.
+
+    Args:
+        limits: lower and upper confidence limits of its share of severe overload [-].
+        allowance: allowed share [-].
+    """
     lower, upper = limits
     if upper <= allowance:
         return "feasible"
@@ -112,17 +134,25 @@ def reason_not_to_rank(kind: str, scenario: Scenario) -> str | None:
     if kind == "oracle":
         return "oracle"
     if kind == "agent" and scenario.tool.wear_rule == "clock_time":
-        return "agent: the published wear rule counts time, so learning finds ways to idle, and the return is not machining"
+        return (
+            "agent: the published wear rule counts time, so learning finds ways to idle, "
+            "and the return is not machining"
+        )
     return None
 
 
 def severe_share(severe: Floats, engaged: Floats) -> float:
-    """Return the share of cutting time with an excess above the tolerance [-], 0 without cutting, from times per episode [s]."""
+    """Return the share of cutting time in severe overload [-], 0 without cutting.
+
+    Args:
+        severe: time with an excess above the tolerance in each episode [s].
+        engaged: cutting time of each episode [s].
+    """
     return float(ratio(severe.sum(keepdims=True), engaged.sum(keepdims=True)).item())
 
 
 def ratio(parts: Floats, wholes: Floats) -> Floats:
-    """Return ``parts / wholes``, or 0 if a whole is 0: a policy that never cuts causes no overload."""
+    """Return ``parts / wholes``, or 0 if a whole is 0: a policy that never cuts never overloads."""
     return np.divide(parts, wholes, out=np.zeros_like(parts), where=wholes > 0.0)
 
 
@@ -136,9 +166,10 @@ class RankKey(NamedTuple):
 
 
 def rank_key(kind: str, feasible: bool, merit: float, unranked: str | None = None) -> RankKey:
-    """Return the key by which policies are sorted: those without a rank after the ranked, oracles last.
+    """Return the key by which policies are sorted: ranked ones first, oracles last.
 
-    Among these, feasible policies come first, then those of higher merit.
+    Among these, feasible policies come first, then those of higher merit. ``unranked`` says why a
+    policy has no rank.
     """
     return RankKey(
         is_oracle=kind == "oracle",
@@ -149,13 +180,28 @@ def rank_key(kind: str, feasible: bool, merit: float, unranked: str | None = Non
 
 
 def interquartile_mean(values: Floats) -> Floats:
-    """Return the mean over the last axis without its lowest and highest quarter, each rounded down."""
-    cut = values.shape[-1] // 4
-    return np.asarray(np.mean(np.sort(values)[..., cut : values.shape[-1] - cut], axis=-1))
+    """Return the mean over the last axis without its lowest and highest quarter.
+
+    Quarters are rounded down.
+    """
+    count = values.shape[-1]
+    cut = count // 4
+    middle = np.sort(values)[..., cut : count - cut]
+    return np.asarray(np.mean(middle, axis=-1))
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:
-    """Return the share of each of ``count`` things, shape (resamples, count), in resamples of indices (resamples, picks)."""
-    weights = np.zeros((len(indices), count))
-    np.add.at(weights, (np.arange(len(indices))[:, None], indices), 1.0 / indices.shape[1])
+    """Return the share that each of ``count`` seeds has of every resample.
+
+    Args:
+        indices: the resampled seeds, shape (resamples, picks).
+        count: number of seeds.
+
+    Returns:
+        shares of shape (resamples, count).
+    """
+    resamples, picks = indices.shape
+    weights = np.zeros((resamples, count))
+    # ``weights[row, indices] += 1 / picks`` would count a seed once that is picked several times.
+    np.add.at(weights, (np.arange(resamples)[:, np.newaxis], indices), 1.0 / picks)
     return weights

@@ -1,7 +1,8 @@
-"""Run independent pieces of work in parallel: in processes of this machine (joblib's loky), or on a Dask cluster.
+"""Run independent pieces of work in parallel.
 
-The program that starts pieces takes each result as it comes, and only that program writes files. Pieces travel by cloudpickle,
-with everything that they refer to.
+They run in processes of this machine (joblib's loky), or on a Dask cluster. The program that starts
+pieces takes each result as it comes, and only that program writes files. Pieces travel by
+cloudpickle, with everything that they refer to.
 """
 
 import os
@@ -25,7 +26,7 @@ from typing import Any
 from turning_env.physics import MODEL_VERSION
 from turning_env.scoring.onnx_session import first_line
 
-CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker [s]
+MAX_CONNECTING = 20.0  # time to wait for a scheduler, and then for its first worker [s]
 
 _AGAIN = "what is finished is kept: run the same command again to go on"
 _PACKAGES = ("rough-turning", "numpy", "numba", "onnxruntime", "torch", "stable-baselines3")
@@ -48,14 +49,17 @@ class Workers:
         self._tags[self._executor.submit(_do, _versions(), work, *arguments)] = tag
 
     def finished(self) -> tuple[Any, Any]:
-        """Wait until a started piece ends, and return its tag and its result, or raise what it raised."""
+        """Wait until a started piece ends; return its tag and its result, or raise its error."""
         future = wait(self._tags, return_when=FIRST_COMPLETED).done.pop()
         return self._tags.pop(future), future.result()
 
 
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
-    """Start processes of this machine; they end with the context, even if they are working. WorkersError if one was killed."""
+    """Start processes of this machine; they end with the context, even if they are working.
+
+    WorkersError if one was killed.
+    """
     from joblib.externals.loky import ProcessPoolExecutor  # type: ignore[import-untyped]
 
     executor = ProcessPoolExecutor(count, initializer=_begin, initargs=(os.getpid(),))
@@ -69,9 +73,10 @@ def processes(count: int) -> Iterator[Workers]:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Workers]:
-    """Connect to a Dask cluster at an address such as ``tcp://host:8786``; its number of workers may change at any time.
+    """Connect to a Dask cluster at an address such as ``tcp://host:8786``.
 
-    Other workers repeat the pieces of a lost one. WorkersError if there are no workers, or several are lost over the same piece.
+    Its number of workers may change at any time. Other workers repeat the pieces of a lost one.
+    WorkersError if there are no workers, or several are lost over the same piece.
     """
     try:
         from distributed import Client, KilledWorker
@@ -80,8 +85,10 @@ def cluster(address: str) -> Iterator[Workers]:
             f"a scheduler needs the extra 'distributed', which is not installed: {error}"
         ) from error
     try:
-        client = Client(address, timeout=CONNECTING, set_as_default=False)  # type: ignore[no-untyped-call]
-        client.wait_for_workers(1, timeout=CONNECTING)
+        client = Client(  # type: ignore[no-untyped-call]
+            address, timeout=MAX_CONNECTING, set_as_default=False
+        )
+        client.wait_for_workers(1, timeout=MAX_CONNECTING)
     except (OSError, ValueError) as error:
         raise WorkersError(
             f"no scheduler with workers can be reached at {address}: {first_line(error)}"
@@ -96,7 +103,10 @@ def cluster(address: str) -> Iterator[Workers]:
 
 
 def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers | None]:
-    """Use a cluster if a scheduler's address is given, else ``jobs`` processes; None if this process does all work."""
+    """Use a cluster if a scheduler's address is given, else ``jobs`` processes.
+
+    The context is None if this process does all work.
+    """
     if scheduler is not None:
         return cluster(scheduler)
     return processes(jobs) if jobs > 1 else nullcontext()
@@ -105,17 +115,25 @@ def workers(jobs: int, scheduler: str | None) -> AbstractContextManager[Workers 
 def spread(
     over: Workers | None, work: Callable[[Any], Any], pieces: Collection[tuple[Any, Any]]
 ) -> Iterator[tuple[Any, Any]]:
-    """Yield the tag and the result of each piece as it ends; without workers, run pieces one by one in this process."""
+    """Yield the tag and the result of each piece as it ends.
+
+    Without workers, pieces run one by one in this process.
+    """
     if over is None:
-        yield from ((tag, work(piece)) for tag, piece in pieces)
+        for tag, piece in pieces:
+            yield tag, work(piece)
         return
     for tag, piece in pieces:
         over.start(tag, work, piece)
-    yield from (over.finished() for _ in pieces)
+    for _ in pieces:
+        yield over.finished()
 
 
 def _begin(parent: int) -> None:
-    """Prepare a new process. It ends soon after its parent; otherwise it would wait for work forever if the parent is killed."""
+    """Prepare a new process to end soon after its parent.
+
+    Otherwise it would wait for work forever if the parent is killed.
+    """
 
     def end_with_parent() -> None:
         while os.getppid() == parent:
@@ -128,18 +146,18 @@ def _begin(parent: int) -> None:
 
 def _do(wanted: dict[str, str], work: Callable[..., Any], *arguments: Any) -> Any:
     """Do a piece of work in a worker that has the ``wanted`` versions."""
-    mine = _versions()
-    if other := [
-        f"{name} {mine[name]} instead of {wanted[name]}"
-        for name in wanted
-        if mine[name] != wanted[name]
-    ]:
+    present = _versions()
+    differing = []
+    for name, version in wanted.items():
+        if present[name] != version:
+            differing.append(f"{name} {present[name]} instead of {version}")
+    if differing:
         raise WorkersError(
-            f"a worker on {socket.gethostname()} would give other results: it has {', '.join(other)}"
+            f"a worker on {socket.gethostname()} would give other results: "
+            f"it has {', '.join(differing)}"
         )
-    with (
-        _ONE_AT_A_TIME
-    ):  # a Dask worker may have several threads, but policies and trainings are not thread-safe
+    # A Dask worker may have several threads, but policies and trainings are not thread-safe.
+    with _ONE_AT_A_TIME:
         return work(*arguments)
 
 

@@ -15,7 +15,7 @@ from tests.turning_env.scoring import hostile_child
 from tests.walking import ROOT
 from turning_env.__main__ import main
 from turning_env.scoring import sandbox
-from turning_env.scoring.sandbox import AgentFileError, Limits, Sandbox, TooSlow
+from turning_env.scoring.sandbox import AgentFileError, Limits, Sandbox, AgentTimeoutError
 from turning_env.scoring.sandbox_child import Outline
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and seccomp are Linux's")
@@ -155,9 +155,9 @@ def endless(folder: Path) -> Path:
 @pytest.mark.slow
 def test_a_loop_without_end_is_stopped(tmp_path: Path) -> None:
     path = endless(tmp_path)
-    with pytest.raises(TooSlow, match="gives no answer within 1 s"):
+    with pytest.raises(AgentTimeoutError, match="gives no answer within 1 s"):
         acted(path, Limits(answer=1.0))
-    with pytest.raises(TooSlow, match="needs more than the 1 s of processor time"):
+    with pytest.raises(AgentTimeoutError, match="needs more than the 1 s of processor time"):
         acted(path, Limits(computing=1))
 
 

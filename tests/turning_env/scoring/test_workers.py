@@ -72,7 +72,7 @@ def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "CONNECTING", 0.1)
+    monkeypatch.setattr(workers, "MAX_CONNECTING", 0.1)
     with (
         pytest.raises(WorkersError, match="no scheduler with workers"),
         workers.cluster("tcp://127.0.0.1:1"),
