@@ -1,8 +1,12 @@
-"""Metal from which many cuts are taken, kept in small pieces, so that a cut costs no more than the pieces that it meets.
+"""Metal from which many cuts are taken, kept in small pieces.
 
-One polygon for the whole stock would grow by some vertices with every pass, and each cut would copy all of them: the time of a
-program would grow with the square of its moves. So a piece with many vertices is divided. Pieces that lost most of theirs are
-joined again, as otherwise a long cut would meet more of them the more moves had made the contour.
+A cut costs no more than the pieces that it meets. One polygon for the whole stock would grow by
+some vertices with every pass, and each cut would copy all of them: the time of a program would grow
+with the square of its moves. So a piece with many vertices is divided. Pieces that lost most of
+theirs are joined again; otherwise a long cut would meet more of them the more moves had made the
+contour.
+
+This module knows polygons only; tools and moves are in ``sweep`` and ``removal``.
 """
 
 from collections.abc import Iterator
@@ -17,13 +21,16 @@ from turning_env.extras import needed
 with needed():
     import shapely
 
-
 MAX_VERTICES = 64  # of a piece; above it, overlays cost more than the calls to them
-SMALL = MAX_VERTICES // 4  # vertices up to which neighbours in one cut are joined
-FEW = 3  # pieces that are met, rather than tested for whether they only lie in the box around a cut
+MAX_SMALL = MAX_VERTICES // 4  # vertices up to which neighbours in one cut are joined
+MAX_UNTESTED = 3  # pieces in the box around a cut up to which none is tested more closely
 MIN_EXTENT = 1e-6  # extent of a piece below which it is not divided [mm]
-_GRID = 1e-9  # grid on which pieces are joined [mm]: it closes the gaps that rounding leaves between them
-_FINE_GRID = 1e-11  # grid on which they are joined between cuts [mm], so that areas of thin cuts keep nine digits
+FIRST_PLACES = 16  # for pieces; doubled when all are taken
+
+# Grids on which pieces are joined [mm]. The coarse one closes the gaps that rounding leaves
+# between pieces. The fine one serves between cuts, so that areas of thin cuts keep nine digits.
+_GRID = 1e-9
+_FINE_GRID = 1e-11
 _NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # bounds of a place without a piece
 
 
@@ -31,22 +38,24 @@ class Metal:
     """A polygon that loses metal; its pieces lie beside each other."""
 
     def __init__(self, polygon: Any) -> None:
-        self._pieces = np.full(16, None, dtype=object)
-        self._bounds = np.full(
-            (16, 4), _NOWHERE
-        )  # of the pieces: lowest Z and X, highest Z and X [mm]
-        self._free = list(range(16))
+        self._pieces = np.full(FIRST_PLACES, None, dtype=object)
+        # Bounds of the pieces: lowest Z and X, highest Z and X [mm].
+        self._bounds = np.full((FIRST_PLACES, 4), _NOWHERE)
+        self._free = list(range(FIRST_PLACES))
         self._put(polygon)
 
     @property
     def pieces(self) -> NDArray[Any]:
         """Its pieces as polygons."""
-        return self._pieces[self._bounds[:, 0] < np.inf]
+        is_taken = self._bounds[:, 0] < np.inf
+        return self._pieces[is_taken]
 
     def polygon(self) -> Any:
         """Return the metal as one polygon, or several where it falls apart."""
         pieces = self.pieces
-        return pieces[0] if len(pieces) == 1 else shapely.union_all(pieces, grid_size=_GRID)
+        if len(pieces) == 1:
+            return pieces[0]
+        return shapely.union_all(pieces, grid_size=_GRID)
 
     def meeting(self, area: Any) -> NDArray[np.int64]:
         """Return the places of all pieces that a convex polygon may meet."""
@@ -55,19 +64,24 @@ class Metal:
         beside_z = (bounds[:, 0] < high_z) & (bounds[:, 2] > low_z)
         beside_x = (bounds[:, 1] < high_x) & (bounds[:, 3] > low_x)
         places = np.flatnonzero(beside_z & beside_x)
-        if len(places) <= FEW:
+        if len(places) <= MAX_UNTESTED:
             return places
 
-        # A box is apart if it lies beyond one of the polygon's edges with all its corners.
+        # A box is apart if it lies beyond one of the polygon's edges with all its corners
+        # (separating axes).
         corners = shapely.get_coordinates(area)
         edges = corners[1:] - corners[:-1]
         outwards = np.array((edges[:, 1], -edges[:, 0]))
         if not shapely.is_ccw(shapely.get_exterior_ring(area)):
             outwards = -outwards
         edge_at = (outwards * corners[:-1].T).sum(axis=0)
-        boxes = bounds[places]
-        nearest = np.maximum(outwards, 0.0), np.minimum(outwards, 0.0)
-        box_at = boxes[:, :2] @ nearest[0] + boxes[:, 2:] @ nearest[1]
+
+        # The corner of a box that comes nearest to an edge follows from the edge's direction.
+        low_corners = bounds[places, :2]
+        high_corners = bounds[places, 2:]
+        towards_low = np.maximum(outwards, 0.0)
+        towards_high = np.minimum(outwards, 0.0)
+        box_at = low_corners @ towards_low + high_corners @ towards_high
         beyond_an_edge = (box_at > edge_at).any(axis=1)
         return np.asarray(places[~beyond_an_edge])
 
@@ -78,7 +92,8 @@ class Metal:
     def area_within(self, low_z: float, low_x: float, high_z: float, high_x: float) -> float:
         """Return the area of the metal within a rectangle [mm2]."""
         box = shapely.box(low_z, low_x, high_z, high_x)
-        return float(shapely.area(self.within(box, self.meeting(box))).sum())
+        metal = self.within(box, self.meeting(box))
+        return float(shapely.area(metal).sum())
 
     def take(self, area: Any, places: NDArray[np.int64]) -> None:
         """Take the metal within a polygon away from some pieces."""
@@ -88,7 +103,7 @@ class Metal:
             self._pieces[place] = None
             self._free.append(place)
         counts = shapely.get_num_coordinates(left)
-        is_small = (counts > 0) & (counts <= SMALL)
+        is_small = (counts > 0) & (counts <= MAX_SMALL)
         for piece in left[~is_small]:
             self._put(piece)
         for piece in joined(left[is_small]):
@@ -104,30 +119,36 @@ class Metal:
 
     def _grow(self) -> None:
         count = len(self._pieces)
-        self._pieces = np.concatenate((self._pieces, np.full(count, None, dtype=object)))
-        self._bounds = np.concatenate((self._bounds, np.full((count, 4), _NOWHERE)))
+        more_pieces = np.full(count, None, dtype=object)
+        more_bounds = np.full((count, 4), _NOWHERE)
+        self._pieces = np.concatenate((self._pieces, more_pieces))
+        self._bounds = np.concatenate((self._bounds, more_bounds))
         self._free = list(range(count, 2 * count))
 
 
 def joined(pieces: NDArray[Any]) -> Iterator[Any]:
     """Yield small pieces, joined with their neighbours as far as they share edges.
 
-    What is joined has at most half of the vertices at which a piece is divided, so that time is spent on either only after many
-    cuts.
+    A joined piece has at most half of the vertices at which a piece is divided. So time is spent on
+    either only after many cuts.
     """
     if len(pieces) < 2:
         yield from pieces
         return
+
+    # Neighbours follow each other along the longer side of the box around all pieces.
     bounds = shapely.bounds(pieces)
     extents = bounds[:, 2:].max(axis=0) - bounds[:, :2].min(axis=0)
-    order = np.argsort(bounds[:, int(np.argmax(extents))])
+    longer_side = int(np.argmax(extents))
+    order = np.argsort(bounds[:, longer_side])
     group: list[Any] = []
     count = 0
     for piece in pieces[order]:
         piece_count = int(shapely.get_num_coordinates(piece))
         if count + piece_count > MAX_VERTICES // 2:
             yield from _joined_group(group)
-            group, count = [], 0
+            group = []
+            count = 0
         group.append(piece)
         count += piece_count
     yield from _joined_group(group)
@@ -138,17 +159,18 @@ def _joined_group(pieces: list[Any]) -> list[Any]:
     if len(pieces) < 2:
         return pieces
     whole = shapely.union_all(pieces, grid_size=_FINE_GRID)
-    return [whole] if shapely.get_type_id(whole) == shapely.GeometryType.POLYGON else pieces
+    is_one = shapely.get_type_id(whole) == shapely.GeometryType.POLYGON
+    return [whole] if is_one else pieces
 
 
 def overlaps(polygons: NDArray[Any], whole: Any) -> Values:
     """Return the area of each polygon within another one that may have very many vertices.
 
-    A polygon that lies within it, or apart from it, is not compared with its vertices. Only the others are divided together
-    with it, until few vertices are left.
+    A polygon that lies within it, or apart from it, is not compared with its vertices. Only the
+    others are divided together with it, until few vertices are left.
     """
     areas = np.zeros(len(polygons))
-    _add_overlaps(areas, np.arange(len(polygons)), polygons, whole)
+    _add_overlaps(areas, np.arange(len(polygons)), polygons=polygons, whole=whole)
     return areas
 
 
@@ -158,15 +180,16 @@ def _add_overlaps(
     """Add the areas of polygons within another one to those at their indices."""
     shapely.prepare(whole)
     meets = shapely.intersects(whole, polygons)
-    indices, polygons = indices[meets], polygons[meets]
+    indices = indices[meets]
+    polygons = polygons[meets]
     covered = shapely.covers(whole, polygons)
     areas[indices[covered]] += shapely.area(polygons[covered])
-    indices, polygons = indices[~covered], polygons[~covered]
+    indices = indices[~covered]
+    polygons = polygons[~covered]
     if not len(polygons):
         return
-    count = int(shapely.get_num_coordinates(whole))
-    halves = _halves(whole) if count > MAX_VERTICES else []
-    if not halves or max(shapely.get_num_coordinates(halves)) >= count:  # dividing it does not help
+    halves = _useful_halves(whole)
+    if not halves:
         areas[indices] += shapely.area(shapely.intersection(polygons, whole))
         return
     for half in halves:
@@ -176,50 +199,72 @@ def _add_overlaps(
         bounds = shapely.bounds(polygons)
         beside = (bounds[:, :2] < high).all(axis=1) & (bounds[:, 2:] > low).all(axis=1)
         within = (bounds[:, :2] >= low).all(axis=1) & (bounds[:, 2:] <= high).all(axis=1)
+
+        # Without the parts beside the half, a polygon may lie within it.
         clipped = polygons.copy()
         across = np.flatnonzero(beside & ~within)
         parts = shapely.intersection(polygons[across], shapely.box(*low, *high))
         clipped[across] = [_areas_of(part) for part in parts]
-        _add_overlaps(areas, indices[beside], clipped[beside], half)
+        _add_overlaps(areas, indices[beside], polygons=clipped[beside], whole=half)
 
 
 def divided(polygon: Any) -> Iterator[Any]:
     """Yield a polygon, or pieces of it if it has too many vertices; nothing if it is empty."""
     if shapely.is_empty(polygon):
         return
-    count = int(shapely.get_num_coordinates(polygon))
-    halves = _halves(polygon) if count > MAX_VERTICES else []
-    if not halves or max(shapely.get_num_coordinates(halves)) >= count:  # dividing it does not help
+    halves = _useful_halves(polygon)
+    if not halves:
         yield polygon
-        return
     for half in halves:
         yield from divided(half)
 
 
-def _halves(polygon: Any) -> list[Any]:
-    """Return the two parts of a polygon that hold about half of its vertices each; none if it is too small.
+def _useful_halves(polygon: Any) -> list[Any]:
+    """Return the halves of a polygon with many vertices; none if few, or if halving does not help.
 
-    The cut is across the direction in which the middle half of the vertices spreads most: ridges on a wall are divided along
-    the wall, and not lengthwise.
+    It does not help where all vertices lie in one half, as those of a straight cut do.
+    """
+    count = int(shapely.get_num_coordinates(polygon))
+    if count <= MAX_VERTICES:
+        return []
+    halves = _halves(polygon)
+    if halves and max(shapely.get_num_coordinates(halves)) < count:
+        return halves
+    return []
+
+
+def _halves(polygon: Any) -> list[Any]:
+    """Return two parts of a polygon with about half of its vertices each; none if it is too small.
+
+    The cut is across the direction in which the middle half of the vertices spreads most: ridges on
+    a wall are divided along the wall, and not lengthwise.
     """
     points = shapely.get_coordinates(polygon)
     lower, middle, upper = np.percentile(points, (25.0, 50.0, 75.0), axis=0)
     axis = int(np.argmax(upper - lower))
-    low, high = points.min(axis=0), points.max(axis=0)
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    if high[axis] - low[axis] < MIN_EXTENT:
+        return []
     cut = middle[axis]
     if not low[axis] < cut < high[axis]:
         cut = 0.5 * (low[axis] + high[axis])
-    if high[axis] - low[axis] < MIN_EXTENT:
-        return []
-    first_high, second_low = high.copy(), low.copy()
-    first_high[axis] = second_low[axis] = cut
-    boxes = shapely.box(*low, *first_high), shapely.box(*second_low, *high)
-    return [_areas_of(half) for half in shapely.intersection(polygon, boxes)]
+    first_high = high.copy()
+    second_low = low.copy()
+    first_high[axis] = cut
+    second_low[axis] = cut
+    first_box = shapely.box(*low, *first_high)
+    second_box = shapely.box(*second_low, *high)
+    halves = shapely.intersection(polygon, [first_box, second_box])
+    return [_areas_of(half) for half in halves]
 
 
 def _areas_of(geometry: Any) -> Any:
     """Return a geometry without the points and lines that it may hold beside polygons."""
-    if shapely.get_type_id(geometry) != shapely.GeometryType.GEOMETRYCOLLECTION:
-        return geometry if shapely.get_dimensions(geometry) == 2 else shapely.Polygon()
-    parts = shapely.get_parts(geometry)
-    return shapely.union_all(parts[shapely.get_dimensions(parts) == 2])
+    is_collection = shapely.get_type_id(geometry) == shapely.GeometryType.GEOMETRYCOLLECTION
+    if is_collection:
+        parts = shapely.get_parts(geometry)
+        return shapely.union_all(parts[shapely.get_dimensions(parts) == 2])
+    if shapely.get_dimensions(geometry) == 2:
+        return geometry
+    return shapely.Polygon()
