@@ -89,8 +89,6 @@ def test_an_installed_package_loads_only_packages_below_it(package: str) -> None
     code = f"import importlib, contextlib\nfor name in {modules}:\n"
     code += "    with contextlib.suppress(ModuleNotFoundError): importlib.import_module(name)\n"
     above = MAY_IMPORT.keys() - MAY_IMPORT[package] - {package}
-    if package in BENCHMARK:
-        above -= {"turning_nc"}  # Gymnasium loads it with its plug-ins, where the shop is installed
     assert not {name.split(".")[0] for name in loaded(code)} & above
 
 

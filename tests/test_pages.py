@@ -108,6 +108,8 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
                 "build",
                 "--strict",
                 "--quiet",
+                "--config-file",
+                "packaging/mkdocs.yml",
                 "--site-dir",
                 str(tmp_path),
             ],

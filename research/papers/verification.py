@@ -33,20 +33,25 @@ class VerificationTest:
     cutting_speed: float  # cutting speed [m/min], stated
     feed: float  # feed [mm/rev], from the ratio of rates, at 2.5 mm depth of cut
     rate_ratio: float  # removal rate of the grid search over that of the test, stated
-    life: float | None = (
-        None  # cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge
-    )
-    total_ratio: float | None = (
-        None  # metal per edge of the grid search over that of the test, stated
-    )
+    life: float | None = None
+    """Cutting time until 0.3 mm of wear [min]: stated, or from the ratio of metal per edge."""
+    total_ratio: float | None = None
+    """Metal per edge of the grid search over that of the test, stated."""
 
 
-TESTS = tuple(
-    VerificationTest(
-        row.pop("name"), **{name: float(value) if value else None for name, value in row.items()}
-    )  # type: ignore[arg-type]
-    for row in rows("verification_tests.csv")
-)
+def _read_tests() -> tuple[VerificationTest, ...]:
+    """Return the tests of verification_tests.csv; an empty cell is None."""
+    tests = []
+    for row in rows("verification_tests.csv"):
+        name = row.pop("name")
+        numbers: dict[str, Any] = {
+            field: float(text) if text else None for field, text in row.items()
+        }
+        tests.append(VerificationTest(name, **numbers))
+    return tuple(tests)
+
+
+TESTS = _read_tests()
 """T5 and T8 by the stated inverse of their ratio of rates, 0.58 and 0.73."""
 MEASURED = tuple(test for test in TESTS if test.life is not None)  # the tests with a known life
 
