@@ -1,7 +1,8 @@
 """Part programs for a lathe's control: read, play, adapt and write them.
 
 ``dialects`` (data), ``words``, ``modal`` and ``moves`` read every program. ``stock``, ``removal``,
-``cutting``, ``report`` and ``adapt`` play and adapt the programs of users; ``program`` to ``simulate`` write and play the project's own.
+``cutting``, ``report`` and ``adapt`` play and adapt the programs of users. ``program``, ``law`` and
+``simulate`` write and play the project's own.
 Policies come from the caller, as in ``shop/turning_nc/export_law.py``.
 
 Importing this package registers ``PROGRAM_ID``. Make the environment by

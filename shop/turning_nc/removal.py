@@ -1,6 +1,8 @@
-"""Stock minus the swept tool: depth of cut, diameter and removed volume along every move.
+"""Stock minus the swept tools: depth of cut, diameter and removed volume along every move.
 
-Polygons lie in the half plane of Z and X, X as a radius.
+Polygons lie in the half plane of Z and X, X as a radius. Moves are divided into slices, over which
+the depth of cut is taken as constant. What a slice costs in time, load and wear is computed in
+``cutting``.
 """
 
 import itertools
@@ -26,15 +28,15 @@ with needed():
     import shapely
     from tqdm import tqdm
 
-MAX_SLICES, SLICE = 40, 1.0  # largest number of slices of a move; length of a slice below it [mm]
-STEP, TOUCH = (
-    0.02,
-    1e-3,
-)  # accuracy of the places where a move meets and leaves metal [mm], and the area that counts [mm2]
+MAX_SLICES = 40  # of a move through metal
+SLICE_LENGTH = 1.0  # while a move has fewer slices [mm]
+STEP = 0.02  # accuracy of the places where a move meets and leaves metal [mm]
+TOUCH = 1e-3  # area from which a move counts as in metal [mm2]
 MIN_AREA = 1e-9  # area below which a cut is not divided into slices [mm2]
 MIN_DEPTH = 1e-3  # depth of cut below which a move is taken as in air [mm]
-COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
-GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
+MAX_COLLISION = 2.0  # area that a rapid move may sweep in metal without a warning [mm2]
+MAX_GOUGE = 5.0  # area that the back of an insert may take from the part without a warning [mm2]
+FAR = 1e5  # radius beyond every stock [mm]
 
 
 @dataclass(frozen=True)
@@ -64,54 +66,71 @@ class Removal:
 
 
 def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
-    """Return the metal that a program's tools remove from a stock (a polygon), slice by slice.
+    """Return the metal that a program's tools remove from a stock, slice by slice.
 
-    ``tools`` holds kinds of tools by their words, such as ``{"T0303": "inside"}``; for all others see ``kinds_of``.
+    Args:
+        moves: the moves of the program.
+        stock: a polygon.
+        tools: kinds of tools by their words, such as ``{"T0303": "inside"}``; for all others see
+            ``kinds_of``.
 
     Raises:
-        NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which the stock has no metal.
+        NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which
+            the stock has no metal.
     """
     kinds = kinds_of(moves, tools)
-    solid = inside_solid(moves, kinds, tools, stock)
-    kinds |= dict.fromkeys(solid, "outside")
-    beyond = _beyond_the_axis(moves)
-    cutting = _Cutting(
-        stock, kinds, beyond, {move.tool for move in moves.moves if move.kind == "thread"}
-    )
+    in_solid = inside_solid(moves, kinds, tools, stock)
+    kinds |= dict.fromkeys(in_solid, "outside")
+    mirrored = _tools_beyond_axis(moves)
+    cutting = _Cutting(stock, kinds, mirrored=mirrored, threading=_threading_tools(moves))
     unchecked = set(moves.sides)
-    for index, move in enumerate(
-        tqdm(moves.moves, "removing metal", unit="move", leave=False, disable=None)
-    ):
+    progress = tqdm(moves.moves, "removing metal", unit="move", leave=False, disable=None)
+    for index, move in enumerate(progress):
         if move.line in unchecked:
             unchecked.remove(move.line)
-            _check_side(moves, move.line, cutting.left)
-        for start, end in itertools.pairwise((move.path.start, *move.path.points())):
-            cutting.run(index, move, start, end)
-    notes = [
-        f"tool {name} works at negative X: its path is mirrored on the axis"
-        for name in kinds
-        if name in beyond
-    ]
-    drill = "cuts along the axis alone and is taken as a drill that removes nothing: set --tool NAME=drill:DIAMETER"
-    notes += [f"tool {name} {drill}" for name, kind in kinds.items() if kind == DRILL]
-    notes += [
-        f"tool {name} is taken as {kind}; --tool {name}=KIND sets it"
-        for name, kind in kinds.items()
-        if kind not in ("outside", DRILL) and name not in tools
-    ]
-    hole = "moves as if inside, but the stock has no hole there; so it is taken as outside"
-    notes += [
-        f"tool {name} {hole}: give a tube, or set --tool {name}=KIND"
-        for name in kinds
-        if name in solid
-    ]
+            _check_side(moves, move.line, left=cutting.left)
+        corners = (move.path.start, *move.path.points())
+        for start, end in itertools.pairwise(corners):
+            cutting.run(index, move, start=start, end=end)
     part = cutting.left.polygon()
     return Removal(
-        cutting.slices(), stock, part, kinds, cutting.rapids, cutting.gouged(part), tuple(notes)
+        slices=cutting.slices(),
+        stock=stock,
+        part=part,
+        tools=kinds,
+        rapids=cutting.rapids,
+        gouged=cutting.gouged(part),
+        notes=_notes(kinds, tools, mirrored=mirrored, in_solid=in_solid),
     )
 
 
-def _beyond_the_axis(moves: Moves) -> set[str]:
+def _notes(
+    kinds: Mapping[str, str], given: Mapping[str, str], mirrored: set[str], in_solid: set[str]
+) -> tuple[str, ...]:
+    """Return notes on the tools whose kinds or paths were assumed."""
+    notes = []
+    for name in kinds:
+        if name in mirrored:
+            notes.append(f"tool {name} works at negative X: its path is mirrored on the axis")
+    for name, kind in kinds.items():
+        if kind == DRILL:
+            notes.append(
+                f"tool {name} cuts along the axis alone and is taken as a drill that removes "
+                "nothing: set --tool NAME=drill:DIAMETER"
+            )
+    for name, kind in kinds.items():
+        if kind not in ("outside", DRILL) and name not in given:
+            notes.append(f"tool {name} is taken as {kind}; --tool {name}=KIND sets it")
+    for name in kinds:
+        if name in in_solid:
+            notes.append(
+                f"tool {name} moves as if inside, but the stock has no hole there; so it is taken "
+                f"as outside: give a tube, or set --tool {name}=KIND"
+            )
+    return tuple(notes)
+
+
+def _tools_beyond_axis(moves: Moves) -> set[str]:
     """Return the tools that work at negative X."""
     lowest: dict[str, float] = {}
     highest: dict[str, float] = {}
@@ -120,124 +139,20 @@ def _beyond_the_axis(moves: Moves) -> set[str]:
             low, high = sorted(move.path.reach)
             lowest[move.tool] = min(lowest.get(move.tool, low), low)
             highest[move.tool] = max(highest.get(move.tool, high), high)
+
+    # A tool that faces runs a little past the axis, too.
     return {tool for tool, high in highest.items() if high < -0.2 * lowest[tool]}
 
 
-class _Cutting:
-    """Tools that take metal from a stock, one straight move after another."""
+def _threading_tools(moves: Moves) -> set[str]:
+    return {move.tool for move in moves.moves if move.kind == "thread"}
 
-    def __init__(
-        self, stock: Any, kinds: Mapping[str, str], beyond: set[str], threading: set[str]
-    ) -> None:
-        """Start with a stock; ``beyond`` are tools at negative X, ``threading`` those whose metal is not computed."""
-        self.left = Metal(stock)
-        self.rapids: dict[
-            int, float
-        ] = {}  # largest area of metal that a rapid move sweeps, by lines [mm2]
-        self._stock, self._beyond, self._threading = stock, beyond, threading
-        self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
-        self._slim_shapes: dict[
-            str, Values
-        ] = {}  # shapes with a slim back, of the tools that have another one
-        for name, kind in kinds.items():
-            shape, slim_shape = self._shapes[name], tool_shape(kind, slim=True)
-            if (
-                shape is not None
-                and slim_shape is not None
-                and not np.array_equal(shape, slim_shape)
-            ):
-                self._slim_shapes[name] = slim_shape
-        self._slim = (
-            Metal(stock) if self._slim_shapes else None
-        )  # what tools with a slim back would leave
-        self._taken: list[
-            tuple[int, NDArray[Any]]
-        ] = []  # lines, and the metal that their moves take
-        self._moves: list[int] = []  # index of the move to which each straight move belongs
-        self._paths: list[tuple[Point, Point]] = []  # straight moves
-        self._cuts: list[_Cut] = []  # what each of them removes
 
-    def run(self, index: int, move: Move, start: Point, end: Point) -> None:
-        """Run a straight move, which may be a chord of an arc."""
-        self._moves.append(index)
-        self._paths.append((start, end))
-        self._cuts.append(self._cut(move, start, end) if move.kind in ("feed", "rapid") else AIR)
+class _Taken(NamedTuple):
+    """Metal that a move takes."""
 
-    def _cut(self, move: Move, start: Point, end: Point) -> "_Cut":
-        shape = self._shapes[move.tool]
-        if shape is None or math.dist(start, end) < SAME:
-            return AIR
-        if move.tool in self._beyond:
-            start, end = (start[0], -start[1]), (end[0], -end[1])
-        withdraws = (
-            start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0
-        )  # from where it came
-        if move.kind == "rapid" and (withdraws or move.tool in self._threading):
-            return AIR  # it rubs along each ridge of a shoulder, which would take long to compute
-        sweep = Sweep(shape, start, end)
-        places = self.left.meeting(sweep.area)
-        if not len(places):
-            return AIR
-        metal = self.left.within(sweep.area, places)
-        areas = shapely.area(metal)
-        metal, area = metal[areas > 0.0], float(areas.sum())
-        if area == 0.0:
-            return AIR
-        if move.kind == "rapid":
-            if area > COLLISION:
-                self.rapids[move.line] = max(self.rapids.get(move.line, 0.0), area)
-            return AIR
-        self.left.take(sweep.area, places)
-        self._taken.append((move.line, metal))
-        if self._slim:
-            slim_shape = self._slim_shapes.get(move.tool)
-            slim_area = sweep.area if slim_shape is None else Sweep(slim_shape, start, end).area
-            self._slim.take(slim_area, self._slim.meeting(slim_area))
-        return _sliced(sweep, metal, area)
-
-    def slices(self) -> Slices:
-        """Return the slices of all moves."""
-        counts = np.array([len(cut.shares) for cut in self._cuts])
-        path = np.repeat(np.arange(len(counts)), counts)
-        firsts = np.cumsum(counts) - counts
-        shares = np.concatenate([cut.shares for cut in self._cuts])
-        paths = np.array(self._paths)  # start and end, Z and X
-        starts, steps = paths[path, 0], paths[path, 1] - paths[path, 0]
-
-        def increments(values: Values) -> Values:
-            """Return by how much values rise over each slice, from 0 before a straight move."""
-            rises = np.diff(values, prepend=0.0)
-            rises[firsts] = values[firsts]
-            return rises
-
-        ends = starts + shares[:, np.newaxis] * steps
-        ends[firsts + counts - 1] = paths[:, 1]
-        begins = np.concatenate((ends[:1], ends[:-1]))
-        begins[firsts] = paths[:, 0]
-        length = np.maximum(np.hypot(*steps.T), SAME) * increments(shares)
-        areas = increments(np.concatenate([cut.areas for cut in self._cuts]))
-        moments = increments(np.concatenate([cut.moments for cut in self._cuts]))
-        return Slices(
-            move=np.array(self._moves)[path],
-            length=np.maximum(length, 0.0),
-            radius=0.5 * abs(begins + ends)[:, 1],
-            depth=np.maximum(areas / length, 0.0),
-            volume=np.maximum(2.0 * math.pi * moments, 0.0),
-            start=begins,
-            end=ends,
-        )
-
-    def gouged(self, part: Any) -> dict[int, float]:
-        """Return the areas by lines of what is lost of the part, against a copying insert that follows the same path [mm2]."""
-        if self._slim is None:
-            return {}
-        lost = shapely.difference(self._slim.polygon(), part)
-        if lost.area <= GOUGE:
-            return {}
-        lines = np.array([line for line, metal in self._taken for _ in metal])
-        metal = np.concatenate([metal for _, metal in self._taken])
-        areas = np.bincount(lines, overlaps(metal, lost))
-        return {int(line): float(areas[line]) for line in np.flatnonzero(areas > COLLISION)}
+    line: int
+    metal: NDArray[Any]  # polygons
 
 
 class _Cut(NamedTuple):
@@ -248,45 +163,201 @@ class _Cut(NamedTuple):
     moments: Values  # first moments about the axis [mm3]
 
 
-AIR = _Cut(np.ones(1), np.zeros(1), np.zeros(1))
+AIR = _Cut(shares=np.ones(1), areas=np.zeros(1), moments=np.zeros(1))
+
+
+class _Cutting:
+    """Tools that take metal from a stock, one straight move after another.
+
+    To find gouges, a second piece of metal is cut by the same tools, but with slim backs. What only
+    the first one loses, the backs have taken.
+    """
+
+    def __init__(
+        self, stock: Any, kinds: Mapping[str, str], mirrored: set[str], threading: set[str]
+    ) -> None:
+        """Start with a stock.
+
+        Args:
+            stock: a polygon.
+            kinds: kinds of the tools.
+            mirrored: tools at negative X.
+            threading: tools that cut threads.
+        """
+        self.left = Metal(stock)
+        # Largest area of metal that a rapid move sweeps, by lines [mm2].
+        self.rapids: dict[int, float] = {}
+        self._mirrored = mirrored
+        self._threading = threading
+        self._shapes = {name: tool_shape(kind) for name, kind in kinds.items()}
+        self._slim_shapes = _slim_shapes(kinds)
+        self._left_by_slim = Metal(stock) if self._slim_shapes else None
+        self._taken: list[_Taken] = []
+
+        # For each straight move: the index of the move to which it belongs, its ends, and its cut.
+        self._moves: list[int] = []
+        self._paths: list[tuple[Point, Point]] = []
+        self._cuts: list[_Cut] = []
+
+    def run(self, index: int, move: Move, start: Point, end: Point) -> None:
+        """Run a straight move, which may be a chord of an arc."""
+        cut = AIR
+        if move.kind in ("feed", "rapid"):
+            cut = self._cut(move, start, end=end)
+        self._moves.append(index)
+        self._paths.append((start, end))
+        self._cuts.append(cut)
+
+    def _cut(self, move: Move, start: Point, end: Point) -> _Cut:
+        shape = self._shapes[move.tool]
+        if shape is None or math.dist(start, end) < SAME:
+            return AIR
+        if move.tool in self._mirrored:
+            start = (start[0], -start[1])
+            end = (end[0], -end[1])
+        if move.kind == "rapid":
+            # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
+            # would take long to compute.
+            withdraws = start[0] == end[0] and (end[1] - start[1]) * shape[2, 1] > 0.0
+            if withdraws or move.tool in self._threading:
+                return AIR
+        sweep = Sweep(shape, start, end=end)
+        places = self.left.meeting(sweep.area)
+        if not len(places):
+            return AIR
+        metal = self.left.within(sweep.area, places)
+        areas = shapely.area(metal)
+        area = float(areas.sum())
+        if area == 0.0:
+            return AIR
+        if move.kind == "rapid":
+            if area > MAX_COLLISION:
+                self.rapids[move.line] = max(self.rapids.get(move.line, 0.0), area)
+            return AIR
+        metal = metal[areas > 0.0]
+        self.left.take(sweep.area, places)
+        self._taken.append(_Taken(move.line, metal))
+        if self._left_by_slim:
+            slim_shape = self._slim_shapes.get(move.tool)
+            slim_sweep = sweep if slim_shape is None else Sweep(slim_shape, start, end=end)
+            slim_places = self._left_by_slim.meeting(slim_sweep.area)
+            self._left_by_slim.take(slim_sweep.area, slim_places)
+        return _sliced(sweep, metal, area=area)
+
+    def slices(self) -> Slices:
+        """Return the slices of all moves."""
+        counts = np.array([len(cut.shares) for cut in self._cuts])
+        path = np.repeat(np.arange(len(counts)), counts)
+        firsts = np.cumsum(counts) - counts
+        lasts = firsts + counts - 1
+        shares = np.concatenate([cut.shares for cut in self._cuts])
+        summed_areas = np.concatenate([cut.areas for cut in self._cuts])
+        summed_moments = np.concatenate([cut.moments for cut in self._cuts])
+
+        def increments(values: Values) -> Values:
+            """Return by how much values rise over each slice, from 0 before a straight move."""
+            rises = np.diff(values, prepend=0.0)
+            rises[firsts] = values[firsts]
+            return rises
+
+        # Each slice ends where the next one starts; straight moves end exactly at their ends.
+        paths = np.array(self._paths)  # of each straight move: start and end, Z and X
+        steps = paths[path, 1] - paths[path, 0]
+        ends = paths[path, 0] + shares[:, np.newaxis] * steps
+        ends[lasts] = paths[:, 1]
+        starts = np.concatenate((ends[:1], ends[:-1]))
+        starts[firsts] = paths[:, 0]
+        length = np.maximum(np.hypot(*steps.T), SAME) * increments(shares)
+        areas = increments(summed_areas)
+        moments = increments(summed_moments)
+        return Slices(
+            move=np.array(self._moves)[path],
+            length=np.maximum(length, 0.0),
+            radius=0.5 * abs(starts + ends)[:, 1],
+            depth=np.maximum(areas / length, 0.0),
+            volume=np.maximum(2.0 * math.pi * moments, 0.0),
+            start=starts,
+            end=ends,
+        )
+
+    def gouged(self, part: Any) -> dict[int, float]:
+        """Return the areas of the part that the backs of inserts take, by lines [mm2].
+
+        They are what the part lost against copying inserts that follow the same paths.
+        """
+        if self._left_by_slim is None:
+            return {}
+        lost = shapely.difference(self._left_by_slim.polygon(), part)
+        if lost.area <= MAX_GOUGE:
+            return {}
+        metal = np.concatenate([taken.metal for taken in self._taken])
+        lines = np.array([taken.line for taken in self._taken])
+        line_of_polygon = np.repeat(lines, [len(taken.metal) for taken in self._taken])
+        areas = np.bincount(line_of_polygon, overlaps(metal, lost))
+        gouging_lines = np.flatnonzero(areas > MAX_COLLISION)
+        return {int(line): float(areas[line]) for line in gouging_lines}
+
+
+def _slim_shapes(kinds: Mapping[str, str]) -> dict[str, Values]:
+    """Return the shapes with a slim back, of the tools that have another one."""
+    slim_shapes = {}
+    for name, kind in kinds.items():
+        shape = tool_shape(kind)
+        slim_shape = tool_shape(kind, slim=True)
+        if shape is None or slim_shape is None:
+            continue
+        if not np.array_equal(shape, slim_shape):
+            slim_shapes[name] = slim_shape
+    return slim_shapes
 
 
 def _sliced(sweep: Sweep, metal: NDArray[Any], area: float) -> _Cut:
-    """Return the slices of a move through metal: equal ones between the first metal and the last, and one of air on each side."""
+    """Return the slices of a move through metal.
+
+    They are of one length between the first metal and the last, with one of air on each side.
+    """
     steps = math.ceil(sweep.length / STEP)
     if area < MIN_AREA or steps == 1:
         moments = shapely.area(metal) * shapely.get_y(shapely.centroid(metal))
-        return _Cut(np.ones(1), np.array([area]), np.array([moments.sum()]))
+        return _Cut(shares=np.ones(1), areas=np.array([area]), moments=np.array([moments.sum()]))
     removed = Removed(sweep, metal)
     touch = min(TOUCH, 0.1 * area)
-    first, last = (
-        removed.first_steps(np.array((touch, area - touch)), sweep.length / steps, steps) / steps
-    )
+    limits = np.array((touch, area - touch))
+    first_steps = removed.first_steps(limits, sweep.length / steps, count=steps)
+    first, last = first_steps / steps
     first = max(first - 1.0 / steps, 0.0)
-    count = min(math.ceil((last - first) * sweep.length / SLICE), MAX_SLICES)
+    count = min(math.ceil((last - first) * sweep.length / SLICE_LENGTH), MAX_SLICES)
     shares = np.linspace(first, last, count + 1)
     shares = shares[shares > 0.0]
     if last < 1.0 or not len(shares):
         shares = np.append(shares, 1.0)
-    areas, moments = removed.areas(sweep.length * shares), removed.moments(sweep.length * shares)
-    air = areas <= touch
-    areas[air] = moments[air] = 0.0
-    return _Cut(shares, areas, moments)
+    distances = sweep.length * shares
+    areas = removed.areas(distances)
+    moments = removed.moments(distances)
+    is_air = areas <= touch
+    areas[is_air] = 0.0
+    moments[is_air] = 0.0
+    return _Cut(shares, areas, moments=moments)
 
 
 def _check_side(moves: Moves, line: int, left: Metal) -> None:
     """Check that a cycle turns metal, and that there is a hole if it turns inside."""
     side = moves.sides[line]
-    outside, radius, (low, high) = side.name == "outside", abs(side.start[1]), side.reach
-    within, beyond = (
-        left.area_within(low, *ends) for ends in ((0.0, high, 0.9 * radius), (radius, high, 1e5))
-    )
-    if not side.facing and (
-        within < 1e-6 < beyond if outside else within > 0.45 * radius * (high - low)
-    ):
-        hole = "no hole there: give a tube, or the drill as --tool NAME=drill:DIAMETER"
-        found, other = (
-            ("metal beyond it alone: give another", "inside") if outside else (hole, "outside")
+    if side.facing:
+        return
+    radius = abs(side.start[1])
+    low, high = side.reach
+    metal_within = left.area_within(low, 0.0, high_z=high, high_x=0.9 * radius)
+    begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
+    if side.name == "outside":
+        metal_beyond = left.area_within(low, radius, high_z=high, high_x=FAR)
+        if metal_within < 1e-6 < metal_beyond:
+            raise NcError(
+                f"{begin}, but the stock has metal beyond it alone: give another; "
+                f"or set --side {line}=inside"
+            )
+    elif metal_within > 0.45 * radius * (high - low):
+        raise NcError(
+            f"{begin}, but the stock has no hole there: give a tube, or the drill as "
+            f"--tool NAME=drill:DIAMETER; or set --side {line}=outside"
         )
-        begin = f"line {line}: the cycle turns {side.name} from X{2.0 * radius:g} mm, {side.why}"
-        raise NcError(f"{begin}, but the stock has {found}; or set --side {line}={other}")

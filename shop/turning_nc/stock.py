@@ -1,191 +1,172 @@
-"""Stock minus the swept tool: depth of cut, diameter and removed volume along every move.
+"""The stock from which a program cuts: a bar, a tube, a contour of the user's, or a guess.
 
-Polygons lie in the half plane of Z and X, X as a radius. The tool is a sharp convex insert whose tip follows the programmed path,
-as a control with tool radius compensation makes it; its nose radius is neglected (assumption).
+A stock is a polygon in the half plane of Z and X, X as a radius. ``removal`` takes metal from it.
 """
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from turning_nc.drawings import MAX_DIAMETER, MAX_LENGTH, read_contour
 from turning_nc.kinds import DRILL, cuts, kinds_of
 from turning_nc.modal import HOME
-from turning_nc.moves import Moves
-from turning_nc.paths import Point
-from turning_nc.words import MAX_BYTES, NcError
-from turning_shop import regular_file
+from turning_nc.moves import Move, Moves
+from turning_nc.words import NcError
+from turning_shop import Values
 
 from turning_env.extras import needed
 
 with needed():
     import shapely
 
-
 CLEARANCE = 1.0  # distance from the metal at which cuts begin [mm] (assumption)
-MAX_DIAMETER, MAX_LENGTH = 1e4, 1e5  # of a stock [mm]
+CLAMPED_LENGTH = 10.0  # by which a guessed bar is longer than its cuts [mm] (assumption)
+ON_AXIS = 1e-6  # radius up to which a move is at the axis [mm]
+
+_SIZE = r"(\d+\.?\d*)"
+_BAR_OR_TUBE = re.compile(rf"(?:bar:{_SIZE}|tube:{_SIZE}x{_SIZE})x{_SIZE}(?:\+{_SIZE})?")
 
 
 def read_stock(text: str) -> Any:
     """Return the polygon of a stock.
 
-    Its text is ``bar:DIAMETERxLENGTH`` or ``tube:OUTERxINNERxLENGTH``, each with ``+FACE`` for the metal before Z0; or a DXF
-    file, or a CSV file with Z and the diameter in each row [mm].
+    Args:
+        text: ``bar:DIAMETERxLENGTH`` or ``tube:OUTERxINNERxLENGTH`` [mm], each with ``+FACE`` for
+            the metal before Z0; or a DXF file; or a CSV file with Z and the diameter in each row
+            [mm].
 
     Raises:
-        NcError: it is none of these, or encloses no area; says which.
+        NcError: it is none of these, or encloses no area.
         OSError: the file cannot be read.
     """
-    size = r"(\d+\.?\d*)"
-    if match := re.fullmatch(rf"(?:bar:{size}|tube:{size}x{size})x{size}(?:\+{size})?", text):
-        bar, tube, inner, length, face = (float(found or 0.0) for found in match.groups())
-        outer = bar or tube
-        if not (
-            inner < outer <= MAX_DIAMETER and 0.0 < length <= MAX_LENGTH and face <= MAX_LENGTH
-        ):
-            largest = f"a diameter of {MAX_DIAMETER:g} mm and a length of {MAX_LENGTH:g} mm at most"
-            raise NcError(
-                f"stock {text[:60]!r}: sizes must be above 0, and the inner diameter below the outer; {largest}"
-            )
-        return shapely.box(-length, inner / 2.0, face, outer / 2.0)
-    path = Path(text)
-    if path.suffix.lower() not in (".dxf", ".csv"):
+    match = _BAR_OR_TUBE.fullmatch(text)
+    if match is None:
+        path = Path(text)
+        if path.suffix.lower() in (".dxf", ".csv"):
+            return read_contour(path)
         raise NcError(
-            f"stock {text!r} is no bar:DIAMETERxLENGTH, tube:OUTERxINNERxLENGTH, nor a .dxf or .csv file"
+            f"stock {text!r} is no bar:DIAMETERxLENGTH, tube:OUTERxINNERxLENGTH, "
+            "nor a .dxf or .csv file"
         )
-    return _closed(_dxf_lines(path) if path.suffix.lower() == ".dxf" else [_csv_points(path)], path)
-
-
-def _csv_points(path: Path) -> list[Point]:
-    points: list[Point] = []
-    for number, line in enumerate(
-        regular_file(path, MAX_BYTES).read_text("utf-8-sig", "replace").splitlines(), 1
-    ):
-        if not line.strip(" ,") or line.lstrip().startswith("#"):
-            continue
-        try:
-            z, diameter = map(float, line.split(","))
-        except ValueError:
-            if number == 1:  # a header
-                continue
-            raise NcError(
-                f"{path}: line {number}: {line[:40]!r} is not Z and the diameter in mm"
-            ) from None
-        if not (abs(z) <= MAX_LENGTH and 0.0 <= diameter <= MAX_DIAMETER):
-            raise NcError(
-                f"{path}: line {number}: Z must be within {MAX_LENGTH:g} mm, the diameter 0 to {MAX_DIAMETER:g} mm"
-            )
-        points.append((z, diameter / 2.0))
-    return points
-
-
-def _dxf_lines(path: Path) -> list[list[Point]]:
-    """Return the lines of a DXF drawing; its X is Z, its Y the radius."""
-    with needed():
-        import ezdxf
-        import ezdxf.path
-        from ezdxf.lldxf.tagwriter import TagCollector
-    regular_file(path, MAX_BYTES)
-    try:
-        drawing = ezdxf.readfile(path)
-    except Exception as error:  # the package raises errors of many types for damaged files
-        raise NcError(f"{path}: is no DXF drawing: {error}") from None
-    units = {0: 1.0, 1: 25.4, 4: 1.0, 5: 10.0, 6: 1000.0}.get(drawing.units)
-    if units is None:
-        raise NcError(f"{path}: its unit ($INSUNITS {drawing.units}) is not mm, cm, m or inch")
-    kinds = {"LINE", "ARC", "LWPOLYLINE", "POLYLINE", "SPLINE", "CIRCLE", "ELLIPSE"}
-    lines = []
-    for entity in drawing.modelspace():
-        if entity.dxftype() not in kinds:
-            raise NcError(
-                f"{path}: a {entity.dxftype()} is not understood; a contour is made of {', '.join(sorted(kinds))}"
-            )
-        numbers = [
-            tag.value for tag in TagCollector.dxftags(entity) if isinstance(tag.value, float)
-        ]
-        if not all(abs(number) <= MAX_LENGTH for number in numbers):
-            raise NcError(
-                f"{path}: {entity} has a number that is not finite or above {MAX_LENGTH:g}"
-            )
-        try:
-            points = list(ezdxf.path.make_path(entity).flattening(0.005))
-        except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
-            raise NcError(f"{path}: {entity} is no curve: {error}") from None
-        line = [(units * point.x, units * point.y) for point in points]
-        if any(max(abs(z), abs(x)) > MAX_LENGTH for z, x in line):
-            raise NcError(
-                f"{path}: {entity} reaches beyond {MAX_LENGTH:g} mm: is its unit ($INSUNITS) right?"
-            )
-        lines.append(line)
-    return lines
-
-
-def _closed(lines: Sequence[Sequence[Point]], path: Path) -> Any:
-    """Return the area that lines enclose, closed along the axis if they do not close themselves."""
-    chains = [shapely.LineString(line) for line in lines if len(line) > 1]
-    merged = shapely.line_merge(shapely.set_precision(shapely.union_all(chains), 1e-4))
-    areas = list(shapely.get_parts(shapely.polygonize([shapely.node(merged)])))
-    if not areas and isinstance(merged, shapely.LineString) and merged.length:
-        points = list(merged.coords)
-        areas = [shapely.Polygon([*points, (points[-1][0], 0.0), (points[0][0], 0.0)])]
-    area = shapely.union_all(areas)
-    if not area.is_valid or area.area < 1e-6:
+    bar = float(match[1] or 0.0)
+    tube = float(match[2] or 0.0)
+    inner = float(match[3] or 0.0)
+    length = float(match[4])
+    face = float(match[5] or 0.0)
+    outer = bar or tube
+    diameters_fit = inner < outer <= MAX_DIAMETER
+    lengths_fit = 0.0 < length <= MAX_LENGTH and face <= MAX_LENGTH
+    if not (diameters_fit and lengths_fit):
         raise NcError(
-            f"{path}: its lines enclose no area: close the contour, or end it on the axis"
+            f"stock {text[:60]!r}: sizes must be above 0, and the inner diameter below the outer; "
+            f"a diameter of {MAX_DIAMETER:g} mm and a length of {MAX_LENGTH:g} mm at most"
         )
-    if area.bounds[1] < -1e-6:
-        raise NcError(
-            f"{path}: the contour reaches below the axis: draw only the half above it, with the axis at 0"
-        )
-    return area
-
-
-def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str]:
-    """Return a bar that all feed moves lie in, or a tube if cycles turn inside a hole of no known drill; and its name.
-
-    A cut that begins beyond the metal is taken to begin ``CLEARANCE`` from it.
-    """
-    kinds = kinds_of(moves, tools)
-    fed = [move for move in moves.moves if cuts(move) or move.kind == "thread"] or list(moves.moves)
-    turned = [move for move in fed if not kinds[move.tool].startswith(DRILL)] or fed
-    z, x = np.array([point for move in turned for point in (move.path.start, move.path.end)]).T
-    z, x = np.where((x == HOME[1]) & (z == HOME[0]), 0.0, (z, x))  # a feed from the reference point
-    inside = np.repeat([kinds[move.tool].endswith("inside") for move in turned], 2)
-    ends = np.array([x[::2], x[1::2]])
-    axial = np.repeat(
-        (abs(ends).min(axis=0) < 1e-6) | (ends.prod(axis=0) < 0.0), 2
-    )  # moves that reach the axis
-    x = abs(x)
-    plunges = (z[::2] == z[1::2]) & (z[::2] < 0.0) & (x[1::2] < x[::2])  # which begin in the air
-    if not plunges.all():
-        x[::2] = np.where(plunges, x[1::2], x[::2])
-    lower = np.repeat(np.minimum(z[::2], z[1::2]), 2)
-    face = (
-        float(lower[axial].max(initial=0.0)) if x.max() > 1e-6 else 0.0
-    )  # of the bar, if the tool goes to its axis
-    length = 10.0 - float(min(z.min(), -1.0))
-    radius = float(max(x[z < 0.0].max(initial=0.0), x.max() - CLEARANCE, 0.5 * x.max(), 1.0))
-    cut = float(x[1::2][(x[::2] == x[1::2]) & (z[1::2] < 0.0)].max(initial=0.0))
-    radius = cut + CLEARANCE if cut >= radius else radius  # the first pass along Z cuts, too
-    drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
-    starts = [abs(side.start[1]) for side in moves.sides.values() if side.name == "inside"]
-    least = float(x[inside & (z < 0.0)].min(initial=radius))
-    bore = (
-        0.0
-        if drilled
-        else min(starts or [max(least - CLEARANCE, 0.5 * least) if least < radius else 0.0])
-        % radius
-    )
-    name = (
-        f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}"
-        if bore
-        else f"bar:{2.0 * radius:g}x{length:g}"
-    )
-    return shapely.box(-length, bore, face, radius), name + (f"+{face:g}" if face else "")
+    return shapely.box(-length, inner / 2.0, face, outer / 2.0)
 
 
 def volume(polygon: Any) -> float:
-    """Return the volume of a polygon's body of revolution [mm3], by Pappus."""
-    return float(2.0 * math.pi * polygon.area * polygon.centroid.y) if polygon.area else 0.0
+    """Return the volume of a polygon's body of revolution [mm3] (Pappus's theorem)."""
+    if not polygon.area:
+        return 0.0
+    return float(2.0 * math.pi * polygon.area * polygon.centroid.y)
+
+
+def guessed_stock(moves: Moves, tools: Mapping[str, str] = {}) -> tuple[Any, str]:
+    """Return a stock in which all feed moves lie, and its text as for ``read_stock``.
+
+    It is a bar, or a tube if tools turn inside and no drill of a known diameter makes the hole. A
+    cut that begins beyond the metal is taken to begin ``CLEARANCE`` from it.
+    """
+    kinds = kinds_of(moves, tools)
+    turned = _turning_moves(moves, kinds)
+    ends = _ends(turned)
+    is_inside = np.array([kinds[move.tool].endswith("inside") for move in turned])
+
+    # A bar reaches to the first face that a tool cuts down to the axis.
+    face = 0.0
+    if ends.radius.max() > ON_AXIS:
+        nearer_to_chuck = ends.z.min(axis=1)
+        face = float(nearer_to_chuck[ends.reaches_axis].max(initial=0.0))
+    length = CLAMPED_LENGTH - float(min(ends.z.min(), -1.0))
+    radius = _outer_radius(ends)
+    bore = 0.0
+    is_drilled = any(kind.startswith(f"{DRILL}:") for kind in kinds.values())
+    if not is_drilled:
+        bore = _bore_radius(moves, ends, is_inside=is_inside, outer_radius=radius)
+    name = f"bar:{2.0 * radius:g}x{length:g}"
+    if bore:
+        name = f"tube:{2.0 * radius:g}x{2.0 * bore:g}x{length:g}"
+    if face:
+        name += f"+{face:g}"
+    return shapely.box(-length, bore, face, radius), name
+
+
+class _Ends(NamedTuple):
+    """Start and end (columns) of moves (rows)."""
+
+    z: Values  # [mm]
+    radius: Values  # [mm]
+    reaches_axis: NDArray[np.bool_]  # of each move
+
+
+def _turning_moves(moves: Moves, kinds: Mapping[str, str]) -> list[Move]:
+    """Return the moves at feed that turn; if there are none, those that drill, or all moves."""
+    fed = [move for move in moves.moves if cuts(move) or move.kind == "thread"]
+    if not fed:
+        fed = list(moves.moves)
+    turned = [move for move in fed if not kinds[move.tool].startswith(DRILL)]
+    return turned or fed
+
+
+def _ends(turned: list[Move]) -> _Ends:
+    points = np.array([(move.path.start, move.path.end) for move in turned])
+    z = points[:, :, 0]
+    x = points[:, :, 1]
+
+    # A feed that comes from the reference point says nothing of the stock.
+    at_home = (x == HOME[1]) & (z == HOME[0])
+    z = np.where(at_home, 0.0, z)
+    x = np.where(at_home, 0.0, x)
+    touches_axis = abs(x).min(axis=1) < ON_AXIS
+    crosses_axis = x.prod(axis=1) < 0.0
+    radius = abs(x)
+
+    # A plunge begins in the air, so only its end counts, if there are other moves.
+    is_level = z[:, 0] == z[:, 1]
+    is_plunge = is_level & (z[:, 0] < 0.0) & (radius[:, 1] < radius[:, 0])
+    if not is_plunge.all():
+        radius[:, 0] = np.where(is_plunge, radius[:, 1], radius[:, 0])
+    return _Ends(z, radius, reaches_axis=touches_axis | crosses_axis)
+
+
+def _outer_radius(ends: _Ends) -> float:
+    """Return the radius of the bar [mm]."""
+    largest = ends.radius.max()
+    within_bar = ends.radius[ends.z < 0.0].max(initial=0.0)
+    radius = float(max(within_bar, largest - CLEARANCE, 0.5 * largest, 1.0))
+
+    # The first pass along Z cuts, too.
+    is_along = (ends.radius[:, 0] == ends.radius[:, 1]) & (ends.z[:, 1] < 0.0)
+    widest_pass = float(ends.radius[is_along, 1].max(initial=0.0))
+    if widest_pass >= radius:
+        radius = widest_pass + CLEARANCE
+    return radius
+
+
+def _bore_radius(
+    moves: Moves, ends: _Ends, is_inside: NDArray[np.bool_], outer_radius: float
+) -> float:
+    """Return the radius of the hole in which tools turn [mm]; 0 if none does."""
+    sides = moves.sides.values()
+    starts = [abs(side.start[1]) for side in sides if side.name == "inside"]
+    if starts:
+        return min(starts) % outer_radius
+    is_cut_inside = is_inside[:, np.newaxis] & (ends.z < 0.0)
+    smallest = float(ends.radius[is_cut_inside].min(initial=outer_radius))
+    if smallest >= outer_radius:
+        return 0.0
+    return max(smallest - CLEARANCE, 0.5 * smallest) % outer_radius

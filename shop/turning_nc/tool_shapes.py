@@ -1,12 +1,14 @@
 """Shapes of tools: the corners of inserts, grooving tools and drills, relative to their tips.
 
 A tool is a sharp convex insert whose tip follows the programmed path, as a control with tool radius
-compensation makes it. Its nose radius is neglected (assumption).
+compensation makes it. Its nose radius is neglected (assumption). ``kinds`` finds out which kind a
+tool is.
 """
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from turning_nc.kinds import DRILL, MAX_WIDTH, MIN_WIDTH
@@ -14,55 +16,93 @@ from turning_nc.paths import shifted
 from turning_nc.words import NcError
 from turning_shop import Values
 
-_EDGE = (
-    25.0  # length of the insert's edges [mm]; longer than a real one's, as the holder follows it
+# Length of an insert's edges [mm]. It is longer than a real one's, as the holder follows it.
+EDGE_LENGTH = 25.0
+DRILL_LENGTH = 1000.0  # [mm]
+
+
+@dataclass(frozen=True)
+class EdgeAngles:
+    """Angles of both edges of an insert from the Z axis [degrees]."""
+
+    first: float
+    second: float
+
+
+ANGLES = {
+    "outside": EdgeAngles(5.0, 85.0),
+    "copying": EdgeAngles(52.0, 87.0),
+    "neutral": EdgeAngles(72.5, 107.5),
+}
+"""Inserts with a corner of 80 degrees for turning and facing, of 35 degrees for other work."""
+KINDS = (
+    f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; "
+    "groove:WIDTH(-inside), drill:DIAMETER"
 )
-
-
-ANGLES = {"outside": (5.0, 85.0), "copying": (52.0, 87.0), "neutral": (72.5, 107.5)}
-"""Angles of an insert's edges from the Z axis [degrees]: corners of 80 degrees for turning and facing, of 35 for other work."""
-KINDS = f"{', '.join(ANGLES)}, also with -left and -inside; inside, left, left-inside; groove:WIDTH(-inside), drill:DIAMETER"
-
-
-def _insert(first: float, second: float, marks: Iterable[str]) -> Values:
-    """Return the corners of an insert with its tip at the origin: right-hand and for outside, if it is not marked otherwise."""
-    a, b = (
-        (_EDGE * math.cos(math.radians(angle)), _EDGE * math.sin(math.radians(angle)))
-        for angle in (first, second)
-    )
-    return np.array(((0.0, 0.0), a, shifted(a, b), b)) * (
-        -1.0 if "left" in marks else 1.0,
-        -1.0 if "inside" in marks else 1.0,
-    )
 
 
 def tool_shape(kind: str, slim: bool = False) -> Values | None:
     """Return the corners of a tool; None if it removes nothing, as a drill without a diameter.
 
-    The tip of a grooving tool is its left corner. ``slim`` gives an insert of 80 degrees the back of a copying one.
+    The tip of a grooving tool is its left corner.
+
+    Args:
+        kind: one of ``KINDS``.
+        slim: whether an insert of 80 degrees gets the back of a copying one.
+
+    Returns:
+        Z and radius relative to the tip [mm], shape (corners, 2).
 
     Raises:
         NcError: there is no such kind.
     """
-    shape, *marks = (
-        kind.split("-") if kind.split("-")[0] in ANGLES else ("outside", *kind.split("-"))
-    )
-    if set(marks) <= {"left", "inside"} and len(set(marks)) == len(marks):
-        first, second = ANGLES[shape]
-        return _insert(
-            ANGLES["copying"][0] if slim and shape == "outside" else first, second, marks
-        )
-    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
-    if kind != DRILL and (match is None or not MIN_WIDTH <= float(match[2]) <= MAX_WIDTH):
-        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
-    if match is None:
+    if kind == DRILL:
         return None
+    name, *marks = kind.split("-")
+    if name not in ANGLES:  # such as "left": an outside insert with that mark
+        marks = [name, *marks]
+        name = "outside"
+    is_marked_once = len(set(marks)) == len(marks)
+    if is_marked_once and set(marks) <= {"left", "inside"}:
+        angles = ANGLES[name]
+        if slim and name == "outside":
+            angles = EdgeAngles(first=ANGLES["copying"].first, second=angles.second)
+        return _insert(angles, marks)
+    match = re.fullmatch(r"(groove|drill):(\d+\.?\d*)(?:(?<=\d)(-inside))?", kind)
+    if match is None or not MIN_WIDTH <= float(match[2]) <= MAX_WIDTH:
+        raise NcError(f"{kind!r} is no kind of tool: {KINDS}, {MIN_WIDTH:g} to {MAX_WIDTH:g} mm")
     width = float(match[2])
-    if match[1] == DRILL:  # with a flat end
-        return np.array(
-            ((0.0, -width / 2.0), (1000.0, -width / 2.0), (1000.0, width / 2.0), (0.0, width / 2.0))
-        )
-    return np.array(((0.0, 0.0), (width, 0.0), (width, _EDGE), (0.0, _EDGE))) * (
-        1.0,
-        -1.0 if match[3] else 1.0,
+    if match[1] == DRILL:
+        return _drill(diameter=width)
+    return _grooving_tool(width, is_inside=match[3] is not None)
+
+
+def _insert(angles: EdgeAngles, marks: Sequence[str]) -> Values:
+    """Return the corners of an insert: right-hand and for outside unless marked otherwise."""
+    first = _edge_end(angles.first)
+    second = _edge_end(angles.second)
+    corners = np.array(((0.0, 0.0), first, shifted(first, second), second))
+    along = -1.0 if "left" in marks else 1.0
+    across = -1.0 if "inside" in marks else 1.0
+    return corners * (along, across)
+
+
+def _edge_end(angle: float) -> tuple[float, float]:
+    """Return where an edge ends that leaves the tip at an angle from the Z axis [degrees]."""
+    radians = math.radians(angle)
+    return EDGE_LENGTH * math.cos(radians), EDGE_LENGTH * math.sin(radians)
+
+
+def _drill(diameter: float) -> Values:
+    """Return the corners of a drill with a flat end."""
+    radius = diameter / 2.0
+    return np.array(
+        ((0.0, -radius), (DRILL_LENGTH, -radius), (DRILL_LENGTH, radius), (0.0, radius))
     )
+
+
+def _grooving_tool(width: float, is_inside: bool) -> Values:
+    """Return the corners of a grooving tool."""
+    corners = np.array(((0.0, 0.0), (width, 0.0), (width, EDGE_LENGTH), (0.0, EDGE_LENGTH)))
+    across = -1.0 if is_inside else 1.0
+    return corners * (1.0, across)
