@@ -1,4 +1,9 @@
-"""True hardness and allowance along a bar, and the passes of an action: the transition's own functions on separate records."""
+"""True hardness and allowance along a bar, and the passes of an action.
+
+They come from the transition's own functions, on separate records.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +19,13 @@ Array = NDArray[np.float64]
 
 
 @compiled_entry
-def read_fields(states, parameters, scratches, seed, episode, bar, places, hardness, depth):  # type: ignore[no-untyped-def]
-    """Set log hardness [-] and depth of cut [mm] at places along a bar [mm], all of shape (places,)."""
-    state, p, work = states[0], parameters[0], scratches[0].work
+def read_fields(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - compiled, so without objects
+    states, parameters, scratches, seed, episode, bar, places, hardness, depth
+):
+    """Set log hardness [-] and depth of cut [mm] at places along a bar [mm]; shape (places,)."""
+    state = states[0]
+    p = parameters[0]
+    work = scratches[0].work
     for first in range(0, places.shape[0], WIDTH):
         count = min(WIDTH, places.shape[0] - first)
         for i in range(count):
@@ -32,34 +41,62 @@ def read_fields(states, parameters, scratches, seed, episode, bar, places, hardn
             depth[first + i] = state.depth_of_cut[i]
 
 
+class BarMetal(NamedTuple):
+    """True properties of a bar at places along it."""
+
+    hardness: Array  # relative to nominal [-]
+    depth: Array  # allowance [mm], without the ripple of run-out
+
+
+class Pass(NamedTuple):
+    """A pass over a whole part."""
+
+    cutting_speed: float  # [m/min]
+    feed: float  # [mm/rev]
+    depth: float  # [mm]
+
+
 class Fields:
     """The bars of a scenario."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._records = block_records(scenario)
+        self._states, self._parameters, self._scratches = block_records(scenario)
 
-    def along(self, key: tuple[int, int], bar: int, places: Array) -> tuple[Array, Array]:
-        """Return relative hardness [-] and allowance [mm] at places along a bar [mm], without the ripple of run-out.
+    def along(self, key: tuple[int, int], bar: int, places: Array) -> BarMetal:
+        """Return hardness and allowance at places along a bar [mm].
 
         ``key`` is the seed and the number of the episode.
         """
-        hardness, depth = np.empty_like(places), np.empty_like(places)
-        seed, episode = (np.uint64(number) for number in key)
-        read_fields(*self._records, seed, episode, float(bar), places, hardness, depth)
-        return np.exp(hardness), depth
+        seed, episode = key
+        hardness = np.empty_like(places)
+        depth = np.empty_like(places)
+        read_fields(
+            self._states,
+            self._parameters,
+            self._scratches,
+            np.uint64(seed),
+            np.uint64(episode),
+            float(bar),
+            places,
+            hardness,
+            depth,
+        )
+        return BarMetal(np.exp(hardness), depth)
 
-    def passes(self, action: Array) -> list[tuple[float, float, float]]:
-        """Return cutting speed [m/min], feed [mm/rev] and depth [mm] of each pass that an action on a whole part names."""
-        (state,), (p,), (scratch,) = self._records
+    def passes(self, action: Array) -> list[Pass]:
+        """Return the passes that an action on a whole part names."""
+        state = self._states[0]
+        p = self._parameters[0]
+        scratch = self._scratches[0]
         start_part(state, scratch.work, 0, p, action)
         passes = []
         for number in range(scratch.work.passes[0]):
             start_pass(state, scratch.work, scratch.report, 0, p, action, number)
             passes.append(
-                (
-                    state.commanded_cutting_speed[0],
-                    state.commanded_feed[0],
-                    scratch.work.pass_depth[0],
+                Pass(
+                    cutting_speed=state.commanded_cutting_speed[0],
+                    feed=state.commanded_feed[0],
+                    depth=scratch.work.pass_depth[0],
                 )
             )
         return passes

@@ -3,9 +3,10 @@
 import numpy as np
 from PIL import Image, ImageDraw
 
-from turning_env.rendering.bar import BarView, LoadChart
+from turning_env.rendering.bar import BarView
 from turning_env.rendering.gauges import Gauges
 from turning_env.rendering.history import History
+from turning_env.rendering.load_chart import LoadChart
 from turning_env.rendering.maps import OperatingMap
 from turning_env.rendering.theme import (
     CARD,
@@ -24,61 +25,80 @@ from turning_env.rendering.theme import (
 )
 from turning_env.scenario import Scenario
 
-_BAR: Box = (16, 46, WIDTH - 16, 306)
-_GAUGES: Box = (16, 316, 436, HEIGHT - 12)
-_MAP: Box = (446, 316, WIDTH - 16, HEIGHT - 12)
-_HEADER = (16, 8)
+_BAR = Box(left=16, top=46, right=WIDTH - 16, bottom=306)
+_GAUGES = Box(left=16, top=316, right=436, bottom=HEIGHT - 12)
+_MAP = Box(left=446, top=316, right=WIDTH - 16, bottom=HEIGHT - 12)
+_HEADER = (16, 8)  # its left top corner
+_HEADER_HEIGHT = 34
+_TITLE_SIZE = 17
+_HEADER_SIZE = 14
 
 
 class Frame:
     """The picture of one environment under a title; only moving parts are redrawn."""
 
     def __init__(self, scenario: Scenario, title: str) -> None:
-        self.scenario, self._title = scenario, title
-        bar, chart, operating_map = (
-            BarView(scenario),
-            LoadChart(scenario),
-            OperatingMap(scenario, _MAP),
-        )
-        self._views = (bar, chart, Gauges(scenario, _GAUGES), operating_map)
-        image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+        self.scenario = scenario
+        self._title = title
+        self._bar = BarView(scenario)
+        self._chart = LoadChart(scenario)
+        self._gauges = Gauges(scenario, _GAUGES)
+        self._map = OperatingMap(scenario, _MAP)
+        background = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _GAUGES, _MAP):
-            left, top, right, bottom = box
-            ImageDraw.Draw(image).rounded_rectangle(
-                (left, top, right - 1, bottom - 1), 8, fill=CARD, outline=RULE
+            ImageDraw.Draw(background).rounded_rectangle(
+                (box.left, box.top, box.right - 1, box.bottom - 1),
+                radius=8,
+                fill=CARD,
+                outline=RULE,
             )
-        bar.draw_axes(image, _BAR)
-        chart.draw_axes(image, _BAR)
-        operating_map.draw_axes(image, _MAP)
-        self._pixels: Pixels = np.array(image)
+        self._bar.draw_axes(background, _BAR)
+        self._chart.draw_axes(background, _BAR)
+        self._map.draw_axes(background, _MAP)
+        self._pixels: Pixels = np.array(background)
 
     def draw(self, history: History) -> Pixels:
-        """Return a picture of the present state, the caller's own: uint8, shape (HEIGHT, WIDTH, 3)."""
+        """Return a new picture of the present state: uint8, shape (HEIGHT, WIDTH, 3)."""
         self._write_header(history)
-        for view in self._views:
-            view.draw(self._pixels, history)
+        self._bar.draw(self._pixels, history)
+        self._chart.draw(self._pixels, history)
+        self._gauges.draw(self._pixels, history)
+        self._map.draw(self._pixels, history)
         return self._pixels.copy()
 
     def _write_header(self, history: History) -> None:
-        scenario, workpiece = self.scenario, self.scenario.workpiece
-        image = Image.new("RGB", (WIDTH - 2 * _HEADER[0], 34), PAPER)
-        write(image, (0, 4), self._title, 17)
-        x = length(self._title, 17) + 16
-        bad = history.state in ("edge broken", "edge worn out")
-        number = (
-            f"{history.bar + 1} of {workpiece.bars}" if workpiece.bars else f"{history.bar + 1}"
+        image = Image.new("RGB", (WIDTH - 2 * _HEADER[0], _HEADER_HEIGHT), PAPER)
+        write(image, (0, 4), self._title, size=_TITLE_SIZE)
+        x = length(self._title, _TITLE_SIZE) + 16
+        failed = history.state in ("edge broken", "edge worn out")
+        colour = OVER if failed else INK
+        write(image, (x, 7), history.state, size=_HEADER_SIZE, colour=colour)
+        x = x + length(history.state, _HEADER_SIZE) + 14
+        write(image, (x, 7), self._bar_number(history), size=_HEADER_SIZE, colour=QUIET)
+        write(
+            image,
+            (image.width, 7),
+            "      ".join(self._sums(history)),
+            size=_HEADER_SIZE,
+            anchor="right",
         )
-        what = "part" if scenario.control.action == "part" else "bar"
-        write(image, (x, 7), history.state, 14, OVER if bad else INK)
-        write(image, (x + length(history.state, 14) + 14, 7), f"{what} {number}", 14, QUIET)
-        clock = (
-            f"{history.time:.1f} s"
-            if scenario.control.interval < 0.1
-            else f"{history.time / 60.0:.1f} min"
-        )
-        name = "profit" if scenario.control.edge_changes == "commanded" else "return"
-        sums = (
-            [f"{history.removed:.0f} cm3", f"{name} {history.total:.1f} s"] if history.whole else []
-        )  # otherwise not known
-        write(image, (image.width, 7), "      ".join([clock, *sums]), 14, INK, "right")
         put(self._pixels, image, _HEADER)
+
+    def _bar_number(self, history: History) -> str:
+        """Return the number of the bar or part, such as "bar 3 of 20"."""
+        kind = "part" if self.scenario.control.action == "part" else "bar"
+        number = f"{kind} {history.bar + 1}"
+        bars = self.scenario.workpiece.bars
+        return f"{number} of {bars}" if bars else number
+
+    def _sums(self, history: History) -> list[str]:
+        """Return the machine time and, if the whole episode was recorded, metal and return."""
+        control = self.scenario.control
+        if control.interval < 0.1:
+            clock = f"{history.time:.1f} s"
+        else:
+            clock = f"{history.time / 60.0:.1f} min"
+        if not history.whole:
+            return [clock]
+        name = "profit" if control.edge_changes == "commanded" else "return"
+        return [clock, f"{history.removed:.0f} cm3", f"{name} {history.total:.1f} s"]

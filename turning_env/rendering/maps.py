@@ -1,13 +1,13 @@
-"""The operating map: cutting speed and feed, their feasible region, and the machine's path through it.
+"""The operating map: cutting speed and feed, their feasible region, and the path of the commands.
 
-``OperatingMap`` shows contours of the metal removal rate, and the region that power, force and wear allow, which shrinks as the
-edge wears. Figures 3, 6, 7 and 10 of Alaskari and Oraby (2018) show the same at four moments. Both axes are logarithmic, so
-that contours and limits, which are power laws, are straight lines and the region is a polygon.
+``OperatingMap`` shows contours of the metal removal rate, and the region that power, force and wear
+allow, which shrinks as the edge wears. Figures 3, 6, 7 and 10 of Alaskari and Oraby (2018) show the
+same at four moments. Both axes are logarithmic, so that contours and limits, which are power laws,
+are straight lines and the region is a polygon.
 """
 
 import math
 from collections.abc import Sequence
-from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,14 +15,47 @@ from PIL import Image, ImageDraw
 
 from turning_env.physics.parts import MIN_DEPTH
 from turning_env.physics.spindle import idle_power_at
-from turning_env.rendering import theme as ui
-from turning_env.rendering.history import History
+from turning_env.rendering.history import History, Sample
+from turning_env.rendering.theme import (
+    ALLOWED,
+    CARD,
+    FAINT,
+    FORCE,
+    INK,
+    OVER,
+    POWER,
+    QUIET,
+    RULE,
+    SCALE,
+    SMALL,
+    SURFACE,
+    TITLE,
+    Box,
+    Colour,
+    KeyEntry,
+    Pixels,
+    Point,
+    Ruler,
+    draw_dot,
+    draw_key,
+    enlarged_sheet,
+    length,
+    log_ticks,
+    mixed,
+    put,
+    write,
+    write_note,
+    write_up,
+)
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 
 _TRAIL = 90  # past steps that the map shows
-_MARGIN = 20.0  # room around the machine's ranges, so that a point at their ends is seen whole [enlarged pixels]
-_CONTOUR: ui.Colour = (186, 191, 188)
+_SHADES = 12  # of the trail, darker towards the present
+_MARGIN = 20.0
+"""Room around the machine's ranges, so that a point at their ends is seen whole [enlarged
+pixels]."""
+_CONTOUR: Colour = (186, 191, 188)
 _RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # of contours [cm3/min]
 
 
@@ -33,255 +66,331 @@ class HalfPlane(NamedTuple):
     feed: float
     room: float
 
+    def excess(self, point: Point) -> float:
+        """Return how far a point (log vc, log f) lies beyond the limit; negative within."""
+        log_speed, log_feed = point
+        return self.cutting_speed * log_speed + self.feed * log_feed - self.room
+
 
 class Cut(NamedTuple):
-    """A cut: depth of cut [mm], relative hardness [-] and flank wear [mm]."""
+    """The metal and the edge that cuts it."""
 
-    depth: float
-    hardness: float
-    wear: float
+    depth: float  # depth of cut [mm]
+    hardness: float  # relative hardness [-]
+    wear: float  # flank wear [mm]
+
+
+class Limit(NamedTuple):
+    """A limit and its colour."""
+
+    half_plane: HalfPlane
+    colour: Colour
+
+
+class Clipped(NamedTuple):
+    """A convex polygon that was clipped at a line."""
+
+    corners: list[Point]
+    crossings: list[Point]  # corners on the line, two or none
+
+
+class Contour(NamedTuple):
+    """A line of one removal rate."""
+
+    ends: list[Point]
+    text: str
 
 
 def bound(law: PowerLaw, limit: float, cut: Cut) -> HalfPlane:
     """Return the half-plane in which a response does not exceed a limit, in its unit."""
-    rest = float(law(1.0, 1.0, cut.depth, 1.0, cut.wear, cut.hardness))
-    return HalfPlane(law.cutting_speed, law.feed, math.log(limit / rest))
+    response = float(law(1.0, 1.0, cut.depth, time=1.0, wear=cut.wear, hardness=cut.hardness))
+    return HalfPlane(law.cutting_speed, law.feed, room=math.log(limit / response))
 
 
 def wear_bound(
     scenario: Scenario, cut: Cut, wear_factor: float, used_life: float, cutting_time: float
 ) -> HalfPlane:
-    """Return the half-plane in which the edge outlasts the next step; see ``turning_env.physics.wear``.
+    """Return the half-plane in which the edge outlasts the next step; see ``physics/wear.py``.
 
-    ``cutting_time`` of the edge is in min.
+    Args:
+        scenario: scenario with the wear law.
+        cut: the metal that is cut.
+        wear_factor: wear of the insert over that of the law [-].
+        used_life: used share of the edge's life [-].
+        cutting_time: cutting time of the edge [min].
     """
-    law, criterion, minutes = (
-        scenario.material.wear,
-        scenario.tool.wear_criterion,
-        scenario.control.interval / 60.0,
-    )
+    law = scenario.material.wear
+    criterion = scenario.tool.wear_criterion
+    minutes = scenario.control.interval / 60.0
     if scenario.tool.wear_rule == "equivalent_time":
-        left = max(1.0 - used_life, 1e-9)
-        limit = criterion * (left / minutes) ** law.time
+        # W = K t^n reaches the criterion in the step if K is larger than this limit.
+        life_left = max(1.0 - used_life, 1e-9)
+        limit = criterion * (life_left / minutes) ** law.time
     else:
-        left = max(criterion * (1.0 - used_life**law.time), 1e-9)
-        limit = left / ((cutting_time + minutes) ** law.time - cutting_time**law.time)
-    return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, 1.0))
+        wear_left = max(criterion * (1.0 - used_life**law.time), 1e-9)
+        end = cutting_time + minutes
+        limit = wear_left / (end**law.time - cutting_time**law.time)
+    return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, wear=1.0))
 
 
-def clip(corners: Sequence[ui.Point], limit: HalfPlane) -> tuple[list[ui.Point], list[ui.Point]]:
-    """Return the corners of a convex polygon clipped at a limit, and those on its line (Sutherland and Hodgman 1974)."""
-    kept: list[ui.Point] = []
-    crossings: list[ui.Point] = []
-    for before, after in zip([*corners[-1:], *corners[:-1]], corners, strict=True):
-        ours, theirs = (
-            limit.cutting_speed * x + limit.feed * y - limit.room for x, y in (before, after)
-        )  # negative within
-        if (ours <= 0.0) != (theirs <= 0.0):
-            share = ours / (ours - theirs)
-            crossings.append(
-                (
-                    before[0] + share * (after[0] - before[0]),
-                    before[1] + share * (after[1] - before[1]),
-                )
-            )
-            kept.append(crossings[-1])
-        if theirs <= 0.0:
-            kept.append(after)
-    return kept, crossings
+def clip(corners: Sequence[Point], limit: HalfPlane) -> Clipped:
+    """Return a convex polygon clipped at a limit (Sutherland and Hodgman 1974)."""
+    clipped = Clipped([], [])
+    for before, after in pairwise([*corners[-1:], *corners]):
+        excess_before = limit.excess(before)
+        excess_after = limit.excess(after)
+        if (excess_before <= 0.0) != (excess_after <= 0.0):
+            share = excess_before / (excess_before - excess_after)
+            crossing = _between(before, after, share)
+            clipped.crossings.append(crossing)
+            clipped.corners.append(crossing)
+        if excess_after <= 0.0:
+            clipped.corners.append(after)
+    return clipped
+
+
+def _between(start: Point, end: Point, share: float) -> Point:
+    """Return the point at a share of the way from one point to another."""
+    x = start[0] + share * (end[0] - start[0])
+    y = start[1] + share * (end[1] - start[1])
+    return x, y
 
 
 class OperatingMap:
     """The map of a scenario."""
 
-    def __init__(self, scenario: Scenario, box: ui.Box) -> None:
+    def __init__(self, scenario: Scenario, box: Box) -> None:
         self._scenario = scenario
-        self._box = (box[0] + 58, box[1] + 34, box[2] - 16, box[3] - 74)
-        machine = scenario.machine
-        self._ends = [
-            tuple(math.log(getattr(machine, f"{name}_{end}")) for end in ("min", "max"))
-            for name in ("cutting_speed", "feed")
-        ]
-        (slow, fast), (fine, coarse) = self._ends
-        self._corners: list[ui.Point] = [(slow, fine), (fast, fine), (fast, coarse), (slow, coarse)]
-        left, top, right, bottom = self._box
-        self._across = ui.Ruler(slow, fast, _MARGIN, ui.SCALE * (right - left) - 1.0 - _MARGIN)
-        self._up = ui.Ruler(fine, coarse, ui.SCALE * (bottom - top) - 1.0 - _MARGIN, _MARGIN)
-        self._sheet = ui.enlarged(Image.new("RGB", (right - left, bottom - top), ui.CARD))
-        ends = [*self._pixels(self._corners), self._pixels(self._corners)[0]]
-        ImageDraw.Draw(self._sheet).line(ends, fill=ui.RULE, width=2)
-        self._depth = scenario.workpiece.depth_of_cut
-        lines = (
-            (clip(self._corners, HalfPlane(1.0, 1.0, math.log(rate / self._depth)))[1], f"{rate}")
-            for rate in _RATES
+        self._nominal_depth = scenario.workpiece.depth_of_cut
+        self._box = Box(
+            left=box.left + 58,
+            top=box.top + 34,
+            right=box.right - 16,
+            bottom=box.bottom - 74,
         )
-        self._contours = [(line, text) for line, text in lines if len(line) == 2]
+        width = self._box.right - self._box.left
+        height = self._box.bottom - self._box.top
+        machine = scenario.machine
+        slow = math.log(machine.cutting_speed_min)
+        fast = math.log(machine.cutting_speed_max)
+        fine = math.log(machine.feed_min)
+        coarse = math.log(machine.feed_max)
+        self._across = Ruler(
+            start=slow,
+            end=fast,
+            first=_MARGIN,
+            last=SCALE * width - 1.0 - _MARGIN,
+        )
+        self._up = Ruler(
+            start=fine,
+            end=coarse,
+            first=SCALE * height - 1.0 - _MARGIN,
+            last=_MARGIN,
+        )
+        self._corners: list[Point] = [(slow, fine), (fast, fine), (fast, coarse), (slow, coarse)]
+        self._contours = self._removal_rate_contours()
+        self._sheet = enlarged_sheet(width, height)
+        self._draw_outline(ImageDraw.Draw(self._sheet), self._corners, colour=RULE)
 
-    def draw_axes(self, image: Image.Image, box: ui.Box) -> None:
+    def _removal_rate_contours(self) -> list[Contour]:
+        """Return the lines of round removal rates at the nominal depth that cross the map."""
+        contours = []
+        for rate in _RATES:
+            # The removal rate is speed times feed times depth.
+            half_plane = HalfPlane(1.0, 1.0, room=math.log(rate / self._nominal_depth))
+            ends = clip(self._corners, half_plane).crossings
+            if len(ends) == 2:
+                contours.append(Contour(ends, f"{rate}"))
+        return contours
+
+    def draw_axes(self, image: Image.Image, box: Box) -> None:
         """Draw scales, titles and the key."""
         left, top, right, bottom = self._box
+        write(image, (box.left + 12, box.top + 8), "operating map", size=TITLE)
+        note = "feed over cutting speed, log scales"
+        write_note(image, (right, box.top + 11), note, anchor="right")
+        write_up(image, (box.left + 8, 0.5 * (top + bottom)), "feed [mm/rev]")
+        place = (0.5 * (left + right), bottom + 19)
+        write_note(image, place, "cutting speed [m/min]", anchor="middle")
+
         draw = ImageDraw.Draw(image)
-        ui.write(image, (box[0] + 12, box[1] + 8), "operating map", 15)
-        ui.write_up(image, (box[0] + 8, 0.5 * (top + bottom)), "feed [mm/rev]")
-        ui.write(
-            image,
-            (right, box[1] + 11),
-            "feed over cutting speed, log scales",
-            11,
-            ui.QUIET,
-            "right",
-        )
-        for tick in ui.log_ticks(*(math.exp(end) for end in self._ends[0])):
-            x = left + self._across(math.log(tick)) / ui.SCALE
-            draw.line((x, bottom, x, bottom + 4), fill=ui.FAINT)
-            ui.write(image, (x, bottom + 5), f"{tick:g}", 11, ui.QUIET, "middle")
-        for tick in ui.log_ticks(*(math.exp(end) for end in self._ends[1])):
-            y = top + self._up(math.log(tick)) / ui.SCALE
-            draw.line((left - 4, y, left, y), fill=ui.FAINT)
-            ui.write(image, (left - 8, y - 8), f"{tick:g}", 11, ui.QUIET, "right")
-        ui.write(
-            image,
-            (0.5 * (left + right), bottom + 19),
-            "cutting speed [m/min]",
-            11,
-            ui.QUIET,
-            "middle",
-        )
-        limits, aim = self._scenario.limits, self._scenario.control.aim
-        entries = [
-            ("allowed now", ui.mixed(ui.ALLOWED, 0.3), 11),
-            (f"power limit {limits.power:.4g} kW", ui.POWER, 3),
+        for tick in log_ticks(math.exp(self._across.start), math.exp(self._across.end)):
+            x = left + self._across(math.log(tick)) / SCALE
+            draw.line((x, bottom, x, bottom + 4), fill=FAINT)
+            write_note(image, (x, bottom + 5), f"{tick:g}", anchor="middle")
+        for tick in log_ticks(math.exp(self._up.start), math.exp(self._up.end)):
+            y = top + self._up(math.log(tick)) / SCALE
+            draw.line((left - 4, y, left, y), fill=FAINT)
+            write_note(image, (left - 8, y - 8), f"{tick:g}", anchor="right")
+        self._draw_keys(image)
+        draw.rectangle((left - 1, top - 1, right, bottom), outline=FAINT)
+
+    def _draw_keys(self, image: Image.Image) -> None:
+        limits = self._scenario.limits
+        control = self._scenario.control
+        surface = "reference Ra" if control.aim == "roughness" else "wear limit"
+        of_limits = [
+            KeyEntry("allowed now", mixed(ALLOWED, 0.3), height=11),
+            KeyEntry(f"power limit {limits.power:.4g} kW", POWER, height=3),
+            KeyEntry(f"force limit {limits.thrust_force:.4g} N", FORCE, height=3),
+            KeyEntry(surface, SURFACE, height=3),
         ]
-        purple = "reference Ra" if aim == "roughness" else "wear limit"
-        entries += [
-            (f"force limit {limits.thrust_force:.4g} N", ui.FORCE, 3),
-            (purple, ui.SURFACE, 3),
+        if control.action == "part":
+            points = KeyEntry("dark: last part's passes", INK, height=7)
+        else:
+            points = KeyEntry(f"last {_TRAIL} steps; ring: command", INK, height=2)
+        of_others = [
+            KeyEntry("allowed by nominal model", QUIET, height=1),
+            KeyEntry("MRR [cm3/min]", _CONTOUR, height=1),
+            points,
         ]
-        ui.draw_key(image, (left - 46, bottom + 36), entries, 14)
-        parts = self._scenario.control.action == "part"
-        points = "dark: last part's passes" if parts else f"last {_TRAIL} steps; ring: command"
-        entries = [
-            ("allowed by nominal model", ui.QUIET, 1),
-            ("MRR [cm3/min]", _CONTOUR, 1),
-            (points, ui.INK, 7 if parts else 2),
-        ]
-        ui.draw_key(image, (left - 46, bottom + 52), entries, 14)
-        draw.rectangle((left - 1, top - 1, right, bottom), outline=ui.FAINT)
+        left = self._box.left - 46
+        draw_key(image, (left, self._box.bottom + 36), of_limits)
+        draw_key(image, (left, self._box.bottom + 52), of_others)
 
     def _limits(
         self, cut: Cut, wear_factor: float, used_life: float, now: dict[str, float]
-    ) -> list[tuple[HalfPlane, ui.Colour]]:
-        """Return the limits at the present speed and cutting time, with their colours."""
-        material, limits, base_speed = (
-            self._scenario.material,
-            self._scenario.limits,
-            self._scenario.base_cutting_speed,
-        )
-        bounds = [
-            (
-                bound(
-                    material.power,
-                    limits.power - idle_power_at(self._scenario, now["cutting_speed"]),
+    ) -> list[Limit]:
+        """Return the limits at the present speed and cutting time."""
+        scenario = self._scenario
+        material = scenario.material
+        base_speed = scenario.base_cutting_speed
+        power = scenario.limits.power - idle_power_at(scenario, now["cutting_speed"])
+        limits = [
+            Limit(bound(material.power, power, cut), POWER),
+            Limit(bound(material.thrust_force, scenario.limits.thrust_force, cut), FORCE),
+            Limit(
+                wear_bound(
+                    scenario,
                     cut,
+                    wear_factor=wear_factor,
+                    used_life=used_life,
+                    cutting_time=now["cutting_time"],
                 ),
-                ui.POWER,
-            ),
-            (bound(material.thrust_force, limits.thrust_force, cut), ui.FORCE),
-            (
-                wear_bound(self._scenario, cut, wear_factor, used_life, now["cutting_time"]),
-                ui.SURFACE,
+                SURFACE,
             ),
         ]
-        if base_speed > 0.0:  # the torque, which is power over speed
-            power = bound(
-                material.power, limits.power / base_speed - idle_power_at(self._scenario, 1.0), cut
-            )
-            bounds.append((power._replace(cutting_speed=power.cutting_speed - 1.0), ui.POWER))
-        return bounds
+        if base_speed > 0.0:
+            # Below the base speed the torque is limited, which is power over speed.
+            torque = scenario.limits.power / base_speed - idle_power_at(scenario, 1.0)
+            half_plane = bound(material.power, torque, cut)
+            half_plane = half_plane._replace(cutting_speed=half_plane.cutting_speed - 1.0)
+            limits.append(Limit(half_plane, POWER))
+        return limits
 
-    def _region(self, limits: list[tuple[HalfPlane, ui.Colour]]) -> list[ui.Point]:
-        """Return the corners of what limits leave of the machine's ranges, none if nothing remains."""
-        return reduce(lambda left, limit: clip(left, limit[0])[0], limits, self._corners)
+    def _reference_line(self, cut: Cut, now: dict[str, float]) -> Limit:
+        """Return the line on which the force gives the reference of roughness."""
+        surface = self._scenario.surface
+        # Ra = a exp(b F)
+        force = (
+            math.log(now["roughness_reference"] / surface.roughness_at_no_force)
+            / surface.roughness_rate
+        )
+        return Limit(bound(self._scenario.material.thrust_force, force, cut), SURFACE)
 
-    def _pixels(self, points: list[ui.Point]) -> list[tuple[float, float]]:
+    def _region(self, limits: list[Limit]) -> list[Point]:
+        """Return the corners of the part of the machine's ranges within the limits, or none."""
+        corners = self._corners
+        for limit in limits:
+            corners = clip(corners, limit.half_plane).corners
+        return corners
+
+    def _pixels(self, points: Sequence[Point]) -> list[Point]:
         return [(self._across(speed), self._up(feed)) for speed, feed in points]
 
-    def draw(self, frame: ui.Pixels, history: History) -> None:
+    def _draw_outline(
+        self, draw: ImageDraw.ImageDraw, corners: list[Point], colour: Colour
+    ) -> None:
+        outline = self._pixels([*corners, corners[0]])
+        draw.line(outline, fill=colour, width=2)
+
+    def draw(self, frame: Pixels, history: History) -> None:
         """Draw the region that is allowed in the metal cut last, and the trail."""
-        now, surface = history.now, self._scenario.surface
-        image = self._sheet.copy()
-        draw = ImageDraw.Draw(image)
-        cut = Cut(
-            max(history.passes[-1][2], MIN_DEPTH) if history.passes else history.depth,
-            history.hardness,
-            history.wear,
-        )
-        limits = self._limits(cut, now["wear_factor"], now["used_life"], now)
+        now = history.now
+        sheet = self._sheet.copy()
+        draw = ImageDraw.Draw(sheet)
+        depth = history.depth
+        if history.passes:
+            depth = max(history.passes[-1].depth, MIN_DEPTH)
+        cut = Cut(depth, history.hardness, history.wear)
+        limits = self._limits(cut, now["wear_factor"], used_life=now["used_life"], now=now)
         allowed = self._region(limits)
         if len(allowed) > 2:
-            draw.polygon(self._pixels(allowed), fill=ui.mixed(ui.ALLOWED, 0.22))
-        for line, _ in self._contours:
-            draw.line(self._pixels(line), fill=_CONTOUR, width=2)
-        nominal = Cut(self._depth, 1.0, history.nominal_wear)
-        believed = self._region(self._limits(nominal, 1.0, history.nominal_used_life, now))
-        if len(believed) > 2:
-            outline = self._pixels(believed)
-            draw.line([*outline, outline[0]], fill=ui.mixed(ui.QUIET, 0.75), width=2)
+            draw.polygon(self._pixels(allowed), fill=mixed(ALLOWED, 0.22))
+        for contour in self._contours:
+            draw.line(self._pixels(contour.ends), fill=_CONTOUR, width=2)
+        self._draw_nominal_region(draw, history)
         if self._scenario.control.aim == "roughness":
-            force = (
-                math.log(now["roughness_reference"] / surface.roughness_at_no_force)
-                / surface.roughness_rate
-            )
-            limits.append((bound(self._scenario.material.thrust_force, force, cut), ui.SURFACE))
-        for limit, colour in limits:
-            if len(ends := clip(self._corners, limit)[1]) == 2:
-                draw.line(self._pixels(ends), fill=colour, width=5)
-        self._draw_trail(draw, history)
-        image = image.reduce(ui.SCALE)
-        for line, text in self._contours:  # at its upper end, inside the map
-            upper, lower = sorted(line, key=lambda point: -point[1])
-            x = self._across(upper[0] + 0.04 * (lower[0] - upper[0])) / ui.SCALE
-            y = self._up(upper[1] + 0.04 * (lower[1] - upper[1])) / ui.SCALE
-            ui.write(
-                image,
-                (min(x + 3, image.width - ui.length(text, 11) - 3), y - 3),
-                text,
-                11,
-                ui.QUIET,
-            )
-        if len(allowed) < 3:
-            ui.write(
+            limits.append(self._reference_line(cut, now))
+        for limit in limits:
+            ends = clip(self._corners, limit.half_plane).crossings
+            if len(ends) == 2:
+                draw.line(self._pixels(ends), fill=limit.colour, width=5)
+        if self._scenario.control.action == "part":
+            self._draw_parts(draw, history)
+        else:
+            self._draw_trail(draw, history)
+        image = sheet.reduce(SCALE)
+        self._write_rates(image)
+        if len(allowed) <= 2:
+            write(
                 image,
                 (image.width / 2, image.height / 2),
                 "no speed and feed keeps all limits",
-                13,
-                ui.OVER,
-                "middle",
+                colour=OVER,
+                anchor="middle",
             )
-        ui.put(frame, image, (self._box[0], self._box[1]))
+        put(frame, image, (self._box.left, self._box.top))
+
+    def _draw_nominal_region(self, draw: ImageDraw.ImageDraw, history: History) -> None:
+        """Draw the outline of the region that is allowed by the nominal model."""
+        cut = Cut(self._nominal_depth, hardness=1.0, wear=history.nominal_wear)
+        limits = self._limits(
+            cut, wear_factor=1.0, used_life=history.nominal_used_life, now=history.now
+        )
+        region = self._region(limits)
+        if len(region) > 2:
+            self._draw_outline(draw, region, colour=mixed(QUIET, 0.75))
+
+    def _write_rates(self, image: Image.Image) -> None:
+        """Write the removal rate of each contour at its upper end, inside the map."""
+        for contour in self._contours:
+            upper, lower = sorted(contour.ends, key=lambda point: -point[1])
+            ((x, y),) = self._pixels([_between(upper, lower, 0.04)])
+            rightmost = image.width - length(contour.text, SMALL) - 3
+            place = (min(x / SCALE + 3, rightmost), y / SCALE - 3)
+            write_note(image, place, contour.text)
+
+    def _draw_parts(self, draw: ImageDraw.ImageDraw, history: History) -> None:
+        """Draw a point for each of the last parts, and the passes of the last one."""
+        for point in self._trail(history)[:-1]:
+            draw_dot(draw, point, radius=5, fill=mixed(INK, 0.25))
+        for cut in history.passes:
+            (point,) = self._pixels([(math.log(cut.cutting_speed), math.log(cut.feed))])
+            _draw_marker(draw, point)
 
     def _draw_trail(self, draw: ImageDraw.ImageDraw, history: History) -> None:
-        trail = list(history.samples)[-_TRAIL:]
-        points = self._pixels(
-            [(math.log(sample.cutting_speed), math.log(sample.feed)) for sample in trail]
+        """Draw speed and feed of the last steps, and a ring at the command."""
+        points = self._trail(history)
+        for number, ends in enumerate(pairwise(points)):
+            shade = _SHADES * number // len(points)
+            draw.line(ends, fill=mixed(INK, 0.1 + 0.05 * shade), width=3)
+        command = (
+            math.log(history.now["commanded_cutting_speed"]),
+            math.log(history.now["commanded_feed"]),
         )
-        if self._scenario.control.action == "part":
-            for x, y in points[:-1]:
-                draw.ellipse((x - 5, y - 5, x + 5, y + 5), fill=ui.mixed(ui.INK, 0.25))
-            marked = self._pixels(
-                [(math.log(speed), math.log(feed)) for speed, feed, _ in history.passes]
-            )
-        else:
-            for number, ends in enumerate(pairwise(points)):
-                draw.line(
-                    ends, fill=ui.mixed(ui.INK, 0.1 + 0.05 * (12 * number // len(points))), width=3
-                )
-            command = (
-                math.log(history.now["commanded_cutting_speed"]),
-                math.log(history.now["commanded_feed"]),
-            )
-            ((x, y),) = self._pixels([command])
-            draw.ellipse((x - 12, y - 12, x + 12, y + 12), outline=ui.INK, width=3)
-            marked = points[-1:]
-        for x, y in marked:
-            draw.ellipse((x - 9, y - 9, x + 9, y + 9), fill=ui.INK, outline=ui.CARD, width=2)
+        (ring,) = self._pixels([command])
+        draw_dot(draw, ring, radius=12, outline=INK, width=3)
+        for point in points[-1:]:
+            _draw_marker(draw, point)
+
+    def _trail(self, history: History) -> list[Point]:
+        """Return the pixels of the last steps or parts."""
+        samples: list[Sample] = list(history.samples)[-_TRAIL:]
+        return self._pixels(
+            [(math.log(sample.cutting_speed), math.log(sample.feed)) for sample in samples]
+        )
+
+
+def _draw_marker(draw: ImageDraw.ImageDraw, point: Point) -> None:
+    draw_dot(draw, point, radius=9, fill=INK, outline=CARD, width=2)
