@@ -10,7 +10,7 @@ from pathlib import Path
 import gymnasium
 
 from turning_env import FAMILY_ID, IDS, score
-from turning_env.console import Mistake, described, exits, print_json
+from turning_env.console import UserError, described, exits, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scoring.sandbox import LIMITS
@@ -125,7 +125,7 @@ def _score(options: argparse.Namespace) -> int:
             options.policy, options.env, options.seeds, family=options.family, limits=limits
         )
     except (TypeError, ValueError) as error:
-        raise Mistake(f"{options.policy}: {error}") from error
+        raise UserError(f"{options.policy}: {error}") from error
     if options.json:
         print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
     else:
@@ -159,7 +159,7 @@ def _warm_up(_: argparse.Namespace) -> int:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
     if not folders:
-        raise Mistake(
+        raise UserError(
             "no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write"
         )
     print("set NUMBA_CACHE_DIR to use another folder")

@@ -21,11 +21,11 @@ from pydantic_core import to_json
 from turning_env.extras import missing
 
 
-class Mistake(ValueError):
+class UserError(ValueError):
     """A user's mistake. The message names the fault and the allowed values."""
 
 
-DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, USER_ERROR, INTERRUPTED = 0, 1, 2, 130
 
 _P = ParamSpec("_P")
 
@@ -97,11 +97,11 @@ def exits(
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
     """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
 
-    ``mistakes`` are a user's, printed as ``error: ...``, beside Mistake, OSError and the ModuleNotFoundError of an optional
+    ``mistakes`` are a user's, printed as ``error: ...``, beside UserError, OSError and the ModuleNotFoundError of an optional
     package. If the user interrupts, ``interrupted`` tells what is kept, and how to continue. ``checks``: whether the status is
     the result of a check; if the reader of the output leaves early, it is then 1, otherwise 0.
     """
-    caught: tuple[type[Exception], ...] = (*mistakes, Mistake, OSError, ModuleNotFoundError)
+    caught: tuple[type[Exception], ...] = (*mistakes, UserError, OSError, ModuleNotFoundError)
 
     def decorated(command: Callable[_P, int]) -> Callable[_P, int]:
         @functools.wraps(command)
@@ -125,7 +125,7 @@ def exits(
                 # Some messages list their items on lines of their own.
                 lines = [printable(line) for line in message.split("\n")]
                 print("error:", "\n".join(lines), file=sys.stderr)
-            return MISTAKE
+            return USER_ERROR
 
         return run
 

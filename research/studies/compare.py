@@ -37,7 +37,7 @@ from train.export import export
 from train.run import HYPERPARAMETERS, Run, hyperparameters, trained_on
 from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
-from turning_env.console import Mistake, described, exits
+from turning_env.console import UserError, described, exits
 from turning_env.files import digest_of, replace_file
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
@@ -135,21 +135,21 @@ class Study(BaseModel):
 
     @classmethod
     def read(cls, name: str) -> Self:
-        """Return the study of a name or of a TOML file. Raise Mistake if there is no such study, or it cannot be read."""
+        """Return the study of a name or of a TOML file. Raise UserError if there is no such study, or it cannot be read."""
         path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
         if not path.is_file():
-            raise Mistake(
+            raise UserError(
                 f"NAME is {name!r}, but must be one of {', '.join(STUDIES)}, or a TOML file"
             )
         try:
             return cls.model_validate(tomllib.loads(path.read_text("utf-8")))
         except ValidationError as error:
             first = error.errors()[0]
-            raise Mistake(
+            raise UserError(
                 f"{path}: {' '.join([*map(str, first['loc']), *first['msg'].split()])}"
             ) from error
         except ValueError as error:
-            raise Mistake(f"{path}: {error}") from error
+            raise UserError(f"{path}: {error}") from error
 
     def variant(self, name: str) -> Variant:
         """Return a variant with the fields of the one that it is like."""

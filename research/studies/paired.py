@@ -18,17 +18,17 @@ from leaderboard.result import RESULTS, read_results, result_folder
 from leaderboard.standings import LARGEST
 from leaderboard.table import markdown
 from turning_env import FAMILY_ID
-from turning_env.console import Mistake, described, exits
+from turning_env.console import UserError, described, exits
 from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 
 def returns_of(policy: str, folder: Path) -> Floats:
-    """Return a policy's returns, shape (training seeds, jobs). Mistake if the folder has none; says which policies it has."""
+    """Return a policy's returns, shape (training seeds, jobs). UserError if the folder has none; says which policies it has."""
     results = read_results(folder).values()
     found = [result.episodes["return"] for result in results if result.policy.title == policy]
     if not found:
         titles = sorted({result.policy.title for result in results})
-        raise Mistake(f"{folder} has no policy {policy!r}; it has {', '.join(titles) or 'none'}")
+        raise UserError(f"{folder} has no policy {policy!r}; it has {', '.join(titles) or 'none'}")
     return np.array(found)
 
 

@@ -35,7 +35,7 @@ from tqdm import tqdm
 
 from turning_env import FAMILY_ID, IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-from turning_env.console import Mistake, described, exits
+from turning_env.console import UserError, described, exits
 
 MAIN = "RoughTurning-v0"
 NUM_ENVS = 1024  # number of environments of a batch, unless stated
@@ -331,7 +331,7 @@ def against(other: Path, repeats: int, seconds: float) -> list[str]:
                 process.stdin.write("\n")
                 rates.append([float(rate) for rate in process.stdout.readline().split()])
             if not all(rates):
-                raise Mistake(f"--against {other}: {MAIN} cannot be timed in both checkouts")
+                raise UserError(f"--against {other}: {MAIN} cannot be timed in both checkouts")
             turns.append([ours / theirs for ours, theirs in zip(*rates, strict=True)])
     names = f"one {MAIN}", f"{NUM_ENVS} environments"
     return [
@@ -363,7 +363,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("--repeats must be at least 1, and --seconds above 0")
     if options.against is not None:
         if not (options.against / "turning_env").is_dir():
-            raise Mistake(f"--against {options.against}: there is no folder turning_env")
+            raise UserError(f"--against {options.against}: there is no folder turning_env")
         print(*against(options.against, options.repeats, options.seconds), sep="\n")
         return 0
     cases, remarks = runnable_cases(

@@ -28,7 +28,7 @@ from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 
 from turning_env import IDS
-from turning_env.console import Mistake, described, exits, number_within, print_json
+from turning_env.console import UserError, described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
 TASKS = [
@@ -200,7 +200,7 @@ def _attack(options: argparse.Namespace) -> int:
         min(options.candidates, options.generations, options.episodes, options.worst) < 1
         or options.held_out < 0
     ):
-        raise Mistake(
+        raise UserError(
             "--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more"
         )
     LOG.setLevel(logging.ERROR)  # hand-overs are counted

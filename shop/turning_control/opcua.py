@@ -52,7 +52,7 @@ def drive(
     """Read, decide and command once per control interval [s] until ``runs`` returns false; then leave the safe feed.
 
     ``url`` is the server's, such as ``opc.tcp://127.0.0.1:4840``, and ``nodes`` the file that names the nodes. OSError if the
-    connection cannot be made, or is lost; Mistake if the server offers no connection that fits ``security``.
+    connection cannot be made, or is lost; UserError if the server offers no connection that fits ``security``.
     """
     from asyncua import ua
     from asyncua.ua.attribute_ids import AttributeIds

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from turning_env.console import Mistake
+from turning_env.console import UserError
 
 Mode = Literal["None", "Sign", "SignAndEncrypt"]
 MODES: tuple[Mode, ...] = get_args(Mode)  # the safest last
@@ -52,17 +52,19 @@ class Security:
 
     def __post_init__(self) -> None:
         if (self.certificate is None) != (self.key is None):
-            raise Mistake(
+            raise UserError(
                 "a certificate and its private key belong together: give both, or neither"
             )
         if self.policy == "None" and self.mode in ("Sign", "SignAndEncrypt"):
-            raise Mistake(f"mode {self.mode} needs a security policy other than None")
+            raise UserError(f"mode {self.mode} needs a security policy other than None")
         if self.policy not in (None, "None") and self.mode == "None":
-            raise Mistake(f"security policy {self.policy} needs the mode Sign or SignAndEncrypt")
+            raise UserError(f"security policy {self.policy} needs the mode Sign or SignAndEncrypt")
         if self.policy not in (None, "None") and self.certificate is None:
-            raise Mistake(f"security policy {self.policy} needs a certificate and its private key")
+            raise UserError(
+                f"security policy {self.policy} needs a certificate and its private key"
+            )
         if self.policy == "None" and self.server_certificate is not None:
-            raise Mistake(
+            raise UserError(
                 "without a security policy, nothing proves the server's certificate: leave one of both out"
             )
 
@@ -92,7 +94,7 @@ def read_password(user: str | None, file: Path | None) -> str | None:
         return os.environ[PASSWORD]
     if sys.stdin.isatty():
         return getpass.getpass(f"Password of {user}: ", stream=sys.stderr)
-    raise Mistake(
+    raise UserError(
         f"the password of {user} is missing: give --password-file FILE, or set {PASSWORD}"
     )
 
@@ -136,7 +138,7 @@ def _name(policy_uri: str) -> str:
 
 
 def chosen(offers: Sequence[Offer], given: Security) -> Offer:
-    """Return the safest offer that fits what is given, or raise Mistake with the server's offers."""
+    """Return the safest offer that fits what is given, or raise UserError with the server's offers."""
     fitting = [offer for offer in offers if _why_not(offer, given) is None]
     if fitting:
         return max(
@@ -145,7 +147,7 @@ def chosen(offers: Sequence[Offer], given: Security) -> Offer:
     reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers] or [
         "nothing that this program knows"
     ]
-    raise Mistake(f"no offer of the server fits what is given; it offers {'; '.join(reasons)}")
+    raise UserError(f"no offer of the server fits what is given; it offers {'; '.join(reasons)}")
 
 
 def _why_not(offer: Offer, given: Security) -> str | None:
@@ -207,7 +209,7 @@ def notice(offer: Offer, given: Security) -> str:
 def connected(url: str, timeout: float, given: Security) -> Iterator[Any]:
     """Yield asyncua's client, connected by the safest offer that fits, and say on standard error what is not protected.
 
-    Mistake if nothing fits; OSError if the connection cannot be made, is refused or is lost.
+    UserError if nothing fits; OSError if the connection cannot be made, is refused or is lost.
     """
     from asyncua.sync import Client
     from asyncua.ua.uaerrors import UaError
@@ -245,7 +247,7 @@ def _check_server(offer: Offer, given: Security) -> None:
 
 
 def _certificate(path: Path) -> Any:
-    """Return the certificate in a PEM or DER file; Mistake if there is none."""
+    """Return the certificate in a PEM or DER file; UserError if there is none."""
     from cryptography import x509
 
     content = path.read_bytes()
@@ -256,11 +258,11 @@ def _certificate(path: Path) -> Any:
             else x509.load_der_x509_certificate(content)
         )
     except ValueError as error:
-        raise Mistake(f"{path} holds no certificate in PEM or DER: {error}") from error
+        raise UserError(f"{path} holds no certificate in PEM or DER: {error}") from error
 
 
 def _private_key(path: Path, password: str | None) -> bytes:
-    """Return the private key in a PEM or DER file, as PEM without a password; Mistake if there is none."""
+    """Return the private key in a PEM or DER file, as PEM without a password; UserError if there is none."""
     from cryptography.hazmat.primitives import serialization
 
     content = path.read_bytes()
@@ -274,7 +276,7 @@ def _private_key(path: Path, password: str | None) -> bytes:
         ValueError,
         TypeError,
     ) as error:  # TypeError: a password is missing, or one is given in vain
-        raise Mistake(
+        raise UserError(
             f"{path} holds no private key that can be read ({KEY_PASSWORD} holds its password): {error}"
         ) from error
     return key.private_bytes(

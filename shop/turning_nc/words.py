@@ -16,7 +16,7 @@ from turning_nc.dialects import NUMBER, Dialect, dialect_of, foreign_sign, with_
 from turning_nc.expression import MAX_SHOWN, parse
 from turning_shop import regular_file
 
-from turning_env.console import Mistake
+from turning_env.console import UserError
 
 MAX_BYTES, MAX_LINES = 10_000_000, 200_000
 MAX_CHARACTERS = 1000  # of a line; the longest block of a control has some hundred
@@ -38,7 +38,7 @@ _UPPER = {ord(letter): letter.upper() for letter in string.ascii_lowercase}
 Span = tuple[int, int]  # a place in the program's text: its begin and its end
 
 
-class NcError(Mistake):
+class NcError(UserError):
     """A program that cannot be read, played or written. The message names the line or block, and the reason."""
 
 

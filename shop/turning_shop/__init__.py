@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from turning_env.console import Mistake
+from turning_env.console import UserError
 
 Values = NDArray[np.float64]
 """An array of numbers."""
 
 
-class WorkshopError(Mistake):
+class WorkshopError(UserError):
     """Invalid input of a workshop tool. The message names the fault and the allowed values."""
 
 

@@ -19,7 +19,7 @@ from turning_control.opcua_security import PASSWORD, Security
 
 from tests.walking import until
 from turning_env import Scenario
-from turning_env.console import Mistake
+from turning_env.console import UserError
 from turning_env.scoring.adapt import as_factory
 
 STEADY = {
@@ -255,7 +255,7 @@ def test_a_guarded_server_is_driven_with_user_and_certificate_only(
             guarded.security(user=None),
             guarded.security(policy="Aes256Sha256RsaPss"),
         ):
-            with pytest.raises(Mistake, match="Basic256Sha256, mode SignAndEncrypt"):
+            with pytest.raises(UserError, match="Basic256Sha256, mode SignAndEncrypt"):
                 driven(url, nodes, lacking)
         with pytest.raises(OSError, match="another certificate"):
             driven(url, nodes, guarded.security(server_certificate=guarded.other_certificate))
@@ -280,9 +280,9 @@ def test_a_certificate_is_never_given_up_for_an_open_connection(
 ) -> None:
     url, nodes, _ = served
     guarded = Guarded(tmp_path)
-    with pytest.raises(Mistake, match="not protected"):
+    with pytest.raises(UserError, match="not protected"):
         driven(url, nodes, guarded.security(user=None, server_certificate=None))
-    with pytest.raises(Mistake, match="password unencrypted"):
+    with pytest.raises(UserError, match="password unencrypted"):
         driven(url, nodes, Security(user="turner", password="secret"))
     capsys.readouterr()
     driven(url, nodes, Security(user="turner", password="secret", policy="None"))
@@ -300,7 +300,7 @@ def test_what_does_not_belong_together_is_a_mistake(
         {"policy": "None", "mode": "Sign"},
         {"policy": "None", "server_certificate": path},
     ):
-        with pytest.raises(Mistake):
+        with pytest.raises(UserError):
             Security(**given)  # type: ignore[arg-type]
     monkeypatch.delenv(PASSWORD, raising=False)
     options = [
