@@ -107,7 +107,7 @@ def _run(options: argparse.Namespace) -> None:
             start_results(each.folder, each.task)
         try:
             run.play_all(runs, options.fresh, over, replace=options.replace)
-        except run.PoliciesFailed as error:
+        except run.PoliciesFailedError as error:
             failed += error.reasons
     try:
         leaderboards = read_leaderboards(options.results, {each.folder: each.task for each in runs})

@@ -1,9 +1,13 @@
-"""Tasks on families: each seed plays another job. Controllers are built from its nominal model; an agent plays all jobs."""
+"""Tasks on families of jobs: each seed plays another job.
+
+Controllers are built from each job's nominal model; an agent plays all jobs. How a family draws its
+jobs belongs to ``turning_env.scenario.family``.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,101 +37,137 @@ from turning_env.scoring.policy import (
     ScenarioId,
 )
 
-NOMINAL_OPTIMUM, CAUSAL = "fixed_nominal_optimum", "causal"
-"""Names of the policies that score 0 and 1 on a family; the latter is the oracle, on all tasks."""
+NOMINAL_OPTIMUM = "fixed_nominal_optimum"  # scores 0 on a family
+CAUSAL = "causal"  # the oracle on all tasks; scores 1 on a family
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
-"""The policies that play if none are named, if they are told more than usual or forget."""
+"""The policies that play if none are named, if they know more than usual or forget."""
 POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)  # the policies that play if none are named
 BATCH = 64  # jobs that are played together
 CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
-_RIGHT = {"nominal": None, "true_wear": "material.wear.", "true_forms": FORMS, "true_laws": ""}
-"""Prefixes of the fields whose true values are known, by ``PolicySpec.knows``."""
+
+Knowledge = Literal["nominal", "true_wear", "true_forms", "true_laws"]
+"""Model from which controllers are built: see ``PolicySpec.knows``."""
+Prefixes = str | tuple[str, ...]
+"""Beginning of the dotted names of fields, or one of several beginnings."""
+
+_TRUE_FIELDS: dict[str, Prefixes] = {
+    "true_wear": "material.wear.",
+    "true_forms": FORMS,
+    "true_laws": "",
+}
+"""Fields whose true values are known, by ``PolicySpec.knows``; all names begin with the empty
+text."""
 
 
 def family_task(source: str | Path | Family, split: str | None, count: int) -> Task:
-    """Return the task on the first jobs of a split, by default ``unseen_jobs``, else ``train``; ResultError if it has fewer."""
+    """Return the task on the first ``count`` jobs of a split.
+
+    Without a split it is ``unseen_jobs``, or ``train`` if the family has no such split. Raise
+    ResultError if the family has no split of this name, or the split has fewer jobs.
+    """
     family = Family.load(source)
-    split = split or ("unseen_jobs" if "unseen_jobs" in family.splits else "train")
+    if not split:
+        split = "unseen_jobs" if "unseen_jobs" in family.splits else "train"
     if split not in family.splits:
         raise ResultError(
             f"family {family.name!r} has no split {split!r}; it has {', '.join(family.splits)}"
         )
-    jobs = family.jobs if split == "train" else family.held_out_jobs
-    if count > jobs:
+    num_jobs = family.jobs if split == "train" else family.held_out_jobs
+    if count > num_jobs:
         raise ResultError(
-            f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has {jobs} jobs"
+            f"{count} seeds asked for, but the split {split!r} of family {family.name!r} has "
+            f"{num_jobs} jobs"
         )
     limits = {"overload_allowance": family.job(0).scenario.limits.overload_allowance}
+    shared_values = {"base": family.base, "name": f"{family.name}-{split}", "limits": limits}
     identity = ScenarioId(name=family.name, digest=family.digest())
     return Task(
         env_id=FAMILY_ID,
-        scenario=Scenario.load(
-            {"base": family.base, "name": f"{family.name}-{split}", "limits": limits}
-        ),
+        scenario=Scenario.load(shared_values),
         seeds=list(range(count)),
         of_family=FamilySplit(family=identity, split=split, loaded=family),
     )
 
 
 def family_of(task: Task) -> Family:
-    """Return a task's family; ResultError if the task was read from a file, and the present family has other values."""
-    part = task.of_family
-    assert part is not None
+    """Return a task's family.
+
+    Raise ResultError if the task was read from a file, and the present family has other values.
+    """
+    part = _part_of(task)
     if part.loaded is not None:
         return part.loaded
     try:
         family = Family.load(part.family.name)
-        if family_task(family, part.split, len(task.seeds)).digest == task.digest:
-            return family
+        present = family_task(family, part.split, len(task.seeds))
     except ValueError as error:
         raise ResultError(f"cannot be played again: {error}") from error
-    raise ResultError(f"is not of the present family {part.family.name!r}: values differ")
+    if present.digest != task.digest:
+        raise ResultError(f"is not of the present family {part.family.name!r}: values differ")
+    return family
 
 
-def rule(name: str, task: Task, knows: str = "nominal", forgets: bool = False) -> PolicySpec:
-    """Return a controller, tuned on the family or its base, or the oracle, as it plays a family; ValueError if it cannot."""
+def _part_of(task: Task) -> FamilySplit:
+    """Return the family and the split of a task on a family."""
+    assert task.of_family is not None
+    return task.of_family
+
+
+def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = False) -> PolicySpec:
+    """Return a controller, tuned on the family or its base, or the oracle, as it plays a family.
+
+    Raise ValueError if it cannot play, or does not come in this variant.
+    """
     family = family_of(task)
-    first, own = family.job(0).scenario, tuned.on_family(family, name)
+    job = family.job(0)
+    parameters = tuned.on_family(family, name)
     if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):
         raise ValueError(f"{name} has no variants")
     if name == NOMINAL_OPTIMUM:
-        found = PolicySpec(name=NOMINAL_OPTIMUM)
+        policy = PolicySpec(name=NOMINAL_OPTIMUM)
     elif name == CAUSAL:
-        found = PolicySpec(name=CAUSAL, version=VERSION, kind="oracle")
+        policy = PolicySpec(name=CAUSAL, version=VERSION, kind="oracle")
     else:
-        found = spec(name, first, Scenario.load(family.base), own, [family.job(0).numbers])
-    right = "" if name == CAUSAL else _RIGHT[knows]
+        policy = spec(
+            name,
+            job.scenario,
+            tuned_on=Scenario.load(family.base),
+            own=parameters,
+            numbers=[job.numbers],
+        )
+    known_family = family
+    if name == CAUSAL:
+        known_family = Truthful.of(family)
+    elif knows != "nominal":
+        known_family = Truthful.of(family, _TRUE_FIELDS[knows])
     plays = FamilyPlay(
-        family if right is None else Truthful.of(family, right), _split(task), name, forgets, own
+        known_family,
+        _part_of(task).split,
+        policy=name,
+        forgets=forgets,
+        parameters=parameters,
     )
-    kind = found.kind if knows == "nominal" else "oracle"
-    return found.model_copy(
-        update={"knows": knows, "forgets": forgets, "kind": kind, "compute": plays}
-    )
+    # A controller that knows more than others is no policy to compare with.
+    kind = policy.kind if knows == "nominal" else "oracle"
+    changes = {"knows": knows, "forgets": forgets, "kind": kind, "compute": plays}
+    return policy.model_copy(update=changes)
 
 
-def agent(found: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
+def agent(policy: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
     """Return an agent, or a policy of one's own code, as it plays a family's task."""
-    plays = FamilyPlay(family_of(task), _split(task), found, forgets)
-    return found.model_copy(update={"forgets": forgets, "compute": plays})
-
-
-def _split(task: Task) -> str:
-    assert task.of_family is not None
-    return task.of_family.split
+    plays = FamilyPlay(family_of(task), _part_of(task).split, policy=policy, forgets=forgets)
+    return policy.model_copy(update={"forgets": forgets, "compute": plays})
 
 
 class Truthful(Family):
-    """A family whose nominal models are right in some fields; its jobs are otherwise the same."""
+    """A family whose nominal models are true in some fields; its jobs are otherwise the same."""
 
-    right: str | tuple[str, ...] = (
-        ""  # how the dotted names of these fields begin, or one of several beginnings
-    )
+    true_fields: Prefixes = ""  # beginnings of the dotted names of these fields
 
     @classmethod
-    def of(cls, family: Family, right: str | tuple[str, ...] = "") -> "Truthful":
-        """Return a family with nominal models that are right in the fields whose dotted names begin so, or one of these ways."""
-        return cls.model_validate(family.model_dump() | {"right": right})
+    def of(cls, family: Family, true_fields: Prefixes = "") -> "Truthful":
+        """Return a family with nominal models that are true in the fields with these prefixes."""
+        return cls.model_validate(family.model_dump() | {"true_fields": true_fields})
 
     def __reduce__(self) -> Any:
         """Pickle the family without its jobs."""
@@ -135,9 +175,10 @@ class Truthful(Family):
 
     def draw_numbers(self, split: str, numbers: NDArray[np.uint64]) -> DrawnJobs:
         jobs = super().draw_numbers(split, numbers)
-        fields = {}
-        for name, value in jobs.nominal_fields.items():
-            fields[name] = jobs.true_fields[name] if name.startswith(self.right) else value
+        fields = dict(jobs.nominal_fields)
+        for name in fields:
+            if name.startswith(self.true_fields):
+                fields[name] = jobs.true_fields[name]
         nominal = self.batch_of(fields, len(numbers))
         plan = plan_of(nominal)
         shown = {name: jobs.features[name] for name in self.shown}
@@ -158,80 +199,115 @@ class FamilyPlay:
     split: str
     policy: str | PolicySpec  # a controller's name, or an agent that plays all jobs
     forgets: bool
-    own: Parameters = field(
-        default_factory=dict
-    )  # parameters that a controller has on this family alone
+    # Parameters that a controller has on this family alone.
+    parameters: Parameters = field(default_factory=dict)
 
     @property
     def context(self) -> Context:
-        """Return the context of the observations: controllers are built from the nominal models, agents are told them."""
+        """Return the context of the observations.
+
+        Controllers are built from the nominal models, so only agents need the context.
+        """
         return "hidden" if isinstance(self.policy, str) else "told"
 
     def make(self, jobs: Sequence[Job]) -> PolicyFactory:
-        """Return what makes the policy that plays these jobs, one in each environment; most controllers play one."""
+        """Return the factory of the policy that plays these jobs, one in each environment.
+
+        Most controllers play one job at a time.
+        """
+        make = self._make(jobs)
+        if not self.forgets:
+            return make
+        return lambda num_envs: Forgetful(make(num_envs))
+
+    def _make(self, jobs: Sequence[Job]) -> PolicyFactory:
         scenarios = [job.scenario for job in jobs]
-        make: PolicyFactory
-        if not isinstance(self.policy, str):
-            make = informed(self.policy, scenarios)
-        elif self.policy == NOMINAL_OPTIMUM:
-            make = lambda num_envs: FixedNominalOptimum(jobs)  # noqa: E731
-        elif self.policy == CAUSAL:
-            make = lambda num_envs: PerfectState(scenarios, num_envs)  # noqa: E731
-        else:
-            base = Scenario.load(self.family.base)
-            played = scenarios if RULES[self.policy].together else scenarios[0]
-            make = spec(self.policy, played, base, self.own, [job.numbers for job in jobs]).make
-        return (lambda num_envs: Forgetful(make(num_envs))) if self.forgets else make
+        if isinstance(self.policy, PolicySpec):
+            return informed(self.policy, scenarios)
+        if self.policy == NOMINAL_OPTIMUM:
+            return lambda num_envs: FixedNominalOptimum(jobs)
+        if self.policy == CAUSAL:
+            return lambda num_envs: PerfectState(scenarios, num_envs)
+        controller = spec(
+            self.policy,
+            scenarios if RULES[self.policy].together else scenarios[0],
+            tuned_on=Scenario.load(self.family.base),
+            own=self.parameters,
+            numbers=[job.numbers for job in jobs],
+        )
+        return controller.make
 
     def __call__(
         self, scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]
     ) -> Episodes:
-        if (
-            isinstance(self.policy, str)
-            and self.policy in RULES
-            and not RULES[self.policy].together
-        ):
-            played = []
-            for seed in seeds:
-                job = self.family.job(seed, self.split)
-                played.append(play(self.make([job]), job.scenario, [seed]))
-                on_step(len(played))
-            return {name: np.concatenate([each[name] for each in played]) for name in played[0]}
+        """Play one episode per seed; see ``turning_env.scoring.play.play``."""
+        rule = RULES.get(self.policy) if isinstance(self.policy, str) else None
+        if rule is not None and not rule.together:
+            return self._play_alone(seeds, on_step)
         return self._play_together(seeds, on_step)
 
+    def _play_alone(self, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+        """Play one job after the other."""
+        played = []
+        for seed in seeds:
+            job = self.family.job(seed, self.split)
+            played.append(play(self.make([job]), job.scenario, [seed]))
+            on_step(len(played))
+        return {name: np.concatenate([episodes[name] for episodes in played]) for name in played[0]}
+
     def _play_together(self, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-        """Play episodes in batches of jobs that last about as long, so that none waits for much longer ones."""
+        """Play episodes in batches of jobs."""
         jobs = [self.family.job(seed, self.split) for seed in seeds]
-        order = np.argsort([job.scenario.control.time_limit for job in jobs], kind="stable")
         episodes = {name: np.empty(len(seeds)) for name in EPISODE_FIELDS}
-        for first in range(0, len(seeds), BATCH):
-            places = order[first : first + BATCH].tolist()
+        # The jobs of a batch last about as long, so that none waits for much longer ones.
+        by_length = np.argsort([job.scenario.control.time_limit for job in jobs], kind="stable")
+        for start in range(0, len(seeds), BATCH):
+            batch = by_length[start : start + BATCH].tolist()
             played = play_family(
                 self.family,
                 self.split,
-                [seeds[place] for place in places],
-                self.make([jobs[place] for place in places]),
-                self.context,
-                lambda ended, before=first: on_step(before + ended),  # type: ignore[misc]
+                seeds=[seeds[index] for index in batch],
+                make_policy=self.make([jobs[index] for index in batch]),
+                context=self.context,
+                on_step=_after(start, on_step),
                 tell=self.policy == CAUSAL,
             )
             for name in EPISODE_FIELDS:
-                episodes[name][places] = played[name]
+                episodes[name][batch] = played[name]
         return episodes
 
 
+def _after(played_before: int, on_step: Callable[[int], None]) -> Callable[[int], None]:
+    """Return a callback that reports the episodes of a batch on top of those played before."""
+
+    def on_step_of_batch(ended: int) -> None:
+        on_step(played_before + ended)
+
+    return on_step_of_batch
+
+
 class FixedNominalOptimum(Policy):
-    """The nominal model's best set point of each job on a half-worn edge; edges are changed by nominal wear."""
+    """The nominal model's best set point of each job on a half-worn edge.
+
+    Edges are changed by nominal wear.
+    """
 
     def __init__(self, jobs: Sequence[Job]) -> None:
         self._scenarios: Any = ScenarioBatch.of([job.scenario for job in jobs])
-        self._speeds, self._feeds = np.array([[job.cutting_speed, job.feed] for job in jobs]).T
+        self._cutting_speeds = np.array([job.cutting_speed for job in jobs])
+        self._feeds = np.array([job.feed for job in jobs])
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""
         reading = read(observations, self._scenarios)
         change = reading.nominal_wear >= CHANGE_WEAR * self._scenarios.tool.wear_criterion
-        return towards(reading, self._scenarios, self._speeds, self._feeds, change)
+        return towards(
+            reading,
+            self._scenarios,
+            cutting_speed=self._cutting_speeds,
+            feed=self._feeds,
+            change_edge=change,
+        )
 
 
 class Forgetful(Policy):
@@ -248,6 +324,7 @@ class Forgetful(Policy):
     def act(self, observations: Observations) -> Actions:
         """Return the policy's actions, shape (num_envs, 3)."""
         wear = observations[:, OBS.nominal_wear]
+        # Nominal wear falls only when the edge is changed.
         if self._wear.size:
             self._policy.reset(wear < self._wear)
         self._wear = wear.copy()

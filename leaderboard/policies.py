@@ -1,4 +1,8 @@
-"""The policies that play a task: controllers and oracles by name, agents' files, and one's own code."""
+"""The policies that play a task: controllers and oracles by name, agents' files, one's own code.
+
+How agents play a family's jobs belongs to ``leaderboard.family``, and what names submitted agents
+have to ``leaderboard.submissions``.
+"""
 
 import hashlib
 import os
@@ -15,7 +19,7 @@ import numpy as np
 from baselines import catalogue, tuned
 from baselines.oracles import clairvoyant, perfect_state
 from leaderboard import family
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
+from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Knowledge
 from leaderboard.notices import notify_once
 from leaderboard.result import ResultError, Task
 from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
@@ -27,27 +31,33 @@ from turning_env.batch.driver import observation_space
 from turning_env.console import printable
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
-from turning_env.scoring.policy import PolicySpec, ScenarioId
+from turning_env.scoring.policy import Policy, PolicySpec, ScenarioId
 
 CLAIRVOYANT = "clairvoyant"  # name of the bound
 AGENTS = Path(__file__).parents[1] / "agents"
 """Agents that come with the project: one's own stand beside them under names of their own."""
 SUMS = "SHA256SUMS"
-"""File in the folder of agents that lists those of all training seeds; only one seed of each need be there."""
+"""File in the folder of agents that lists those of all training seeds.
+
+Only one seed of each agent need be there.
+"""
+RUN_FILE = "run.json"  # in the folder of a training of one's own
 
 
 def agent_files(folder: Path) -> dict[str, Path]:
-    """Return the agents' files in a folder and those below it, by their SHA-256; also those of ``SUMS`` that are not there."""
+    """Return the agents' files in a folder and those below it, by their SHA-256.
+
+    Files that ``SUMS`` lists are among them, even if they are not there.
+    """
+    files = {}
     sums = folder / SUMS
-    listed = (
-        line.split(maxsplit=1)
-        for line in (sums.read_text("utf-8").splitlines() if sums.exists() else ())
-    )
-    found = {
-        hashlib.sha256(path.read_bytes()).hexdigest(): path
-        for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}"))
-    }
-    return {digest: folder / place for digest, place in listed} | found
+    if sums.exists():
+        for line in sums.read_text("utf-8").splitlines():
+            digest, place = line.split(maxsplit=1)
+            files[digest] = folder / place
+    for path in sorted(folder.rglob(f"*{ONNX_SUFFIX}")):
+        files[hashlib.sha256(path.read_bytes()).hexdigest()] = path
+    return files
 
 
 @cache
@@ -70,38 +80,40 @@ def is_code(policy: PolicySpec) -> bool:
 
 def oracles(scenario: Scenario) -> list[PolicySpec]:
     """Return the clairvoyant bound and the causal oracle of a scenario, as far as they cover it."""
-
-    def bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
-        """Return the bound on each return; all other fields are 0, as no lathe can play it."""
-        played = count(1)
-        returns = clairvoyant.bounds(scenario, seeds, on_seed=lambda: on_step(next(played)))
-        return {name: np.zeros(len(seeds)) for name in EPISODE_FIELDS} | {"return": returns}
-
     known = []
     if clairvoyant.covers(scenario):
+        grid = clairvoyant.GRID._asdict()
         known.append(
             PolicySpec(
                 name=CLAIRVOYANT,
                 kind="oracle",
                 description="bound: every bar known beforehand, nothing lags or breaks",
-                parameters={
-                    name: float(value) for name, value in clairvoyant.GRID._asdict().items()
-                },
-                compute=bound,
+                parameters={name: float(value) for name, value in grid.items()},
+                compute=_bound,
             )
         )
     if perfect_state.covers(scenario):
-        nominal = scenario.nominal()  # of the mismatch it knows what every policy knows: nothing
+        # It knows the state, but of the model mismatch no more than every policy.
+        nominal = scenario.nominal()
         known.append(
             PolicySpec(
                 name=CAUSAL,
                 version=perfect_state.VERSION,
                 kind="oracle",
-                description="the optimiser with foresight, told the true depth, hardness and wear after every step",
+                description="the optimiser with foresight, told the true depth, hardness and wear "
+                "after every step",
                 make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),
             )
         )
     return known
+
+
+def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:
+    """Return the bound on each return; all other fields are 0, as no lathe can play it."""
+    computed = count(1)
+    returns = clairvoyant.bounds(scenario, seeds, on_seed=lambda: on_step(next(computed)))
+    episodes = {name: np.zeros(len(seeds)) for name in EPISODE_FIELDS}
+    return episodes | {"return": returns}
 
 
 def named(
@@ -109,60 +121,78 @@ def named(
     task: Task,
     tuned_on: Scenario | None = None,
     skip: bool = False,
-    knows: str = "nominal",
+    knows: Knowledge = "nominal",
     forgets: bool = False,
 ) -> list[PolicySpec]:
     """Return controllers and oracles that play a task by name.
 
     Args:
-        names: their names; None: all, of a family ``leaderboard.family.POLICIES``.
-        task: what they play.
-        tuned_on: the scenario that the controllers are tuned for; None: the one that they play. A family's are tuned on its base.
-        skip: whether to leave out controllers that are not tuned, with a word on standard error.
+        names: their names. None: all; on a family, ``leaderboard.family.POLICIES``.
+        task: the task that they play.
+        tuned_on: the scenario that the controllers are tuned for; None: the one that they play. A
+            family's are tuned on its base.
+        skip: whether to leave out controllers that are not tuned, with a notice on stderr.
         knows: see ``PolicySpec``; of families only.
-        forgets: likewise.
+        forgets: see ``PolicySpec``; of families only.
 
     Raises:
-        ResultError: there is none of that name (says which there are), or it is not tuned for the scenario.
+        ResultError: there is none of that name (the message lists the names), or it is not tuned
+            for the scenario.
     """
-    if task.of_family:
-        known = [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, CAUSAL]
-        default: Sequence[str] = family.VARIED if forgets or knows != "nominal" else family.POLICIES
-    else:
-        default = known = [
-            *catalogue.names(task.scenario),
-            *(each.name for each in oracles(task.scenario)),
-        ]
-    if unknown := sorted(set(names or ()) - set(known)):
+    known = _known_names(task)
+    unknown = sorted(set(names or ()) - set(known))
+    if unknown:
         raise ResultError(f"no policy is called {', '.join(unknown)}; there are {', '.join(known)}")
-    specs, untuned, home = [], [], tuned_on or task.scenario
-    for name in dict.fromkeys(default if names is None else names):
+    if names is None:
+        names = known
+        if task.of_family:
+            is_variant = forgets or knows != "nominal"
+            names = family.VARIED if is_variant else family.POLICIES
+
+    specs = []
+    untuned = []
+    for name in dict.fromkeys(names):
         try:
-            specs.append(one_named(name, task, tuned_on, knows, forgets))
+            specs.append(one_named(name, task, tuned_on, knows=knows, forgets=forgets))
         except ResultError as error:
-            if not (skip and isinstance(error.__cause__, tuned.NotTuned)):
+            if not skip or not isinstance(error.__cause__, tuned.NotTuned):
                 raise
             untuned.append(name)
     if untuned:
+        home = tuned_on or task.scenario
         notify_once(
-            f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; `{tuned.command(home)}` tunes them"
+            f"skipped, as not tuned for scenario {home.name!r}: {', '.join(untuned)}; "
+            f"`{tuned.command(home)}` tunes them"
         )
     return specs
+
+
+def _known_names(task: Task) -> list[str]:
+    """Return the names of all controllers and oracles that can play a task."""
+    if task.of_family:
+        return [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, CAUSAL]
+    names = catalogue.names(task.scenario)
+    return names + [oracle.name for oracle in oracles(task.scenario)]
 
 
 def one_named(
     name: str,
     task: Task,
     tuned_on: Scenario | None = None,
-    knows: str = "nominal",
+    knows: Knowledge = "nominal",
     forgets: bool = False,
 ) -> PolicySpec:
-    """Return a controller or an oracle, see ``named``; ResultError if it cannot play or is not tuned (from ``NotTuned``)."""
+    """Return a controller or an oracle; see ``named``.
+
+    Raise ResultError if it cannot play. Its cause is ``NotTuned`` if it is not tuned.
+    """
     try:
         if task.of_family:
-            return family.rule(name, task, knows, forgets)
-        known = {oracle.name: oracle for oracle in oracles(task.scenario)}
-        return known[name] if name in known else catalogue.spec(name, task.scenario, tuned_on)
+            return family.rule(name, task, knows=knows, forgets=forgets)
+        for oracle in oracles(task.scenario):
+            if oracle.name == name:
+                return oracle
+        return catalogue.spec(name, task.scenario, tuned_on)
     except (KeyError, ValueError) as error:
         raise ResultError(f"{name} cannot play: {error.args[0]}") from error
 
@@ -180,87 +210,98 @@ def agents(
     refused: Refusals | None = None,
     forgets: bool = False,
 ) -> list[PolicySpec]:
-    """Return the trained agents of ONNX files, which may come from anywhere, and of one's own training runs' folders.
+    """Return the trained agents of ONNX files, and of one's own training runs' folders.
 
-    Those that do not come with the project are named after their files: see ``leaderboard.submissions``.
+    Files may come from anywhere. Those that do not come with the project are named after their
+    files: see ``leaderboard.submissions``.
 
     Args:
         paths: files and folders.
-        task: what they play.
+        task: the task that they play.
         name: the name of those that do not come with the project; None: that of their files.
-        keep: whether they may have the name of an agent that comes with the project; else ``my_`` is put before it.
-        seconds: processor time that the agent of a file may use for all episodes [s]; None: ``train.agents.onnx_policy.LIMITS``.
-        refused: agents that are left out; those that cannot play, for whatever reason, are added. None: raise the first reason.
+        keep: whether they may have the name of an agent that comes with the project; else
+            ``my_`` is put before it.
+        seconds: processor time that the agent of a file may use for all episodes [s]; None:
+            ``train.agents.onnx_policy.LIMITS``.
+        refused: agents that are left out; those that cannot play, for whatever reason, are added.
+            None: raise the first reason.
         forgets: see ``PolicySpec``; of families only.
 
     Raises:
-        ResultError: a path holds no agent, or one that cannot play the task; two have the same name and training seed; the name
-            is that of another policy.
+        ResultError: a path holds no agent, or one that cannot play the task; two have the same
+            name and training seed; the name is that of another policy.
     """
     loaded = []
     for path in {os.path.abspath(path): path for path in paths}.values():
-        if path in (refused or {}):
+        if refused is not None and path in refused:
             continue
         try:
             spec = fitted(agent(path, seconds), task, forgets)
-            loaded.append(Submission(path=path, policy=_submitted(spec, path, name, keep)))
-        except ModuleNotFoundError:  # a package is not installed: the fault of no agent
-            raise
-        except (
-            Exception
-        ) as error:  # a stranger's file may lead to any error, and must not stop the others
+            policy = _under_own_name(spec, path, given=name, keep=keep)
+            loaded.append(Submission(path=path, policy=policy))
+        except ModuleNotFoundError:
+            raise  # a package is not installed, which is the fault of no agent
+        except Exception as error:
+            # A stranger's file may lead to any error, and must not stop the others.
             if refused is None and not isinstance(error, OSError | ValueError):
                 raise
-            _refuse(
-                path,
-                f"no agent can be loaded from {printable(str(path))}: {reason_of(error)}",
-                refused,
-                error,
-            )
+            reason = f"no agent can be loaded from {printable(str(path))}: {reason_of(error)}"
+            _refuse(path, reason, refused, error=error)
     return _distinct(loaded, name, refused)
 
 
-def _submitted(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
+def _under_own_name(spec: PolicySpec, path: Path, given: str | None, keep: bool) -> PolicySpec:
     """Return an agent under its name on the leaderboard; ValueError if it cannot have one."""
     if not is_own(spec):
         return spec
-    if (path / "run.json").exists():  # a training of one's own, which has named itself
-        found, seed = spec.name, spec.training_seed or 0
+    if (path / RUN_FILE).exists():  # a training of one's own, which has named itself
+        name = spec.name
+        seed = spec.training_seed or 0
     else:
         file = FileName.of(path, given)
-        found, seed = file.name, file.seed
-    return renamed(spec, (given or found) if keep else _own_name(path, found, given), seed)
+        name = file.name
+        seed = file.seed
+    if not keep:
+        name = _own_name(path, name, given)
+    elif given:
+        name = given
+    return renamed(spec, name, seed)
 
 
 def _distinct(
     loaded: Sequence[Submission], name: str | None, refused: Refusals | None
 ) -> list[PolicySpec]:
-    """Return agents of different labels: those of one name get that of their folder before it; refuse what is still the same."""
+    """Return agents of different labels.
+
+    Agents of one name get that of their folder before it. Those that still have the same are
+    refused but the first.
+    """
     clashing = clashing_names(loaded) if name is None else set()
-    specs: dict[str, Submission] = {}
+    by_label: dict[str, Submission] = {}
     for submission in loaded:
-        policy = submission.policy
         try:
-            if policy.name in clashing and is_own(policy):
+            if submission.policy.name in clashing and is_own(submission.policy):
                 submission = with_folder(submission)
-                policy = submission.policy
-            first = specs.setdefault(policy.label, submission)
-            if first is not submission and (is_own(policy) or first.policy.sha256 != policy.sha256):
+            policy = submission.policy
+            first = by_label.setdefault(policy.label, submission)
+            # The same file of the project may be given twice.
+            is_other = is_own(policy) or first.policy.sha256 != policy.sha256
+            if first is not submission and is_other:
                 raise ValueError(
-                    f"{printable(str(first.path))} is {policy.label} too: rename one, or play each with a --name"
+                    f"{printable(str(first.path))} is {policy.label} too: rename one, or play each "
+                    "with a --name"
                 )
         except ValueError as error:
-            _refuse(
-                submission.path,
-                f"{printable(str(submission.path))} is refused: {error}",
-                refused,
-                error,
-            )
-    return [submission.policy for submission in specs.values()]
+            reason = f"{printable(str(submission.path))} is refused: {error}"
+            _refuse(submission.path, reason, refused, error=error)
+    return [submission.policy for submission in by_label.values()]
 
 
 def _refuse(path: Path, reason: str, refused: Refusals | None, error: Exception) -> None:
-    """Add an agent to those that are refused, with a notice on stderr; raise ResultError if they are not collected."""
+    """Add an agent to those that are refused, with a notice on stderr.
+
+    Raise ResultError if they are not collected.
+    """
     complaint = ResultError(reason)
     if refused is None:
         raise complaint from error
@@ -269,7 +310,10 @@ def _refuse(path: Path, reason: str, refused: Refusals | None, error: Exception)
 
 
 def reason_of(error: Exception) -> str:
-    """Return an error's message for a list of refusals, in one line; with its type if it is not one that explains itself."""
+    """Return an error's message for a list of refusals, in one line.
+
+    It includes the error's type unless the message explains itself.
+    """
     if isinstance(error, OSError) and error.filename is not None:
         message = str(error.strerror)
     elif isinstance(error, OSError | ValueError):
@@ -280,7 +324,10 @@ def reason_of(error: Exception) -> str:
 
 
 def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
-    """Return whether a result of the same label is that of another file or other code, which a new one must not replace."""
+    """Return whether a result of the same label is that of another file or other code.
+
+    A new result must not replace it.
+    """
     if present.kind != "agent" and new.kind != "agent":
         return False  # versions of one rule
     if is_code(present) and is_code(new):
@@ -289,18 +336,29 @@ def is_of_another(present: PolicySpec, new: PolicySpec) -> bool:
 
 
 def agent(path: Path, seconds: int | None = None) -> PolicySpec:
-    """Return the agent of an ONNX file or of a run's folder, or raise ValueError (``AgentTimeoutError`` if it gives no actions in time)."""
-    if path.suffix == ONNX_SUFFIX or (
-        any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / "run.json").exists()
-    ):
+    """Return the agent of an ONNX file or of a run's folder.
+
+    Raise ValueError if there is none (``AgentTimeoutError`` if it gives no actions in time).
+    """
+    if _is_submission(path):
         return onnx_policy.load(path, replace(LIMITS, computing=seconds or LIMITS.computing))
     from train.training import load_agent  # imports torch, which takes seconds
 
     return load_agent(path)
 
 
+def _is_submission(path: Path) -> bool:
+    """Return whether a path is an ONNX file or a folder with one, and no training of one's own."""
+    if path.suffix == ONNX_SUFFIX:
+        return True
+    return any(path.glob(f"*{ONNX_SUFFIX}")) and not (path / RUN_FILE).exists()
+
+
 def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
-    """Return an agent, or a policy of one's own code, as it plays a task. Raise ValueError if it cannot play it."""
+    """Return an agent, or a policy of one's own code, as it plays a task.
+
+    Raise ValueError if it cannot play it.
+    """
     if task.of_family:
         return family.agent(spec, task, forgets)
     check_fits(spec, task.scenario)
@@ -308,14 +366,19 @@ def fitted(spec: PolicySpec, task: Task, forgets: bool = False) -> PolicySpec:
 
 
 def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
-    """Return a policy of one's own code, ``module:object``: see ``turning_env.scoring.adapt.as_factory``.
+    """Return a policy of one's own code, ``module:object``.
 
-    It ranks among the agents, without a digest, as versions of the code cannot be distinguished. Without a ``name`` it has the
-    object's. Raise ResultError if there is no such policy, or another has its name.
+    See ``turning_env.scoring.adapt.as_factory``. It ranks among the agents, without a digest, as
+    versions of the code cannot be distinguished. Without a ``name`` it has the object's. Raise
+    ResultError if there is no such policy, or another has its name.
     """
-    family_of_task = family.family_of(task) if task.of_family else None
-    context = len(family_of_task.context_names) if family_of_task else 0
-    space: Any = observation_space(task.scenario, context)
+    context_size = len(family.family_of(task).context_names) if task.of_family else 0
+    space: Any = observation_space(task.scenario, context_size)
+
+    def make(num_envs: int) -> Policy:
+        # A class is instantiated for every play.
+        return as_factory(source, space=space)(num_envs)
+
     try:
         as_factory(source, space=space)
         spec = PolicySpec(
@@ -325,25 +388,28 @@ def own_policy(source: str, task: Task, name: str | None = None) -> PolicySpec:
             training_seed=0,
             command=source,
             tuned_for=ScenarioId.of(task.scenario),
-            make=lambda num_envs: as_factory(source, space=space)(
-                num_envs
-            ),  # a class is instantiated for every play
+            make=make,
         )
         return fitted(spec, task)
     except (OSError, TypeError, ValueError) as error:
         raise ResultError(f"{source} cannot play: {error}") from error
 
 
-def _own_name(source: object, found: str, given: str | None) -> str:
-    """Return the name of one's own policy: the given one, else its own, after ``my_`` if a policy of the project has that."""
+def _own_name(source: object, name: str, given: str | None) -> str:
+    """Return the name of one's own policy, which differs from those of the project.
+
+    It is the given name. Without one it is the policy's ``name``, after ``my_`` if a policy of the
+    project has it.
+    """
     taken = {*shipped_agents().values(), *catalogue.RULES, CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM}
-    name = given or (f"my_{found}" if found in taken else found)
-    if name in taken:
+    own_name = given or (f"my_{name}" if name in taken else name)
+    if own_name in taken:
         raise ResultError(
-            f"{source} cannot be called {name}, as another policy is: choose another --name"
+            f"{source} cannot be called {own_name}, as another policy is: choose another --name"
         )
-    if given is None and name != found:
+    if given is None and own_name != name:
         notify_once(
-            f"{source} plays as {name}, as {found} comes with the project; --name gives it another name"
+            f"{source} plays as {own_name}, as {name} comes with the project; --name gives it "
+            "another name"
         )
-    return name
+    return own_name

@@ -1,4 +1,8 @@
-"""Play policies on a task and write their results, each as it finishes."""
+"""Play policies on tasks and write their results, each as it finishes.
+
+Which policies play is the matter of ``leaderboard.policies``. How pieces of work are spread over
+processes or a cluster belongs to ``turning_env.scoring.workers``.
+"""
 
 import traceback
 from collections.abc import Callable, Sequence
@@ -6,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import NamedTuple
 
 from tqdm import tqdm
 
@@ -33,37 +38,46 @@ from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.workers import Workers, spread
 
+MIN_KEY = 16  # characters of a private key: who sees results must not find it by trying
+MIN_DISTANCE = 1_000_000  # of private seeds from public ones: no key gives public seeds
+
+
+class Piece(NamedTuple):
+    """A piece of work: a policy that plays some seeds of a scenario."""
+
+    policy: PolicySpec
+    scenario: Scenario
+    seeds: Sequence[int]
+
+
 Attempt = Episodes | ResultError
-MIN_KEY = (
-    16  # least number of characters of a private key: who sees results must not find it by trying
-)
+"""The episodes of a piece, or why its policy cannot play."""
 
 
-def attempt(
-    piece: tuple[PolicySpec, Scenario, Sequence[int]],
-    on_step: Callable[[int], None] = lambda ended: None,
-) -> Attempt:
-    """Play a policy's episodes on some seeds of a scenario, or return why it cannot, so that others go on."""
-    spec, scenario, seeds = piece
+def attempt(piece: Piece, on_step: Callable[[int], None] = lambda ended: None) -> Attempt:
+    """Play a piece, or return why its policy cannot play, so that others go on."""
+    policy, scenario, seeds = piece
     try:
-        if spec.compute is not None:
-            return dict(spec.compute(scenario, seeds, on_step))
-        return play(spec.make, scenario, seeds, on_step, tell=spec.kind == "oracle")
+        if policy.compute is not None:
+            return dict(policy.compute(scenario, seeds, on_step))
+        return play(policy.make, scenario, seeds, on_step, tell=policy.kind == "oracle")
     except Exception as error:
-        return _failure(spec, "cannot play", error)
+        return _failure(policy, "cannot play", error)
 
 
-def _failure(spec: PolicySpec, what: str, error: Exception) -> ResultError:
-    """Return why a policy has failed. Raise the error if it is a fault of the project: of a rule, other than a ValueError."""
+def _failure(policy: PolicySpec, what_failed: str, error: Exception) -> ResultError:
+    """Return why a policy has failed.
+
+    Raise the error if it is a fault of the project: that of a rule, unless it is a ValueError.
+    """
     if isinstance(error, ValueError):
-        return ResultError(f"{spec.label} {what}: {printable(str(error))}")
-    if spec.kind != "agent":
+        return ResultError(f"{policy.label} {what_failed}: {printable(str(error))}")
+    if policy.kind != "agent":
         raise error
     # An agent, or a policy of one's own code, may raise anything, and must not stop the others.
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    return ResultError(
-        f"{spec.label} {what}: {reason_of(error)} ({place.filename}, line {place.lineno})"
-    )
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"{frame.filename}, line {frame.lineno}"
+    return ResultError(f"{policy.label} {what_failed}: {reason_of(error)} ({place})")
 
 
 @dataclass(frozen=True)
@@ -82,16 +96,19 @@ class TaskRun:
 
 
 def private_seeds(key: str, count: int) -> list[int]:
-    """Return the first ``count`` seeds that a key of at least 16 characters determines; its owner knows them."""
+    """Return the first ``count`` seeds that a key of at least 16 characters determines."""
     if len(key) < MIN_KEY:
         raise ResultError(
-            f"--private-key: the private key has {len(key)} characters, but must have at least {MIN_KEY}"
+            f"--private-key: the private key has {len(key)} characters, but must have at least "
+            f"{MIN_KEY}"
         )
-    first = 1_000_000 + (int.from_bytes(sha256(f"seeds {key}".encode()).digest()[:8]) >> 1)
-    return [first + seed for seed in held_out_seeds(count)]
+    digest = sha256(f"seeds {key}".encode()).digest()
+    # 63 bits, so that a seed fits into 64 after the sum.
+    distance = MIN_DISTANCE + (int.from_bytes(digest[:8]) >> 1)
+    return [distance + seed for seed in held_out_seeds(count)]
 
 
-class PoliciesFailed(ResultError):
+class PoliciesFailedError(ResultError):
     """Some policies could not play; the others have."""
 
     def __init__(self, reasons: Sequence[ResultError]) -> None:
@@ -104,188 +121,261 @@ def play_all(
 ) -> None:
     """Have all policies of all runs play, and write each result as it is finished.
 
-    Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code do not. Then the
-    trajectories of the policies on the first seeds of each run are recorded, and the folder's manifest is written.
+    Results in a run's folder of the same task and policy stand, unless ``fresh``; those of own code
+    do not. Then the trajectories of the policies on the first seeds of each run are recorded, and
+    the folder's manifest is written.
 
     Args:
         runs: policies and their tasks.
         fresh: whether to play again if a result exists.
-        over: processes or a cluster, each playing one policy on one task at a time; None: this process. Results are the same.
-        replace: whether the result of another file, or of other code, of the same name makes way. If not, it stands, and the
-            policy is refused.
+        over: processes or a cluster, each playing one policy on one task at a time; None: this
+            process. Results are the same.
+        replace: whether the result of another file, or of other code, of the same name makes way.
+            If not, it stands, and the policy is refused.
 
     Raises:
-        PoliciesFailed: some policies cannot play, or are refused; says which and why. All others have played.
+        PoliciesFailedError: some policies cannot play, or are refused; the message says which and
+            why. All others have played.
         WorkersError: the workers have gone, or do not run this version.
         OSError: a folder cannot be written to.
     """
-    with ExitStack() as held:
-        for each in runs:
-            held.enter_context(folder_lock(each.folder, shared=True))
-        _play_all(runs, fresh, over, replace)
+    with ExitStack() as locks:
+        for run in runs:
+            locks.enter_context(folder_lock(run.folder, shared=True))
+        _play_all(runs, fresh, over, replace_others=replace)
 
 
 def _play_all(
-    asked: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool
+    requested: Sequence[TaskRun], fresh: bool, over: Workers | None, replace_others: bool
 ) -> None:
-    runs, complaints = [], list[ResultError]()
-    for each in asked:
-        admitted, refused = _admitted(each, replace_others)
+    runs = []
+    complaints: list[ResultError] = []
+    for run in requested:
+        admitted, refused = _admitted(run, replace_others)
         runs.append(admitted)
         complaints += refused
-    pieces: list[tuple[tuple[TaskRun, PolicySpec], tuple[PolicySpec, Scenario, Sequence[int]]]] = []
-    for each in runs:  # check all folders before anything is played
-        finished = _finished(each)
-        for spec in each.policies:
-            if fresh or spec.label not in finished:
-                pieces.append(((each, spec), (spec, each.task.scenario, each.seeds)))
-    total = sum(len(each.policies) * len(each.seeds) for each in runs)
-    done = total - sum(len(piece[2]) for _, piece in pieces)
-    # miniters=0 redraws the bar while no episode ends; disable=None keeps it quiet without a terminal.
+
+    failed = _play_missing(runs, fresh, over)
+    complaints += failed.values()
+
+    for run in runs:
+        able = [policy for policy in run.policies if _Place(run.folder, policy.label) not in failed]
+        if not able:
+            continue
+        # A trajectory would reveal private bars. Of families none is recorded.
+        if run.private is None and not run.task.of_family:
+            complaints += _record_trajectories(replace(run, policies=able), fresh, over)
+        with folder_lock(run.folder.parent, wait=True):
+            write_manifest(run.folder, run.task)
+    if complaints:
+        raise PoliciesFailedError(complaints)
+
+
+class _Place(NamedTuple):
+    """The place of a policy's result."""
+
+    folder: Path
+    label: str
+
+
+class _Tag(NamedTuple):
+    """The run that a piece belongs to, and its policy."""
+
+    run: TaskRun
+    policy: PolicySpec
+
+
+def _play_missing(
+    runs: Sequence[TaskRun], fresh: bool, over: Workers | None
+) -> dict[_Place, ResultError]:
+    """Play what has no result yet and write the results; return why policies could not play."""
+    pieces = _pieces(runs, fresh)
+    total = sum(len(run.policies) * len(run.seeds) for run in runs)
+    done = total - sum(len(piece.seeds) for _, piece in pieces)
+    failed: dict[_Place, ResultError] = {}
+    # miniters=0 redraws the bar while no episode ends; disable=None hides it without a terminal.
     with tqdm(
         total=total, initial=done, unit="episode", miniters=0, dynamic_ncols=True, disable=None
     ) as bar:
 
-        def play_here(piece: tuple[PolicySpec, Scenario, Sequence[int]]) -> Attempt:
+        def play_here(piece: Piece) -> Attempt:
             def on_step(ended: int) -> None:
                 bar.update(done + ended - bar.n)
 
-            bar.set_description(piece[0].label)
+            bar.set_description(piece.policy.label)
             return attempt(piece, on_step)
 
-        failed: dict[tuple[Path, str], ResultError] = {}
-        for (each, spec), played in spread(over, attempt if over else play_here, pieces):
-            result = played if isinstance(played, ResultError) else _result(each.task, spec, played)
+        for tag, played in spread(over, attempt if over else play_here, pieces):
+            run, policy = tag
+            result = played
+            if not isinstance(played, ResultError):
+                result = _result(run.task, policy, played)
             if isinstance(result, ResultError):
-                failed[each.folder, spec.label] = result
+                failed[_Place(run.folder, policy.label)] = result
             else:
-                write_result(result, each.folder)
-            done += len(each.seeds)
+                write_result(result, run.folder)
+            done += len(run.seeds)
             bar.update(done - bar.n)
-    complaints += failed.values()
-    for each in runs:
-        able = [spec for spec in each.policies if (each.folder, spec.label) not in failed]
-        if (
-            able and each.private is None and not each.task.of_family
-        ):  # a trajectory would reveal private bars
-            complaints += _record_trajectories(replace(each, policies=able), fresh, over)
-        if able:
-            with folder_lock(each.folder.parent, wait=True):
-                write_manifest(each.folder, each.task)
-    if complaints:
-        raise PoliciesFailed(complaints)
+    return failed
 
 
-def _result(task: Task, spec: PolicySpec, episodes: Episodes) -> Result | ResultError:
-    """Return the result of episodes, or why they are none: a policy may drive the simulation to numbers that are not finite."""
+def _pieces(runs: Sequence[TaskRun], fresh: bool) -> list[tuple[_Tag, Piece]]:
+    """Return what has no result yet, after a check of all folders: nothing is played in vain."""
+    pieces = []
+    for run in runs:
+        finished = _finished(run)
+        for policy in run.policies:
+            if fresh or policy.label not in finished:
+                piece = Piece(policy, run.task.scenario, run.seeds)
+                pieces.append((_Tag(run, policy), piece))
+    return pieces
+
+
+def _result(task: Task, policy: PolicySpec, episodes: Episodes) -> Result | ResultError:
+    """Return the result of episodes, or why they are none.
+
+    A policy may drive the simulation to numbers that are not finite.
+    """
     try:
-        return Result.of(task, spec, episodes)
+        return Result.of(task, policy, episodes)
     except ValueError as error:
-        return _failure(spec, "has played, but its episodes are no result", error)
+        return _failure(policy, "has played, but its episodes are no result", error)
 
 
 def _admitted(run: TaskRun, replace_others: bool) -> tuple[TaskRun, list[ResultError]]:
-    """Return a run without the policies whose result would take the place of another's, and the reasons."""
+    """Return a run without the policies that are refused, and the reasons.
+
+    A policy is refused if its result would take the place of another's.
+    """
     present = read_results(run.folder)
-    policies, refused = [], []
-    for spec in run.policies:
-        other = present.get(spec.label)
-        if other is None or not is_of_another(other.policy, spec):
-            policies.append(spec)
-        elif replace_others:
-            notify_once(
-                f"{spec.label} in {run.folder} is the result of another agent, which makes way"
-            )
-            policies.append(spec)
+    policies = []
+    refused = []
+    for policy in run.policies:
+        result = present.get(policy.label)
+        if result is None or not is_of_another(result.policy, policy):
+            policies.append(policy)
+            continue
+        fault = f"{policy.label} in {run.folder} is the result of another agent, which"
+        if replace_others:
+            notify_once(f"{fault} makes way")
+            policies.append(policy)
         else:
-            reason = f"{spec.label} in {run.folder} is the result of another agent, which stands: --replace lets this one take "
-            refused.append(
-                ResultError(f"{reason}its place; --name, or another name of the file, keeps both")
+            advice = (
+                "--replace lets this one take its place; --name, or another name of the file, "
+                "keeps both"
             )
+            refused.append(ResultError(f"{fault} stands: {advice}"))
     return replace(run, policies=policies), refused
 
 
 def _finished(run: TaskRun) -> set[str]:
-    """Return the labels of the results that stand; a folder that cannot be written to is an error before anything is played."""
+    """Return the labels of the results that stand.
+
+    Raise OSError if the folder cannot be written to.
+    """
     write_whole(run.folder / "writable", "")
     (run.folder / "writable").unlink(missing_ok=True)
-    wanted, finished = {spec.label: spec for spec in run.policies}, set()
-    for result in read_results(run.folder).values():
-        spec = wanted.get(result.policy.label)
-        if spec is None:
+    policies = {policy.label: policy for policy in run.policies}
+    finished = set()
+    for label, result in read_results(run.folder).items():
+        if label not in policies:
             continue
         if (result.task.private is None) != (run.task.private is None):
             whose = "public" if run.private else "private"
-            raise ResultError(f"{run.folder} holds {spec.label} on {whose} seeds: change --results")
-        if result.task.digest != run.task.digest:
-            continue
-        if result.is_of(run.task, spec):
-            finished |= {spec.label} if not is_code(spec) else set()
+            raise ResultError(f"{run.folder} holds {label} on {whose} seeds: change --results")
+        # Code of one's own may have changed, so it plays again.
+        if result.is_of(run.task, policies[label]) and not is_code(policies[label]):
+            finished.add(label)
     return finished
 
 
+class _Recording(NamedTuple):
+    """The trajectory of a policy, by the name of its standing, on a seed."""
+
+    name: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class _Recordings:
+    """The trajectories that a folder should hold, in order, and those that it holds."""
+
+    names: dict[str, str]  # names of standings by the policies' labels
+    wanted: list[_Recording]
+    present: dict[_Recording, Trajectory]
+
+
 def _record_trajectories(run: TaskRun, fresh: bool, over: Workers | None) -> list[ResultError]:
-    """Record missing trajectories of policies on the first seeds; return the errors of those that cannot play."""
+    """Record missing trajectories of policies on the first seeds.
+
+    Return the errors of those that cannot play.
+    """
+    recordings = _recordings(run)
+    # The first training seed represents an agent: it comes last, and replaces the others.
+    able = {
+        recordings.names[policy.label]: policy
+        for policy in reversed(run.policies)
+        if policy.kind != "oracle"
+    }
+    pieces = []
+    for recording in recordings.wanted:
+        policy = able.get(recording.name)
+        if policy is None:
+            continue
+        if fresh or recording not in recordings.present or is_code(policy):
+            pieces.append((recording, Piece(policy, run.task.scenario, [recording.seed])))
+
     complaints = []
-    names, wanted, trajectories = _recorded(run)
-    # The first training seed represents an agent.
-    able = {names[spec.label]: spec for spec in reversed(run.policies) if spec.kind != "oracle"}
-    missing = [
-        place
-        for place in wanted
-        if place[0] in able and (fresh or place not in trajectories or is_code(able[place[0]]))
-    ]
-    pieces = [(place, (able[place[0]], run.task.scenario, place[1])) for place in missing]
+    trajectories = recordings.present
     try:
-        with tqdm(total=len(missing), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
-            for place, recorded in spread(over, _trajectory, pieces):
+        with tqdm(total=len(pieces), unit="trajectory", dynamic_ncols=True, disable=None) as bar:
+            for recording, recorded in spread(over, _trajectory, pieces):
                 if isinstance(recorded, ResultError):
                     complaints.append(recorded)
                 else:
-                    trajectories[place] = recorded
+                    trajectories[recording] = recorded
                 bar.update()
-    finally:  # keep what is finished, and what another run has recorded meanwhile
-        with folder_lock(run.folder.parent, wait=True):
-            _, wanted, recorded_before = _recorded(run)
-            trajectories = recorded_before | trajectories
-            episodes = [trajectories[place] for place in wanted if place in trajectories]
-            after = Trajectories(task=run.task.digest, episodes=episodes)
-            if read_if_usable(Trajectories, run.folder / TRAJECTORIES_FILE) != after:
-                write_part(after, run.folder / TRAJECTORIES_FILE)
+    finally:
+        # Keep what is finished, even if the rest fails.
+        _write_trajectories(run, trajectories)
     return complaints
 
 
-def _recorded(
-    run: TaskRun,
-) -> tuple[dict[str, str], list[tuple[str, int]], dict[tuple[str, int], Trajectory]]:
-    """Return (names of standings; policy and seed of each trajectory that the folder should hold; those that it holds)."""
+def _write_trajectories(run: TaskRun, trajectories: dict[_Recording, Trajectory]) -> None:
+    """Write trajectories beside those that another run has recorded meanwhile."""
+    path = run.folder / TRAJECTORIES_FILE
+    with folder_lock(run.folder.parent, wait=True):
+        recordings = _recordings(run)
+        merged = recordings.present | trajectories
+        episodes = [merged[recording] for recording in recordings.wanted if recording in merged]
+        file = Trajectories(task=run.task.digest, episodes=episodes)
+        if read_if_usable(Trajectories, path) != file:
+            write_part(file, path)
+
+
+def _recordings(run: TaskRun) -> _Recordings:
+    """Return the trajectories of a run's folder, by its present results."""
     leaderboard = read_leaderboard(run.folder, run.task)
-    names, episodes = (
-        leaderboard.names,
-        leaderboard.trajectories.episodes if leaderboard.trajectories else [],
-    )
-    compared, ranked = (
-        comparators(run.task.scenario),
-        [each for each in leaderboard.standings if each.kind != "oracle"],
-    )
-    always = {each.name for each in ranked if each.own} | {compared.fixed, compared.published}
-    chosen = [
-        each.name
-        for place, each in enumerate(ranked)
-        if place < MAX_RECORDED or each.name in always
-    ]
-    wanted = [(name, seed) for name in chosen for seed in run.task.seeds[:RECORDED_SEEDS]]
-    return (
-        names,
-        wanted,
-        {(names[episode.policy.label], episode.seed): episode for episode in episodes},
-    )
+    names = leaderboard.names
+    compared = comparators(run.task.scenario)
+    ranked = [standing for standing in leaderboard.standings if standing.kind != "oracle"]
+    wanted = []
+    for place, standing in enumerate(ranked):
+        is_compared = standing.name in (compared.fixed, compared.published)
+        if place < MAX_RECORDED or standing.own or is_compared:
+            wanted += [_Recording(standing.name, seed) for seed in run.task.seeds[:RECORDED_SEEDS]]
+    present = {}
+    if leaderboard.trajectories is not None:
+        for trajectory in leaderboard.trajectories.episodes:
+            name = names[trajectory.policy.label]
+            present[_Recording(name, trajectory.seed)] = trajectory
+    return _Recordings(names, wanted, present)
 
 
-def _trajectory(piece: tuple[PolicySpec, Scenario, int]) -> Trajectory | ResultError:
-    """Record one episode, or return why the policy cannot play it."""
-    spec, scenario, seed = piece
+def _trajectory(piece: Piece) -> Trajectory | ResultError:
+    """Record the episode of a piece's only seed, or return why the policy cannot play it."""
+    (seed,) = piece.seeds
     try:
-        return record(spec, scenario, seed)
+        return record(piece.policy, piece.scenario, seed)
     except Exception as error:
-        return _failure(spec, f"cannot play seed {seed}", error)
+        return _failure(piece.policy, f"cannot play seed {seed}", error)

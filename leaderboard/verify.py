@@ -8,7 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,15 +29,14 @@ from leaderboard.result import (
     read_results,
     write_whole,
 )
-from leaderboard.run import Attempt, attempt
+from leaderboard.run import Attempt, Piece, attempt
 from turning_env import MODEL_VERSION, Scenario, presets
 from turning_env.scoring.play import Episodes
 from turning_env.scoring.policy import PolicySpec, ScenarioId
 from turning_env.scoring.workers import Workers, spread
 
-BOUND_SEEDS = (
-    4  # seeds of a result in a quick look for one of a bound, which takes seconds per seed
-)
+BOUND_SEEDS = 4
+"""Seeds of a result in a quick look for each seed of a bound, which takes seconds per seed."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +47,36 @@ class Selection:
     scenario: str | None = None
     policies: Sequence[str] | None = None  # names, with or without the training seed
 
+    def holds_folder(self, folder: Path) -> bool:
+        """Return whether the results of a folder ``id/scenario`` are selected, if any."""
+        is_of_id = self.env_id in (None, folder.parent.name)
+        return is_of_id and self.scenario in (None, folder.name)
+
     def holds(self, path: Path) -> bool:
         """Return whether a result or an agent, ``id/scenario/label``, is selected."""
-        return (
-            self.env_id in (None, path.parent.parent.name)
-            and self.scenario in (None, path.parent.name)
-            and (
-                self.policies is None
-                or not {path.name, re.sub(r"-seed\d+$", "", path.name)}.isdisjoint(self.policies)
-            )
-        )
+        if not self.holds_folder(path.parent):
+            return False
+        if self.policies is None:
+            return True
+        without_seed = re.sub(r"-seed\d+$", "", path.name)
+        return path.name in self.policies or without_seed in self.policies
+
+
+class _Verifiable(NamedTuple):
+    """A result, and who played it: a rule or an oracle, or an agent's file.
+
+    The player is None if it is not there, or no longer the same.
+    """
+
+    result: Result
+    player: PolicySpec | Path | None
+
+
+class _Replay(NamedTuple):
+    """A piece of work: a result to play again, on some of its seeds by their places."""
+
+    verifiable: _Verifiable
+    places: list[int]
 
 
 def verify(
@@ -73,183 +92,220 @@ def verify(
     Args:
         results: folder of results.
         agents_folder: folder of agents' ONNX files.
-        selection: which of them.
-        memory: file that remembers what has come back, so that an interrupted verification goes on; removed at the end.
-        seeds: play only so many seeds of each result, those of its shortest episodes, and remember nothing; None: all.
+        selection: which of them to verify.
+        memory: file that remembers what has come back, so that an interrupted verification goes
+            on; removed at the end.
+        seeds: play only so many seeds of each result, those of its shortest episodes, and remember
+            nothing; None: all.
         over: who plays; None: this process.
 
     Returns:
-        Complaints, each with the folder and the policy's label: a task or policy has changed, a number differs, an agent has no
-        result, a policy earns more than the bound. Empty if all is well.
+        Complaints, each with the folder and the policy's label: a task or policy has changed, a
+        number differs, an agent has no result, a policy earns more than the bound. Empty if all is
+        well.
 
     Raises:
         ResultError: there is nothing to verify, or the memory cannot be read or written.
     """
-    found, complaints = _examine(results, agents_folder, selection)
-    if not found and not complaints:
+    examined = _examine(results, agents_folder, selection)
+    if not examined.results and not examined.complaints:
         raise ResultError(f"{results} holds no such results")
-    known = set() if seeds is not None else _remembered(memory)
-    wanted = [
-        (path, each)
-        for path, each in found.items()
-        if each.player is not None and each.result.checksum not in known
-    ]
-    # A bound has no steps, and takes as long as any.
-    longest_first = sorted(
-        wanted, key=lambda each: -(max(each[1].result.episodes["steps"]) or math.inf)
-    )
-    complaints += _beyond_the_bound({path: each.result for path, each in found.items()})
+    complaints = examined.complaints + _beyond_the_bound(examined.results)
+
+    came_back = set() if seeds is not None else _remembered(memory)
+    replays = {}
+    for path, verifiable in examined.results.items():
+        if verifiable.player is not None and verifiable.result.checksum not in came_back:
+            replays[path] = _Replay(verifiable, _places(verifiable.result, seeds))
+    pieces = sorted(replays.items(), key=lambda piece: -_length(piece[1].verifiable.result))
+
     with tqdm(
-        total=len(found),
-        initial=len(found) - len(wanted),
+        total=len(examined.results),
+        initial=len(examined.results) - len(pieces),
         unit="result",
         dynamic_ncols=True,
         disable=None,
     ) as bar:
-        for path, played in spread(
-            over,
-            _play,
-            [(path, (each, _chosen(each.result, seeds))) for path, each in longest_first],
-        ):
-            result = found[path].result
+        for path, played in spread(over, _play, pieces):
+            result = replays[path].verifiable.result
             bar.set_description(result.policy.label)
             bar.update()
-            wrong = (
-                [str(played)]
-                if isinstance(played, ResultError)
-                else differences(result, played, _chosen(result, seeds))
-            )
-            complaints += [_complaint(path, each) for each in wrong]
-            if not wrong and seeds is None:
-                known.add(result.checksum)
-                write_whole(memory, json.dumps(sorted(known), indent=1) + "\n")
+            if isinstance(played, ResultError):
+                faults = [str(played)]
+            else:
+                faults = differences(result, played, replays[path].places)
+            complaints += [_complaint(path, fault) for fault in faults]
+            if not faults and seeds is None:
+                came_back.add(result.checksum)
+                write_whole(memory, json.dumps(sorted(came_back), indent=1) + "\n")
     if seeds is None:
         memory.unlink(missing_ok=True)
     return sorted(complaints)
 
 
+def _length(result: Result) -> float:
+    """Return the steps of a result's longest episode, by which the longest is played first.
+
+    A bound has no steps, and takes as long as any.
+    """
+    return max(result.episodes["steps"]) or math.inf
+
+
 def check(results: Path, agents_folder: Path, selection: Selection) -> list[str]:
     """Return complaints about results that are no longer valid, without playing: see ``verify``.
 
-    A result is valid until the model's version, a scenario's value, or a rule's version or parameters change, or an agent's file.
+    A result is valid until the model's version, a scenario's value, or a rule's version or
+    parameters change, or an agent's file.
     """
-    found, complaints = _examine(results, agents_folder, selection)
-    return complaints + _beyond_the_bound({path: each.result for path, each in found.items()})
+    examined = _examine(results, agents_folder, selection)
+    return examined.complaints + _beyond_the_bound(examined.results)
 
 
-class _Found(NamedTuple):
-    """A result, and who played it: a rule or an oracle, an agent's file, None if neither is there and the same."""
+@dataclass
+class _Examined:
+    """Results that can be read, by folder and label, and complaints about them and about agents."""
 
-    result: Result
-    player: PolicySpec | Path | None
+    results: dict[Path, _Verifiable] = field(default_factory=dict)
+    complaints: list[str] = field(default_factory=list)
+    without_file: int = 0  # results of agents whose files are not there
 
 
-def _examine(
-    results: Path, agents_folder: Path, selection: Selection
-) -> tuple[dict[Path, _Found], list[str]]:
-    """Return all results that can be read, by folder and label, and the complaints about them and about agents without one."""
-    found: dict[Path, _Found] = {}
-    complaints, files, absent = list[str](), agent_files(agents_folder), 0
+def _examine(results: Path, agents_folder: Path, selection: Selection) -> _Examined:
+    """Examine all selected results, and whether the selected agents have one."""
+    examined = _Examined()
+    files = agent_files(agents_folder)
     for folder in sorted(results.glob("*/*")):
-        if selection.env_id not in (None, folder.parent.name) or selection.scenario not in (
-            None,
-            folder.name,
-        ):
-            continue
-        manifest = folder / MANIFEST_FILE
-        entries: dict[str, Entry] = {}
-        try:
-            entries = read_part(Manifest, manifest).results if manifest.is_file() else {}
-        except ResultError as error:
-            complaints.append(_complaint(manifest, error))
-        for label, result in read_results(folder, complaints.append).items():
-            if not selection.holds(place := folder / label):
-                continue
-            found[place] = _Found(result, None)
-            try:
-                found[place] = _Found(result, player_of(result, files))
-                absent += found[place].player is None
-                if entries.get(label) != Entry.of(result):
-                    raise ResultError(
-                        f"{manifest.name} beside it says otherwise: run python -m leaderboard run again"
-                    )
-            except ResultError as error:
-                complaints.append(_complaint(place, error))
-    if absent:
+        if selection.holds_folder(folder):
+            _examine_folder(folder, files, selection, examined=examined)
+    if examined.without_file:
         tqdm.write(
-            f"not played: {absent} results of training seeds that are not in {agents_folder}: make seeds",
+            f"not played: {examined.without_file} results of training seeds that are not in "
+            f"{agents_folder}: make seeds",
             file=sys.stderr,
         )
-    played = {
-        (place.parent.with_name(each.result.task.home), each.result.policy.sha256)
-        for place, each in found.items()
-    }
+
+    # An agent has its results where it was trained, and perhaps others on splits.
+    homes = set()
+    for path, verifiable in examined.results.items():
+        home = path.parent.with_name(verifiable.result.task.home)
+        homes.add((home, verifiable.result.policy.sha256))
     for digest, path in files.items():
-        folder = results / path.parent.relative_to(agents_folder)
-        selected = (
-            selection.holds(path.with_suffix(""))
-            and len(path.relative_to(agents_folder).parts) == 3
-        )
-        if selected and (folder, digest) not in played:
-            complaints.append(f"{path}: has no result in {folder}")
-    return found, complaints
+        place = path.relative_to(agents_folder)
+        if len(place.parts) != 3 or not selection.holds(path.with_suffix("")):
+            continue
+        home = results / place.parent
+        if (home, digest) not in homes:
+            examined.complaints.append(f"{path}: has no result in {home}")
+    return examined
 
 
-def _chosen(result: Result, seeds: int | None) -> list[int]:
-    """Return the places of the seeds to play: all, or those of the shortest episodes; of a bound without steps, the first."""
+def _examine_folder(
+    folder: Path, files: Mapping[str, Path], selection: Selection, examined: _Examined
+) -> None:
+    """Add the selected results of a folder to those examined, and the complaints about them."""
+    manifest = folder / MANIFEST_FILE
+    entries: dict[str, Entry] = {}
+    if manifest.is_file():
+        try:
+            entries = read_part(Manifest, manifest).results
+        except ResultError as error:
+            examined.complaints.append(_complaint(manifest, error))
+    for label, result in read_results(folder, examined.complaints.append).items():
+        path = folder / label
+        if not selection.holds(path):
+            continue
+        player = None
+        try:
+            player = player_of(result, files)
+            if player is None:
+                examined.without_file += 1
+            if entries.get(label) != Entry.of(result):
+                raise ResultError(
+                    f"{manifest.name} beside it says otherwise: run python -m leaderboard run again"
+                )
+        except ResultError as error:
+            examined.complaints.append(_complaint(path, error))
+        examined.results[path] = _Verifiable(result, player)
+
+
+def _places(result: Result, seeds: int | None) -> list[int]:
+    """Return the places of the seeds to play.
+
+    These are all, or those of the shortest episodes; of a bound without steps, the first.
+    """
     steps = np.array(result.episodes["steps"])
     if seeds is not None and not steps.any():
-        seeds = -(-seeds // BOUND_SEEDS)
-    return sorted(np.argsort(steps, kind="stable")[:seeds].tolist())
+        seeds = math.ceil(seeds / BOUND_SEEDS)
+    shortest_first = np.argsort(steps, kind="stable")
+    return sorted(shortest_first[:seeds].tolist())
 
 
-def _play(piece: tuple[_Found, list[int]]) -> Attempt:
-    """Play a result's seeds at some places again."""
-    (result, player), places = piece
-    task, seeds = result.task, [result.task.seeds[place] for place in places]
+def _play(replay: _Replay) -> Attempt:
+    """Play some seeds of a result again."""
+    (result, player), places = replay
+    task = result.task
     try:
         if isinstance(player, Path):
             (player,) = agents([player], task, forgets=result.policy.forgets)
     except ResultError as error:
         return error
     assert player is not None
-    return attempt((player, task.scenario, seeds))
+    return attempt(Piece(player, task.scenario, [task.seeds[place] for place in places]))
 
 
-def _complaint(path: Path, what: object) -> str:
-    return f"{path}: {str(what).removeprefix(f'{path}: ')}"
+def _complaint(path: Path, fault: object) -> str:
+    """Return a complaint that names the path once."""
+    return f"{path}: {str(fault).removeprefix(f'{path}: ')}"
 
 
 def player_of(result: Result, files: Mapping[str, Path]) -> PolicySpec | Path | None:
-    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again; ResultError if it has changed.
+    """Return the rule, oracle or agent's file (see ``agent_files``) that plays a result again.
 
-    None: an agent whose file is not there, only its SHA-256.
+    Return None for an agent whose file is not there, only its SHA-256. Raise ResultError if the
+    task or the policy has changed.
     """
-    policy, task, scenario = result.policy, result.task, result.task.scenario
+    policy = result.policy
+    _check_task(result)
+    if policy.kind == "agent":
+        path = files.get(policy.sha256 or "")
+        if path is None:
+            raise ResultError(
+                f"{policy.label} is no longer what played: none of the agents' files has its "
+                "SHA-256"
+            )
+        return path if path.exists() else None
+    present = one_named(
+        policy.name,
+        result.task,
+        tuned_on=_tuned_on(policy.tuned_for),
+        knows=policy.knows,
+        forgets=policy.forgets,
+    )
+    identity = policy.identity
+    changed = [name for name, value in present.identity.items() if value != identity.get(name)]
+    if changed:
+        raise ResultError(f"{policy.label} is no longer what played: {', '.join(changed)} differ")
+    return present
+
+
+def _check_task(result: Result) -> None:
+    """Raise ResultError if nobody can play the task of a result again."""
+    task = result.task
+    scenario = task.scenario
     if task.private is not None:
         raise ResultError(
-            "was played on private seeds: only the owner of their key can play it again, by run --private-key KEY"
+            "was played on private seeds: only the owner of their key can play it again, by run "
+            "--private-key KEY"
         )
     if task.model_version != MODEL_VERSION:
         raise ResultError(
-            f"was played with version {task.model_version} of the model, which is now {MODEL_VERSION}"
+            f"was played with version {task.model_version} of the model, which is now "
+            f"{MODEL_VERSION}"
         )
     if task.of_family:
-        family_of(task)
+        family_of(task)  # raises if the family's values differ
     elif scenario.name in presets() and Scenario.load(scenario.name) != scenario:
         raise ResultError(f"is not of the present preset {scenario.name!r}: values differ")
-    if policy.kind == "agent":
-        if (path := files.get(policy.sha256 or "")) is None:
-            raise ResultError(
-                f"{policy.label} is no longer what played: none of the agents' files has its SHA-256"
-            )
-        return path if path.exists() else None
-    now = one_named(policy.name, task, _tuned_on(policy.tuned_for), policy.knows, policy.forgets)
-    if fields := [
-        name for name, value in now.identity.items() if value != policy.identity.get(name)
-    ]:
-        raise ResultError(f"{policy.label} is no longer what played: {', '.join(fields)} differ")
-    return now
 
 
 def _tuned_on(known: ScenarioId | None) -> Scenario | None:
@@ -259,54 +315,68 @@ def _tuned_on(known: ScenarioId | None) -> Scenario | None:
     scenario = Scenario.load(known.name)
     if ScenarioId.of(scenario) != known:
         raise ResultError(
-            f"is not of the present preset {scenario.name!r}, which its policy was tuned for: values differ"
+            f"is not of the present preset {scenario.name!r}, which its policy was tuned for: "
+            "values differ"
         )
     return scenario
 
 
 def differences(result: Result, episodes: Episodes, places: Sequence[int]) -> list[str]:
-    """Return a complaint for every field of a result that differs from episodes of its seeds at ``places``; see the module."""
+    """Return a complaint for every field of a result that differs, bit for bit.
+
+    Args:
+        result: the recorded result.
+        episodes: the episodes of its seeds at ``places``, played again.
+        places: places of seeds in the task.
+    """
     complaints = []
     for name, values in result.episodes.items():
         played = episodes[name]
         recorded = np.array(values)[places]
-        other = recorded.view(np.int64) != played.view(np.int64)
-        if other.any():
+        # As integers, so that -0.0 differs from 0.0.
+        differs = recorded.view(np.int64) != played.view(np.int64)
+        if differs.any():
             largest = float(np.max(np.abs(recorded - played)))
             complaints.append(
-                f"{name} differs for {int(other.sum())} of {len(other)} seeds, by up to {largest:g}"
+                f"{name} differs for {int(differs.sum())} of {len(differs)} seeds, "
+                f"by up to {largest:g}"
             )
-    whole = len(places) == len(result.task.seeds)
-    if whole and result.excess is not None and result.excess != ExcessShares.of(episodes):
-        complaints.append(
-            f"excess is {result.excess}, but comes back as {ExcessShares.of(episodes)}"
-        )
+    # The shares are those of all seeds together.
+    if result.excess is not None and len(places) == len(result.task.seeds):
+        excess = ExcessShares.of(episodes)
+        if result.excess != excess:
+            complaints.append(f"excess is {result.excess}, but comes back as {excess}")
     return complaints
 
 
-def _beyond_the_bound(results: Mapping[Path, Result]) -> list[str]:
-    """Return a complaint for every result that earns more on a seed than the clairvoyant bound, beyond its tolerance."""
+def _beyond_the_bound(examined: Mapping[Path, _Verifiable]) -> list[str]:
+    """Return a complaint for every result that earns more on a seed than the clairvoyant bound.
+
+    The bound's tolerance is allowed.
+    """
     complaints = []
-    bounds = {
-        folder: read_results(folder, lambda _: None).get(CLAIRVOYANT)
-        for folder in {path.parent for path in results}
-    }
-    for path, result in results.items():
-        bound = bounds[path.parent]  # ``check`` tells of one that cannot be read
+    folders = {path.parent for path in examined}
+    # Complaints about files that cannot be read have been made.
+    bounds = {folder: read_results(folder, lambda _: None).get(CLAIRVOYANT) for folder in folders}
+    for path, verifiable in examined.items():
+        result = verifiable.result
+        bound = bounds[path.parent]
         if bound is None or bound.task.digest != result.task.digest:
             continue
-        allowed = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * np.array(
-            result.episodes["time"]
-        )
-        beyond = np.array(result.episodes["return"]) - allowed
-        if count := int((beyond > 0.0).sum()):
+        time = np.array(result.episodes["time"])
+        limits = np.array(bound.episodes["return"]) + clairvoyant.TOLERANCE * time
+        beyond = np.array(result.episodes["return"]) - limits
+        count = int((beyond > 0.0).sum())
+        if count:
             complaints.append(
-                f"{path}: beyond the clairvoyant bound for {count} seeds, by up to {float(beyond.max()):g} s"
+                f"{path}: beyond the clairvoyant bound for {count} seeds, "
+                f"by up to {float(beyond.max()):g} s"
             )
     return complaints
 
 
 def _remembered(memory: Path) -> set[str]:
+    """Return the checksums of the results that have come back before an interruption."""
     if not memory.exists():
         return set()
     try:

@@ -12,7 +12,7 @@ from leaderboard.__main__ import main
 from leaderboard.policies import SUMS
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import Result, Task, result_folder, write_result
-from leaderboard.run import attempt
+from leaderboard.run import Piece, attempt
 from leaderboard.standings import rank
 from tests.leaderboard.conftest import ENV_ID, on
 from tests.train import onnx_agents
@@ -41,7 +41,7 @@ def shipped(tmp_path: Path, task: Task) -> Path:
             policies.one_named("fixed_handbook", on(each.scenario)),
         ]:
             assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
-            result = Result.of(each, policy, attempt((policy, each.scenario, each.seeds)))
+            result = Result.of(each, policy, attempt(Piece(policy, each.scenario, each.seeds)))
             write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))
     return tmp_path
 
@@ -122,7 +122,7 @@ def test_parameters_of_a_hostile_agent_are_short_and_no_markup(
     own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
     (policy,) = policies.agents([path], own)
     hostile = policy.model_copy(update={"command": command, "parameters": HOSTILE})
-    played = Result.of(own, hostile, attempt((policy, own.scenario, own.seeds)))
+    played = Result.of(own, hostile, attempt(Piece(policy, own.scenario, own.seeds)))
     board = Leaderboard(own, [played], rank([played]), None, [])
     file = agent_file.read(path)
     metadata = file.metadata.model_copy(update={"parameters": HOSTILE, "versions": {"<u>": "`|`"}})

@@ -10,7 +10,7 @@ import pytest
 from leaderboard.__main__ import main
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, read_part
-from leaderboard.run import PoliciesFailed
+from leaderboard.run import PoliciesFailedError
 from leaderboard.trajectories import RECORDED_SEEDS, Trajectories
 from tests.leaderboard.conftest import Steady, only, play_all, spec
 from tests.train import onnx_agents
@@ -80,7 +80,7 @@ def test_the_result_of_another_file_or_other_code_stands_unless_it_is_to_be_repl
     for what, fields in others.items():
         for on in (task, task.model_copy(update={"seeds": [1, 2]})):
             with pytest.raises(
-                PoliciesFailed, match=r"team-seed0 .* is the result of another agent"
+                PoliciesFailedError, match=r"team-seed0 .* is the result of another agent"
             ):
                 play_all(
                     on,
@@ -99,7 +99,7 @@ def test_code_that_raises_any_error_is_named_and_others_go_on(task: Task, folder
         raise ZeroDivisionError("lost")
 
     with pytest.raises(
-        PoliciesFailed, match=r"mine-seed0 cannot play: ZeroDivisionError: lost .*test_run\.py"
+        PoliciesFailedError, match=r"mine-seed0 cannot play: ZeroDivisionError: lost .*test_run\.py"
     ):
         play_all(task, [spec("mine", seed=0, make=breaks), spec("one")], folder)
     assert only(folder / "one.json.xz")
@@ -109,14 +109,14 @@ def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(
     task: Task, folder: Path
 ) -> None:
     lost = spec("lost", make=lambda num_envs: Steady(num_envs, (math.nan, 0.0)))
-    with pytest.raises(PoliciesFailed, match=r"lost cannot play: .*finite"):
+    with pytest.raises(PoliciesFailedError, match=r"lost cannot play: .*finite"):
         play_all(task, [lost, spec("one")], folder)
     assert sorted(path.name for path in folder.iterdir()) == [
         "manifest.json",
         "one.json.xz",
         "trajectories.json.xz",
     ]
-    with pytest.raises(PoliciesFailed, match="lost cannot play"):
+    with pytest.raises(PoliciesFailedError, match="lost cannot play"):
         play_all(task, [lost], folder)
 
 

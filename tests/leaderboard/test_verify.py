@@ -20,7 +20,7 @@ from leaderboard.result import (
     write_manifest,
     write_result,
 )
-from leaderboard.run import attempt
+from leaderboard.run import Piece, attempt
 from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
 from tests.train import onnx_agents
@@ -35,7 +35,7 @@ EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
 def fill(folder: Path, on: Task, policies: Sequence[PolicySpec]) -> None:
     results = result_folder(folder / "results", ENV_ID, on.scenario.name)
     for policy in policies:
-        write_result(Result.of(on, policy, attempt((policy, on.scenario, on.seeds))), results)
+        write_result(Result.of(on, policy, attempt(Piece(policy, on.scenario, on.seeds))), results)
     write_manifest(results, on)
 
 
