@@ -1,6 +1,6 @@
 """One cutting speed and one feed for the edge's whole life.
 
-It needs nothing of the nominal model but the ranges of speed and feed.
+Uses nothing from the nominal model but the ranges of speed and feed.
 """
 
 from typing import Self
@@ -14,13 +14,23 @@ from turning_env.action import sets_speed_and_feed, towards
 from turning_env.scenario import ScenarioBatch
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-HANDBOOK_CUTTING_SPEED, HANDBOOK_FEED = 145.0, 0.32
-"""Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]; usual roughing feed for an insert of this size,
-about half of the machine's highest [mm/rev] (assumption)."""
+HANDBOOK_CUTTING_SPEED = 145.0
+"""Middle speed of the grid-search paper's verification tests (T5 to T8) [m/min]."""
+HANDBOOK_FEED = 0.32
+"""Usual roughing feed for an insert of this size [mm/rev] (assumption).
+
+It is about half of the machine's highest.
+"""
 
 
 class FixedParameters(Policy):
-    """A policy of one cutting speed [m/min] and feed [mm/rev], numbers or of shape (num_envs,), clipped to the machine."""
+    """A policy of one cutting speed and one feed.
+
+    Args:
+        scenario: task.
+        cutting_speed: cutting speed [m/min], a number or of shape (num_envs,).
+        feed: feed [mm/rev], likewise. Both are clipped to the machine.
+    """
 
     def __init__(
         self,
@@ -28,47 +38,56 @@ class FixedParameters(Policy):
         cutting_speed: float | Array,
         feed: float | Array,
     ) -> None:
-        self._scenario, machine = scenario, scenario.machine
-        speed = np.clip(cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max)
-        self._set_point = speed, np.clip(feed, machine.feed_min, machine.feed_max)
+        machine = scenario.machine
+        self._scenario = scenario
+        self._cutting_speed = np.clip(
+            cutting_speed, machine.cutting_speed_min, scenario.cutting_speed_max
+        )
+        self._feed = np.clip(feed, machine.feed_min, machine.feed_max)
 
     @classmethod
     def programmed(cls, scenario: Scenario | ScenarioBatch, override: float = 1.0) -> Self:
-        """Return the policy that commands the scenario's initial cutting speed and feed, the feed times an override [-]."""
-        return cls(
-            scenario,
-            scenario.control.initial_cutting_speed,
-            override * scenario.control.initial_feed,
-        )
+        """Return the policy that commands the scenario's initial cutting speed and feed.
+
+        ``override``: factor on the feed [-].
+        """
+        control = scenario.control
+        return cls(scenario, control.initial_cutting_speed, feed=override * control.initial_feed)
 
     def act(self, observations: Observations) -> Actions:
-        speeds, feeds = (np.broadcast_to(each, len(observations)) for each in self._set_point)
-        return towards(read(observations, self._scenario), self._scenario, speeds, feeds)
+        reading = read(observations, self._scenario)
+        speed = np.broadcast_to(self._cutting_speed, len(observations))
+        feed = np.broadcast_to(self._feed, len(observations))
+        return towards(reading, self._scenario, speed, feed)
 
 
 def _build(scenario: Scenario, num_envs: int, **parameters: float) -> FixedParameters:
     return FixedParameters(scenario, **parameters)
 
 
+def _build_override(scenario: Scenario, num_envs: int, override: float) -> FixedParameters:
+    return FixedParameters.programmed(scenario, override)
+
+
 RULES = {
     "fixed_handbook": Rule(
         "one handbook speed and feed for the edge's whole life",
         _build,
-        sets_speed_and_feed,
-        {"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
+        plays=sets_speed_and_feed,
+        parameters={"cutting_speed": HANDBOOK_CUTTING_SPEED, "feed": HANDBOOK_FEED},
     ),
     "fixed_tuned": Rule(
         "the best speed and feed on the tuning seeds",
         _build,
-        sets_speed_and_feed,
-        PROGRAM,
+        plays=sets_speed_and_feed,
+        parameters=PROGRAM,
         worth_tuning=True,
     ),
     "override_tuned": Rule(
         "the best constant override on the tuning seeds",
-        lambda scenario, num_envs, **parameters: FixedParameters.programmed(scenario, **parameters),
-        lambda scenario: scenario.control.action == "override",
-        {"override": Range(0.1, 2.0, logarithmic=True)},
+        _build_override,
+        plays=lambda scenario: scenario.control.action == "override",
+        parameters={"override": Range(0.1, 2.0, logarithmic=True)},
         worth_tuning=True,
     ),
 }

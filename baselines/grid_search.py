@@ -1,15 +1,16 @@
 """The grid search of Alaskari and Oraby (2018), as published and on models rescaled online.
 
-Each step tries all pairs of a grid of cutting speeds and feeds on the nominal models of wear, thrust force and power. It commands
-the pair with the highest removal rate among those that keep force, power and wear within their limits at the end of the step. The
-paper's grid has 16 speeds times 109 feeds: 1744 pairs. Its simulation ends at the first step without a feasible pair. Here, the
-search goes on. Once the nominal edge is worn out, wear is no constraint. If no pair keeps force and power within their limits, it
-commands the pair with the least force.
+Each step tries all pairs of a grid of cutting speeds and feeds on the nominal models of wear,
+thrust force and power. It commands the pair with the highest removal rate among those that keep
+force, power and wear within their limits at the end of the step. The paper's grid has 16 speeds
+times 109 feeds: 1744 pairs. Its simulation ends at the first step without a feasible pair. Here,
+the search goes on. Once the nominal edge is worn out, wear is no constraint. If no pair keeps force
+and power within their limits, it commands the pair with the least force.
 
-It needs of the nominal model: the laws of wear, force and power, base speed and idle torque.
+Uses from the nominal model: the laws of wear, force and power, base speed and idle torque.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,42 +27,90 @@ from turning_env.physics.wear import advance_used_life, log_wear
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 CUTTING_SPEED_STEP = 10.0  # the paper's grid [m/min]
-FEED_STEP = 0.005  # likewise [mm/rev]
+FEED_STEP = 0.005  # the paper's grid [mm/rev]
+
+STATE = np.dtype(
+    (
+        np.record,
+        [
+            ("used_life", np.float64),  # of the edge [-]
+            ("start", np.float64),  # cutting time of the edge at the start of the step [min]
+            ("force_limit", np.float64),  # [N]
+            ("power_limit", np.float64),  # [kW]
+        ],
+    )
+)
+"""The state of an environment in which the search begins."""
+
+PAIR = np.dtype((np.record, [("cutting_speed", np.float64), ("feed", np.float64)]))
+"""A pair of the grid [m/min], [mm/rev]."""
 
 
-def grid(scenario: Scenario) -> list[Array]:
-    """Return the grid's cutting speeds [m/min] and feeds [mm/rev] within the machine's ranges, ascending."""
-    speeds = scenario.machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP
-    feeds = scenario.machine.feed_min, scenario.machine.feed_max, FEED_STEP
-    return [
-        low + step * np.arange(int((high - low) / step + 1e-9) + 1.0)
-        for low, high, step in (speeds, feeds)
-    ]
+class Grid(NamedTuple):
+    """The values that are combined, in ascending order."""
+
+    speeds: Array  # [m/min]
+    feeds: Array  # [mm/rev]
+
+
+class Limits(NamedTuple):
+    """Limits at the end of a step."""
+
+    force: float  # [N]
+    power: float  # from the base speed on [kW]
+    used_life: float  # [-]
+
+
+class Pair(NamedTuple):
+    """Places of a cutting speed and a feed in the grid; both are -1 if no pair is feasible."""
+
+    speed: int
+    feed: int
+
+
+def grid(scenario: Scenario) -> Grid:
+    """Return the paper's grid within the machine's ranges."""
+    machine = scenario.machine
+    return Grid(
+        speeds=_steps(machine.cutting_speed_min, scenario.cutting_speed_max, CUTTING_SPEED_STEP),
+        feeds=_steps(machine.feed_min, machine.feed_max, FEED_STEP),
+    )
+
+
+def _steps(low: float, high: float, step: float) -> Array:
+    """Return values from ``low`` up to ``high``, which is one of them if it is a whole step."""
+    return low + step * np.arange(int((high - low) / step + 1e-9) + 1.0)
 
 
 @compiled
 def predict(parameters, speed, feed, used_life, start, end):
-    """Return the nominal (used life [-], thrust force [N], power [kW]) after cutting from ``start`` to ``end`` [min]."""
-    log_speed, log_feed, log_depth = np.log(speed), np.log(feed), parameters.log_depth_of_cut[0]
+    """Return the nominal response to cutting from ``start`` to ``end`` [min].
+
+    It is a tuple of used life [-], thrust force [N] and power [kW] at the end.
+    """
+    log_speed = np.log(speed)
+    log_feed = np.log(feed)
+    log_depth = parameters.log_depth_of_cut[0]
     log_coefficient = log_wear_coefficient(parameters, 0, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, 0, used_life, log_coefficient, start, end)
-    force, power = force_and_power(
-        parameters, 0, log_speed, log_feed, log_depth, log_wear(parameters, 0, used_life), 0.0
-    )
+    wear = log_wear(parameters, 0, used_life)
+    force, power = force_and_power(parameters, 0, log_speed, log_feed, log_depth, wear, 0.0)
     return used_life, force, power + idle_power(parameters, 0, speed)
 
 
 @compiled
-def highest_feed(
-    parameters, speed, feeds, used_life, start, end, force_limit, power_limit, used_life_limit
-):
-    """Return the index of the highest feasible feed at a speed, or -1, by bisection: force, power and wear grow with feed."""
-    power_limit *= capacity(parameters, 0, speed)
-    feasible, infeasible = -1, len(feeds)
+def highest_feed(parameters, speed, feeds, used_life, start, end, limits):
+    """Return the index of the highest feasible feed at a speed, or -1.
+
+    Bisection finds it, because force, power and wear grow with feed.
+    """
+    power_limit = limits.power * capacity(parameters, 0, speed)
+    feasible = -1
+    infeasible = len(feeds)
     while infeasible - feasible > 1:
         index = (feasible + infeasible) // 2
         life, force, power = predict(parameters, speed, feeds[index], used_life, start, end)
-        if force <= force_limit and power <= power_limit and life <= used_life_limit:
+        if force <= limits.force and power <= power_limit and life <= limits.used_life:
             feasible = index
         else:
             infeasible = index
@@ -69,84 +118,91 @@ def highest_feed(
 
 
 @compiled
-def best_pair(
-    parameters, speeds, feeds, used_life, start, end, force_limit, power_limit, used_life_limit
-):
-    """Return the indices (speed, feed) of the feasible pair with the highest removal rate and lowest speed; (-1, -1) if none."""
-    best_speed, best_feed, best_rate = -1, -1, 0.0
+def best_pair(parameters, speeds, feeds, used_life, start, end, limits):
+    """Return the feasible ``Pair`` with the highest removal rate; of equals, the slowest."""
+    best = Pair(-1, -1)
+    best_rate = 0.0
     for index in range(len(speeds)):
-        feed = highest_feed(
-            parameters,
-            speeds[index],
-            feeds,
-            used_life,
-            start,
-            end,
-            force_limit,
-            power_limit,
-            used_life_limit,
-        )
-        if feed >= 0 and speeds[index] * feeds[feed] > best_rate:
-            best_speed, best_feed, best_rate = index, feed, speeds[index] * feeds[feed]
-    return best_speed, best_feed
+        speed = speeds[index]
+        feed = highest_feed(parameters, speed, feeds, used_life, start, end, limits)
+        if feed >= 0 and speed * feeds[feed] > best_rate:
+            best = Pair(index, feed)
+            best_rate = speed * feeds[feed]
+    return best
 
 
 @compiled_entry
-def search(parameters, speeds, feeds, used_lives, times, interval, limits, chosen):
-    """Fill ``chosen``, shape (num_envs, 2), with speeds [m/min] and feeds [mm/rev]; ``limits``: of force [N] and power [kW]."""
+def search(parameters, speeds, feeds, interval, states, chosen):
+    """Fill in the best pairs.
+
+    Args:
+        parameters: records of the environment's parameters.
+        speeds: cutting speeds of the grid [m/min].
+        feeds: feeds of the grid [mm/rev].
+        interval: control interval [min].
+        states: records of ``STATE``, shape (num_envs,).
+        chosen: records of ``PAIR``, shape (num_envs,), which are overwritten.
+    """
     p = parameters[0]
-    for i in range(len(used_lives)):
-        start, end, force_limit, power_limit = (
-            times[i],
-            times[i] + interval,
-            limits[0, i],
-            limits[1, i],
-        )
-        speed, feed = best_pair(
-            p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, 1.0
-        )
-        if speed < 0:
-            speed, feed = best_pair(
-                p, speeds, feeds, used_lives[i], start, end, force_limit, power_limit, np.inf
-            )
-        if speed < 0:
-            speed, feed = len(speeds) - 1, 0
-        chosen[i, 0], chosen[i, 1] = speeds[speed], feeds[feed]
+    for i in range(len(states)):
+        state = states[i]
+        start = state.start
+        end = state.start + interval
+        limits = Limits(state.force_limit, state.power_limit, used_life=1.0)
+        best = best_pair(p, speeds, feeds, state.used_life, start, end, limits)
+        if best.speed < 0:  # the nominal edge is worn out
+            limits = Limits(state.force_limit, state.power_limit, used_life=np.inf)
+            best = best_pair(p, speeds, feeds, state.used_life, start, end, limits)
+        if best.speed < 0:
+            best = Pair(len(speeds) - 1, 0)
+        chosen[i].cutting_speed = speeds[best.speed]
+        chosen[i].feed = feeds[best.feed]
 
 
 class GridSearch(Policy):
-    """The grid search on nominal models, with nominal depth and hardness; without its last arguments the paper's controller.
+    """The grid search on nominal models, with nominal depth and hardness.
 
-    ``margin``: factor on the limits of force and power [-]; ``smoothing``: weight of the newest ratio of measured to predicted in
-    their scales [-]. No response may fall with feed, because of the bisection.
+    Without its last arguments, it is the paper's controller. No response may fall with feed,
+    because of the bisection.
+
+    Args:
+        scenario: nominal model.
+        num_envs: number of environments.
+        margin: factor on the limits of force and power [-].
+        smoothing: weight of the newest ratio of measured to predicted values in their scales [-].
     """
 
     def __init__(
         self, scenario: Scenario, num_envs: int, margin: float = 1.0, smoothing: float = 0.0
     ) -> None:
-        self._scenario, self._scales = scenario, Scales(num_envs, smoothing)
+        self._scenario = scenario
+        self._scales = Scales(num_envs, smoothing)
         self._parameters: Any = parameter_records(scenario)
-        self._speeds, self._feeds = grid(scenario)
-        self._limits = margin * np.array([[scenario.limits.thrust_force], [scenario.limits.power]])
+        self._grid = grid(scenario)
+        self._force_limit = margin * scenario.limits.thrust_force
+        self._power_limit = margin * scenario.limits.power
 
     def reset(self, mask: Mask) -> None:
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        scenario, reading = self._scenario, read(observations, self._scenario)
+        scenario = self._scenario
+        reading = read(observations, scenario)
         measured = reading.cutting & (reading.power_ratio > 0)
-        limits = self._limits / self._scales.follow(
-            measured, reading.force_ratio, reading.power_ratio
+        force_scale, power_scale = self._scales.follow(
+            measured, force_ratio=reading.force_ratio, power_ratio=reading.power_ratio
         )
-        used_life = real_power(
-            reading.nominal_wear / scenario.tool.wear_criterion, 1.0 / scenario.material.wear.time
-        )
-        times, chosen = (
-            (reading.cutting_time, scenario.control.interval / 60.0),
-            np.empty((len(observations), 2)),
-        )
-        search(self._parameters, self._speeds, self._feeds, used_life, *times, limits, chosen)
-        return towards(reading, scenario, chosen[:, 0], chosen[:, 1])
+        # Wear grows as W_max D^n, so the used life is D = (W / W_max)^(1/n).
+        relative_wear = reading.nominal_wear / scenario.tool.wear_criterion
+        states = np.empty(len(observations), STATE)
+        states["used_life"] = real_power(relative_wear, 1.0 / scenario.material.wear.time)
+        states["start"] = reading.cutting_time
+        states["force_limit"] = self._force_limit / force_scale
+        states["power_limit"] = self._power_limit / power_scale
+        chosen = np.empty(len(observations), PAIR)
+        interval = scenario.control.interval / 60.0
+        search(self._parameters, *self._grid, interval, states, chosen)
+        return towards(reading, scenario, chosen["cutting_speed"], chosen["feed"])
 
 
 def _plays(scenario: Scenario) -> bool:
@@ -155,13 +211,17 @@ def _plays(scenario: Scenario) -> bool:
 
 RULES = {
     "grid_search": Rule(
-        "the grid search of Alaskari and Oraby (2018) on nominal models", GridSearch, _plays, {}
+        "the grid search of Alaskari and Oraby (2018) on nominal models",
+        GridSearch,
+        plays=_plays,
+        parameters={},
     ),
     "rescaled_grid_search": Rule(
-        "this project's own rescaling of the grid search: models scaled by measured force and power, with a margin, both tuned",
+        "this project's own rescaling of the grid search: models scaled by measured force and "
+        "power, with a margin, both tuned",
         GridSearch,
-        _plays,
-        {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        plays=_plays,
+        parameters={"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=True,
     ),
 }

@@ -1,4 +1,8 @@
-"""The description of a controller: how to build it, which scenarios it can play, and which parameters are tuned."""
+"""The description of a controller.
+
+A ``Rule`` says how to build a controller, which scenarios it can play, and which parameters are
+tuned. The controllers are files of their own; ``catalogue.py`` collects them.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,39 +32,53 @@ class Range:
 class Rule:
     """A controller with its parameters."""
 
-    description: str  # one line that names the source
-    controller: Callable[
-        ..., Policy
-    ]  # of a scenario, a number of environments, and the parameters by name
-    plays: Callable[
-        [Scenario], bool
-    ]  # whether a scenario offers the actions and the inputs that it needs
-    parameters: Mapping[str, float | Range]  # fixed numbers, and ranges of parameters to tune
+    description: str
+    """One line that names the source."""
+    controller: Callable[..., Policy]
+    """Builds the policy from a scenario, a number of environments, and the parameters by name."""
+    plays: Callable[[Scenario], bool]
+    """Returns whether a scenario offers the actions and the inputs that the controller needs."""
+    parameters: Mapping[str, float | Range]
+    """Fixed numbers, and ranges of parameters to tune."""
     version: int = 1
-    """Version, raised when its actions change. Results and tuned parameters of other versions are then invalid."""
-    changes_edges: bool = (
-        False  # whether it decides when to change the edge, if edges are changed on command
-    )
+    """Version, raised when its actions change.
+
+    Results and tuned parameters of other versions are then invalid.
+    """
+    changes_edges: bool = False
+    """Whether it decides when to change the edge, if edges are changed on command."""
     worth_tuning: bool = False
-    """Whether ``--quick`` tuning includes it: the best rules that need tuning, and fixed parameters for comparison."""
+    """Whether ``--quick`` tuning includes it.
+
+    These are the best rules that need tuning, and fixed parameters for comparison.
+    """
     needs_numbers: bool = False
-    """Whether ``controller`` also takes the catalogue's numbers of each job (``Job.numbers``): it plays families alone, with
-    parameters that were tuned on them."""
-    together: bool = (
-        False  # whether ``controller`` also takes a sequence of scenarios, one for each environment
-    )
-    tuned_on: str | None = (
-        None  # the preset on which it is tuned for all scenarios; for slow rules with parameters without unit
-    )
+    """Whether ``controller`` also takes the catalogue's numbers of each job (``Job.numbers``).
+
+    Such a rule plays families alone, with parameters that were tuned on them.
+    """
+    together: bool = False
+    """Whether ``controller`` also takes a sequence of scenarios, one for each environment."""
+    tuned_on: str | None = None
+    """The preset on which it is tuned for all scenarios.
+
+    It is for slow rules whose parameters have no unit.
+    """
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """Return the parameters to tune."""
-        return {name: value for name, value in self.parameters.items() if isinstance(value, Range)}
+        """Parameters to tune."""
+        ranges = {}
+        for name, value in self.parameters.items():
+            if isinstance(value, Range):
+                ranges[name] = value
+        return ranges
 
     @property
     def fixed(self) -> Parameters:
-        """Return the parameters that are not tuned."""
-        return {
-            name: value for name, value in self.parameters.items() if not isinstance(value, Range)
-        }
+        """Parameters that are not tuned."""
+        fixed = {}
+        for name, value in self.parameters.items():
+            if not isinstance(value, Range):
+                fixed[name] = value
+        return fixed

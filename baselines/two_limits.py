@@ -1,23 +1,30 @@
-"""Cutting speed and feed from two active limits, or at the economic optimum (Sharmazanashvili 2008).
+"""Cutting speed and feed from two active limits, or at the economic optimum.
 
-A rule such as [PV] names two limits that are reached together and so fix cutting speed and feed. The limits are P thrust force,
-N power, M torque, V the machine's highest cutting speed, S its highest feed, and T the economic life of the edge along the other
-limit. In the logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear equations.
+A rule of Sharmazanashvili (2008) such as [PV] names two limits that are reached together and so fix
+cutting speed and feed. The limits are P thrust force, N power, M torque, V the machine's highest
+cutting speed, S its highest feed, and T the economic life of the edge along the other limit. In the
+logarithms of cutting speed and feed, every limit is a straight line, so a rule is two linear
+equations.
 
-A scenario may limit radial force, torque and roughness, too. Where radial force is tighter, it takes the place of P, roughness
-that of S; torque is M. A rule's point may be out of reach. Two steps correct it:
+A scenario may limit radial force, torque and roughness, too. Where radial force is tighter, it
+takes the place of P, roughness that of S; torque is M. A rule's point may be out of reach. Two
+steps correct it:
 
-1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting speed to the highest that the
-   rule's two limits allow. Then the same is done with the cutting speed and the feed exchanged.
-2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not suffice, the cutting speed is
-   lowered. A force that falls with rising cutting speed, as with 709M40, may still be exceeded.
+1. If the feed is outside the machine's range, it is set to the end of the range, and the cutting
+   speed to the highest that the rule's two limits allow. Then the same is done with the cutting
+   speed and the feed exchanged.
+2. If force, power or a further limit is exceeded, the feed is lowered; if the lowest feed does not
+   suffice, the cutting speed is lowered. A force that falls with rising cutting speed, as with
+   709M40, may still be exceeded.
 
-With 709M40 on the presets' lathe, many rules coincide (docs/controllers.md), so the catalogue has one of each kind; ``set_point``
-knows all. It needs of the nominal model: the laws of wear, force and power, the exponents of limited responses, and prices.
+With 709M40 on the presets' lathe, many rules coincide (docs/controllers.md), so the catalogue has
+one of each kind; ``set_point`` knows all. Uses from the nominal model: the laws of wear, force and
+power, the exponents of limited responses, and prices.
 """
 
 from functools import partial, reduce
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,42 +38,68 @@ from turning_env.numerics.functions import exp, log
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 TWO_LIMITS = ("PV", "SV", "PT", "ST", "SN", "PN", "MV", "MN", "MT")  # the paper's rules
-ECONOMIC_OPTIMUM = "economic_optimum"  # name of the point of least cost within force, power and the machine's ranges
-
-Cut = tuple[
-    ArrayLike, ArrayLike, ArrayLike
-]  # depth of cut [mm], relative hardness [-] and flank wear [mm]
-Lines = tuple[Line, ...]
-_CUTTING_SPEED, _FEED = (
-    PowerLaw(coefficient=1.0, cutting_speed=1.0),
-    PowerLaw(coefficient=1.0, feed=1.0),
-)
-
+ECONOMIC_OPTIMUM = "economic_optimum"
+"""Name of the point of least cost within force, power and the machine's ranges."""
 MIN_DEPTH = 1e-6  # depth of cut in place of 0 [mm]
-FURTHER = {
-    "P": "radial_force",
-    "S": "roughness",
-}  # further limits that replace a rule's first limit if they are tighter
+FURTHER = {"P": "radial_force", "S": "roughness"}
+"""Further limits that replace a rule's first limit if they are tighter."""
+
+_CUTTING_SPEED = PowerLaw(coefficient=1.0, cutting_speed=1.0)
+_FEED = PowerLaw(coefficient=1.0, feed=1.0)
+
+Lines = tuple[Line, ...]
+LogPoint = tuple[Array, Array]  # log cutting speed [log m/min] and log feed [log mm/rev]
+
+
+class Cut(NamedTuple):
+    """Conditions of the cut, which broadcast."""
+
+    depth_of_cut: ArrayLike  # [mm], above 0
+    hardness: ArrayLike  # over the nominal [-], above 0
+    wear: ArrayLike  # flank wear [mm], above 0
+
+
+class Pair(NamedTuple):
+    """Two limits that fix a point."""
+
+    name: str
+    other_name: str
+    limit: Limit
+    other_limit: Limit
+
+
+class Optimum(NamedTuple):
+    """The economic optimum; arrays of one shape."""
+
+    log_speed: Array
+    log_feed: Array
+    pair: NDArray[
+        np.int64
+    ]  # place in ``_pairs`` of the limits that fix it, or their number if none
 
 
 def limits(rule: str, process: Process) -> tuple[Limit, Limit]:
-    """Return the two limits of a rule; ValueError if it is unknown, or with these laws its limits fix no point."""
+    """Return the two limits of a rule.
+
+    Raises:
+        ValueError: the rule is unknown, or with these laws its limits fix no point.
+    """
     if rule not in TWO_LIMITS:
-        raise ValueError(
-            f"no rule is called {rule!r}; there are {', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}"
-        )
-    found = {
+        known = f"{', '.join(TWO_LIMITS)} and {ECONOMIC_OPTIMUM}"
+        raise ValueError(f"no rule is called {rule!r}; there are {known}")
+    limit_of = {
         "P": process.thrust_force,
         "N": process.power,
         "M": process.torque,
         "V": Limit(_CUTTING_SPEED, process.cutting_speed_range[1]),
         "S": Limit(_FEED, process.feed_range[1]),
     }
-    first = found[rule[0]]
-    second = process.life_limit(first) if rule[1] == "T" else found[rule[1]]
+    first = limit_of[rule[0]]
+    second = process.life_limit(first) if rule[1] == "T" else limit_of[rule[1]]
     if first.parallel(second):
         raise ValueError(
-            f"[{rule}] fixes no point: cutting speed and feed enter its two limits in the same proportion"
+            f"[{rule}] fixes no point: "
+            "cutting speed and feed enter its two limits in the same proportion"
         )
     return first, second
 
@@ -78,173 +111,207 @@ def set_point(
     hardness: ArrayLike = 1.0,
     wear: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Return the cutting speed [m/min] and feed [mm/rev] of a rule, of the shape to which the arguments broadcast.
+    """Return the cutting speed [m/min] and feed [mm/rev] of a rule.
 
-    ``rule``: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``; ValueError if it is unknown, or with these laws its limits fix no
-    point. Depth of cut [mm] is 0 or more, relative hardness [-] above 0. The limits hold at the flank wear [mm], above 0; by
-    default it is the mean over the edge's life.
+    Args:
+        rule: one of ``TWO_LIMITS``, or ``ECONOMIC_OPTIMUM``.
+        process: laws and limits.
+        depth_of_cut: depth of cut [mm], 0 or more.
+        hardness: relative hardness [-], above 0.
+        wear: flank wear at which the limits hold [mm], above 0; None: the mean over the edge's
+            life.
+
+    Returns:
+        Arrays of the shape to which the arguments broadcast.
+
+    Raises:
+        ValueError: the rule is unknown, or with these laws its limits fix no point.
     """
-    cut = (
-        np.maximum(depth_of_cut, MIN_DEPTH),
-        hardness,
-        process.mean_wear if wear is None else wear,
+    cut = Cut(
+        depth_of_cut=np.maximum(depth_of_cut, MIN_DEPTH),
+        hardness=hardness,
+        wear=process.mean_wear if wear is None else wear,
     )
-    held = _held(process, cut)
+    lines = _limit_lines(process, cut)
     if rule == ECONOMIC_OPTIMUM:
-        log_speed, log_feed, _ = _cheapest(process, held, cut)
+        optimum = _cheapest(process, lines, cut)
+        log_speed, log_feed = optimum.log_speed, optimum.log_feed
     else:
-        first, second = (limit.line(*cut) for limit in limits(rule, process))
-        further = process.further.get(FURTHER.get(rule[0], ""))
-        if further is not None and first.cutting_speed == 0.0:
-            other = further.line(*cut)
-            first = Line(0.0, 1.0, np.minimum(first.room / first.feed, other.room / other.feed))
-        log_speed, log_feed = _within_ranges(process, (first, second), *first.crossing(second))
-    log_speed, log_feed = _within_force_and_power(process, held, log_speed, log_feed)
-    return np.clip(exp(log_speed), *process.cutting_speed_range), np.clip(
-        exp(log_feed), *process.feed_range
-    )
+        log_speed, log_feed = _point_of_rule(rule, process, cut)
+    log_speed, log_feed = _within_force_and_power(process, lines, (log_speed, log_feed))
+    speed = np.clip(exp(log_speed), *process.cutting_speed_range)
+    feed = np.clip(exp(log_feed), *process.feed_range)
+    return speed, feed
 
 
-def _held(process: Process, cut: Cut) -> Lines:
-    return tuple(
-        limit.line(*cut)
-        for limit in (process.thrust_force, process.power, *process.further.values())
-    )
+def _point_of_rule(rule: str, process: Process, cut: Cut) -> LogPoint:
+    """Return the point of one of ``TWO_LIMITS`` within the machine's ranges."""
+    first_limit, second_limit = limits(rule, process)
+    first = first_limit.line(*cut)
+    second = second_limit.line(*cut)
+    further = process.further.get(FURTHER.get(rule[0], ""))
+    if further is not None and first.cutting_speed == 0.0:
+        # Both limit the feed alone; the tighter one holds.
+        further_line = further.line(*cut)
+        room = np.minimum(first.room / first.feed, further_line.room / further_line.feed)
+        first = Line(cutting_speed=0.0, feed=1.0, room=room)
+    return _within_ranges(process, (first, second), first.crossing(second))
+
+
+def _limit_lines(process: Process, cut: Cut) -> Lines:
+    """Return the lines of force, power and further limits."""
+    held = (process.thrust_force, process.power, *process.further.values())
+    return tuple(limit.line(*cut) for limit in held)
 
 
 def binding(process: Process, depth_of_cut: ArrayLike, hardness: ArrayLike) -> NDArray[np.str_]:
-    """Return the pair of limits that fixes the economic optimum, such as "P_y V"; "" if no speed and feed keep all limits.
+    """Return the pair of limits that fixes the economic optimum, such as "P_y V".
 
-    T is the economic life along the other limit. V_min and S_min are the lowest speed and feed. Depth of cut [mm] and relative
-    hardness [-] are above 0.
+    T is the economic life along the other limit. V_min and S_min are the lowest speed and feed. The
+    pair is "" if no speed and feed keep all limits. Depth of cut [mm] and relative hardness [-] are
+    above 0.
     """
-    cut = (depth_of_cut, hardness, process.mean_wear)
-    _, _, pair = _cheapest(process, _held(process, cut), cut)
-    return np.array(
-        [*(" ".join(sorted(names, key="NVT".find)) for names, _, _ in _pairs(process)), ""]
-    )[pair]
+    cut = Cut(depth_of_cut, hardness, wear=process.mean_wear)
+    optimum = _cheapest(process, _limit_lines(process, cut), cut)
+    # Machine and life are named last: "NVT".find is -1 for the other names.
+    names = []
+    for pair in _pairs(process):
+        names.append(" ".join(sorted((pair.name, pair.other_name), key="NVT".find)))
+    return np.array([*names, ""])[optimum.pair]
 
 
-def _pairs(process: Process) -> list[tuple[tuple[str, str], Limit, Limit]]:
-    """Return the pairs of limits that fix a point, and their names."""
-    (slowest, fastest), (least, most) = process.cutting_speed_range, process.feed_range
-    bounds = {"P_z": process.thrust_force, "N": process.power}
-    bounds |= {"V_min": Limit(_CUTTING_SPEED, slowest), "V": Limit(_CUTTING_SPEED, fastest)}
-    bounds |= {"S_min": Limit(_FEED, least), "S": Limit(_FEED, most)}
-    bounds |= {
-        {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}[name]: each
-        for name, each in process.further.items()
+def _pairs(process: Process) -> list[Pair]:
+    """Return the pairs of limits that fix a point."""
+    slowest, fastest = process.cutting_speed_range
+    lowest, highest = process.feed_range
+    bounds = {
+        "P_z": process.thrust_force,
+        "N": process.power,
+        "V_min": Limit(_CUTTING_SPEED, slowest),
+        "V": Limit(_CUTTING_SPEED, fastest),
+        "S_min": Limit(_FEED, lowest),
+        "S": Limit(_FEED, highest),
     }
-    lives = [(bound, ("T", process.life_limit(bound[1]))) for bound in bounds.items()]
-    pairs = [*combinations(bounds.items(), 2), *lives]
-    return [
-        ((name, another), one, other)
-        for (name, one), (another, other) in pairs
-        if not one.parallel(other)
-    ]
+    letters = {"radial_force": "P_y", "torque": "M", "roughness": "R_z"}
+    for name, limit in process.further.items():
+        bounds[letters[name]] = limit
+    pairs = []
+    for (name, limit), (other_name, other_limit) in combinations(bounds.items(), 2):
+        pairs.append(Pair(name, other_name, limit=limit, other_limit=other_limit))
+    for name, limit in bounds.items():
+        pairs.append(Pair(name, "T", limit=limit, other_limit=process.life_limit(limit)))
+    return [pair for pair in pairs if not pair.limit.parallel(pair.other_limit)]
 
 
-def _within_ranges(
-    process: Process, lines: Lines, log_speed: Array, log_feed: Array
-) -> tuple[Array, Array]:
+def _within_ranges(process: Process, lines: tuple[Line, Line], point: LogPoint) -> LogPoint:
     """Apply step 1 of the module's description."""
+    first, second = lines
+    log_speed, log_feed = point
     feed = np.clip(log_feed, *log(process.feed_range))
-    at_feed = np.minimum(*(line.highest_cutting_speed(feed) for line in lines))
+    at_feed = np.minimum(first.highest_cutting_speed(feed), second.highest_cutting_speed(feed))
     log_speed = np.where(feed == log_feed, log_speed, at_feed)
     speed = np.clip(log_speed, *log(process.cutting_speed_range))
-    at_speed = np.minimum(*(line.highest_feed(speed) for line in lines))
-    return speed, np.clip(np.where(speed == log_speed, feed, at_speed), *log(process.feed_range))
+    at_speed = np.minimum(first.highest_feed(speed), second.highest_feed(speed))
+    feed = np.where(speed == log_speed, feed, at_speed)
+    return speed, np.clip(feed, *log(process.feed_range))
 
 
-def _within_force_and_power(
-    process: Process, held: Lines, log_speed: Array, log_feed: Array
-) -> tuple[Array, Array]:
+def _within_force_and_power(process: Process, lines: Lines, point: LogPoint) -> LogPoint:
     """Apply step 2 of the module's description."""
-    wanted = np.minimum(
-        log_feed, reduce(np.minimum, (line.highest_feed(log_speed) for line in held))
-    )
+    log_speed, log_feed = point
+    at_speed = reduce(np.minimum, [line.highest_feed(log_speed) for line in lines])
+    wanted = np.minimum(log_feed, at_speed)
     feed = np.maximum(wanted, log(process.feed_range[0]))
-    at_feed = reduce(np.minimum, (line.highest_cutting_speed(feed) for line in held))
+    at_feed = reduce(np.minimum, [line.highest_cutting_speed(feed) for line in lines])
     slower = np.maximum(np.minimum(log_speed, at_feed), log(process.cutting_speed_range[0]))
     return np.where(wanted < feed, slower, log_speed), feed
 
 
-def _cheapest(process: Process, held: Lines, cut: Cut) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return the log economic optimum, or log highest speed and lowest feed if no point keeps all limits, and its pair's place.
+def _cheapest(process: Process, lines: Lines, cut: Cut) -> Optimum:
+    """Return the economic optimum, or the highest speed and lowest feed if no point is feasible.
 
-    On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two lines cross, or where the
-    life along a line is its economic life.
+    On logarithmic scales, the cost is convex and all limits are lines. So the optimum is where two
+    lines cross, or where the life along a line is its economic life.
     """
     slowest, fastest = log(process.cutting_speed_range)
-    least, most = log(process.feed_range)
-    points = [one.line(*cut).crossing(other.line(*cut)) for _, one, other in _pairs(process)] + [
-        (fastest, least)
-    ]
+    lowest, highest = log(process.feed_range)
+    points = []
+    for pair in _pairs(process):
+        points.append(pair.limit.line(*cut).crossing(pair.other_limit.line(*cut)))
+    points.append((fastest, lowest))
     shape = np.broadcast_shapes(
-        *(line.room.shape for line in held), *(np.shape(value) for value in cut)
+        *[line.room.shape for line in lines], *[np.shape(value) for value in cut]
     )
-    speeds, feeds = (
-        np.stack([np.broadcast_to(point[axis], shape) for point in points]) for axis in (0, 1)
-    )
-    feasible = (
-        (speeds >= slowest - ALIKE)
-        & (speeds <= fastest + ALIKE)
-        & (feeds >= least - ALIKE)
-        & (feeds <= most + ALIKE)
-    )
-    for line in held:
+    speeds = np.stack([np.broadcast_to(speed, shape) for speed, _ in points])
+    feeds = np.stack([np.broadcast_to(feed, shape) for _, feed in points])
+
+    feasible = (speeds >= slowest - ALIKE) & (speeds <= fastest + ALIKE)
+    feasible &= (feeds >= lowest - ALIKE) & (feeds <= highest + ALIKE)
+    for line in lines:
         feasible &= line.cutting_speed * speeds + line.feed * feeds <= line.room + ALIKE
     costs = process.log_cost(
-        np.clip(speeds, slowest, fastest), np.clip(feeds, least, most), cut[0], cut[1]
+        np.clip(speeds, slowest, fastest),
+        np.clip(feeds, lowest, highest),
+        depth_of_cut=cut.depth_of_cut,
+        hardness=cut.hardness,
     )
     costs = np.where(feasible, costs, np.inf)
-    costs[-1] = np.minimum(
-        costs[-1], np.finfo(np.float64).max
-    )  # the last resort beats infeasible points only
+    # The last resort beats infeasible points only.
+    costs[-1] = np.minimum(costs[-1], np.finfo(np.float64).max)
     best = np.argmin(costs, axis=0)[np.newaxis]
-    return (
-        np.take_along_axis(speeds, best, axis=0)[0],
-        np.take_along_axis(feeds, best, axis=0)[0],
-        best[0],
+    return Optimum(
+        log_speed=np.take_along_axis(speeds, best, axis=0)[0],
+        log_feed=np.take_along_axis(feeds, best, axis=0)[0],
+        pair=best[0],
     )
 
 
 class AdaptiveRule(Policy):
-    """A policy that applies a rule in every step to models rescaled by measured over predicted force and power.
+    """A policy that applies a rule in every step to rescaled models.
 
-    Predictions and limits use nominal wear, depth and hardness; the scales absorb the deviations. ``margin``: factor on the
-    limits of force, power and torque [-]; ``smoothing``: weight of the newest ratio in a scale [-].
+    Predictions and limits use nominal wear, depth and hardness. Scales of measured over predicted
+    force and power absorb the deviations.
+
+    Args:
+        scenario: nominal model.
+        num_envs: number of environments.
+        rule: name of the rule, see ``set_point``.
+        margin: factor on the limits of force, power and torque [-].
+        smoothing: weight of the newest ratio in a scale [-].
     """
 
     def __init__(
         self, scenario: Scenario, num_envs: int, rule: str, margin: float, smoothing: float
     ) -> None:
-        self._scenario, self._process, self._rule = scenario, Process.of(scenario), rule
-        self._margin, self._scales = margin, Scales(num_envs, smoothing)
+        self._scenario = scenario
+        self._process = Process.of(scenario)
+        self._rule = rule
+        self._margin = margin
+        self._scales = Scales(num_envs, smoothing)
 
     def reset(self, mask: Mask) -> None:
         self._scales.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
-        reading, depth = read(observations, self._scenario), self._scenario.workpiece.depth_of_cut
-        setting = reading.cutting_speed, reading.feed, depth
-        # A fresh edge counts with the wear after one control interval: without wear, no limit would apply.
-        wear = np.maximum(
-            reading.nominal_wear,
-            self._process.wear(*setting, time=self._scenario.control.interval / 60.0),
+        scenario = self._scenario
+        process = self._process
+        reading = read(observations, scenario)
+        depth = scenario.workpiece.depth_of_cut
+        speed, feed = reading.cutting_speed, reading.feed
+        # A fresh edge counts with the wear after one control interval: without wear, no limit would
+        # apply.
+        first_wear = process.wear(speed, feed, depth, time=scenario.control.interval / 60.0)
+        wear = np.maximum(reading.nominal_wear, first_wear)
+        force = process.thrust_force.law(speed, feed, depth, wear=wear)
+        power = process.power.law(speed, feed, depth, wear=wear)
+        force_scale, power_scale = self._scales.follow(
+            reading.cutting & (reading.power > 0),
+            force_ratio=reading.thrust_force / force,
+            power_ratio=reading.power / power,
         )
-        force, power = (
-            limit.law(*setting, wear=wear)
-            for limit in (self._process.thrust_force, self._process.power)
-        )
-        measured = reading.cutting & (reading.power > 0)
-        scales = self._scales.follow(measured, reading.thrust_force / force, reading.power / power)
-        used = (scale / self._margin for scale in scales)
-        return towards(
-            reading,
-            self._scenario,
-            *set_point(self._rule, self._process.rescaled(*used), depth, wear=wear),
-        )
+        rescaled = process.rescaled(force_scale / self._margin, power_scale / self._margin)
+        best_speed, best_feed = set_point(self._rule, rescaled, depth, wear=wear)
+        return towards(reading, scenario, best_speed, best_feed)
 
 
 def _plays(rule: str, scenario: Scenario) -> bool:
@@ -256,25 +323,24 @@ def _plays(rule: str, scenario: Scenario) -> bool:
 
 
 def _fixed(scenario: Scenario, num_envs: int, rule: str) -> FixedParameters:
-    return FixedParameters(
-        scenario, *set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
-    )
+    speed, feed = set_point(rule, Process.of(scenario), scenario.workpiece.depth_of_cut)
+    return FixedParameters(scenario, speed, feed)
 
 
-_RESCALED = "in real time, on models rescaled by measured force and power, with a margin"
-_MARGINS = {"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)}
-
-RULES = {
-    f"{kind}_{rule.lower()}": Rule(
-        f"rule [{rule}] of Sharmazanashvili (2008) {how}",
-        partial(controller, rule=rule),
-        partial(_plays, rule),
-        parameters,
-        worth_tuning=rule == "PN" and controller is AdaptiveRule,
+RULES = {}
+for _rule in ("PV", "SN", "PN"):
+    RULES[f"rule_{_rule.lower()}"] = Rule(
+        f"rule [{_rule}] of Sharmazanashvili (2008) on nominal models at mean wear",
+        partial(_fixed, rule=_rule),
+        plays=partial(_plays, _rule),
+        parameters={},
     )
-    for kind, how, controller, parameters in (
-        ("rule", "on nominal models at mean wear", _fixed, {}),
-        ("adaptive", _RESCALED, AdaptiveRule, _MARGINS),
+for _rule in ("PV", "SN", "PN"):
+    RULES[f"adaptive_{_rule.lower()}"] = Rule(
+        f"rule [{_rule}] of Sharmazanashvili (2008) in real time, "
+        "on models rescaled by measured force and power, with a margin",
+        partial(AdaptiveRule, rule=_rule),
+        plays=partial(_plays, _rule),
+        parameters={"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
+        worth_tuning=_rule == "PN",
     )
-    for rule in ("PV", "SN", "PN")
-}

@@ -1,41 +1,50 @@
-"""The best use of an edge by laws and forms that are known: cutting speeds and feeds over its used life, and when to change it.
+"""The best use of an edge by known laws and forms: set points over its life, and when to change it.
 
-The power laws of a nominal model have no phases of wear, no built-up edge and no failures but by force. Where edges collapse,
-chip, notch or run in (``EdgeFailure``), or a bar chatters, the best speed follows from dynamic programming over the used share D
-of an edge's life, in steps of 1 / ``LIVES``. With a price of time c, a set point is worth at D
+The power laws of a nominal model have no phases of wear, no built-up edge and no failures but by
+force. Where edges collapse, chip, notch or run in (``EdgeFailure``), or a bar chatters, the best
+speed follows from dynamic programming over the used share D of an edge's life, in steps of 1 /
+``LIVES``. With a price of time c, a set point is worth at D
 
     metal - overload - c time - edge / LIVES + q V(D + 1 / LIVES) + (1 - q) broken(D + 1 / LIVES)
 
-at the rate of wear there, where q is the chance that the edge survives the step. V(D) is the greatest such worth, or that of a
-change of the edge, if larger. Time is limited, so it costs what it can earn: with the right c, a fresh edge is worth V(0) = 0.
-Bars are as expected. Their spreads enter the expected excess over a limit and the chance to survive.
+at the rate of wear there, where q is the chance that the edge survives the step. V(D) is the
+greatest such worth, or that of a change of the edge, if larger. Time is limited, so it costs what
+it can earn: with the right c, a fresh edge is worth V(0) = 0. Bars are as expected. Their spreads
+enter the expected excess over a limit and the chance to survive.
 """
 
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.models.normal import tail
 from baselines.rule import Array
-from turning_env import Scenario
+from turning_env import PowerLaw, Scenario
 from turning_env.numerics.functions import exp, hypotenuse, log, real_power
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario.sections import EdgeFailure
 
 FORMS = "edge_failure.", "machine.chatter"
-"""How the dotted names of the fields begin that the schedule needs beside the power laws."""
-LIVES = 40
-_SPEEDS, _FEEDS, _BISECTIONS, _MAX_TIME_PRICE = 24, 14, 24, 5.0
-_SLOWEST = 1.5  # lowest speed over the machine's [-]: below, an edge earns nothing for long (found on training jobs)
-_SEVERITY = 1.2  # factor on the price of overload [-], that of ``self_tuning``
-_HOT_SPOTS = (
-    3.0  # independent places of a bar per minute, each of which can be too hot [1/min] (assumption)
-)
-_HEAT_MARGIN = (
-    2.0  # factor on the standard deviation of the log temperature [-] (found on training jobs)
-)
-_LEAST = 1e-9
+"""Beginnings of the dotted names of the fields that the schedule needs beside the power laws."""
+LIVES = 40  # steps of the used life
+SPEEDS = 24  # cutting speeds that are compared
+FEEDS = 14  # feeds that are compared
+BISECTIONS = 24  # of the price of time
+MAX_TIME_PRICE = 5.0
+MIN_SPEED = 1.5
+"""Lowest speed over the machine's [-]: below, an edge earns nothing for long.
+
+It was found on training jobs.
+"""
+SEVERITY = 1.2  # factor on the price of overload [-], that of ``self_tuning``
+HOT_SPOTS = 3.0
+"""Independent places of a bar per minute, each of which can be too hot [1/min] (assumption)."""
+HEAT_MARGIN = 2.0
+"""Factor on the standard deviation of the log temperature [-] (found on training jobs)."""
+MIN_HEAT_SPREAD = 1e-3
+MIN_POSITIVE = 1e-9  # in place of 0 in logarithms and divisions
 
 
 class Schedule(NamedTuple):
@@ -47,135 +56,220 @@ class Schedule(NamedTuple):
     time: float  # what a second can earn [s]
 
 
+class Steps(NamedTuple):
+    """Each step of life at each set point; arrays of shape (LIVES, SPEEDS, FEEDS)."""
+
+    gain: Any  # value of metal less overload [s]
+    time: Any  # [s]
+    survival: Any  # chance that the edge survives [-]
+
+
+class EdgePlan(NamedTuple):
+    """The best use of an edge at a price of time."""
+
+    worth: float  # of the fresh edge [s]
+    set_points: NDArray[np.int64]  # place of the best set point in each step of life
+    change: int  # step of life in which to change the edge
+
+
 def has_forms(scenario: Scenario) -> bool:
-    """Return whether edges are changed on command and the scenario has forms that are none of the power laws'."""
+    """Return whether edges are changed on command and the scenario has forms beside power laws."""
     forms = scenario.edge_failure != EdgeFailure() or scenario.machine.chatter > 0.0
     return forms and scenario.control.edge_changes == "commanded"
 
 
 @lru_cache(maxsize=4096)
 def schedule(scenario: Scenario) -> Schedule:
-    """Return the best use of an edge, by the scenario's own laws and forms, as if they were true."""
-    slowest, (least, most) = _SLOWEST * scenario.machine.cutting_speed_min, scenario.feed_range
-    speed = exp(np.linspace(log(slowest), log(scenario.cutting_speed_max), _SPEEDS))[:, np.newaxis]
-    feed = exp(np.linspace(log(least), log(most), _FEEDS))
-    gain, time, survival = (
-        np.broadcast_to(each, (LIVES, _SPEEDS, _FEEDS)) for each in _steps(scenario, speed, feed)
-    )
-    low, high = 0.0, _MAX_TIME_PRICE
-    for _ in range(_BISECTIONS):
+    """Return the best use of an edge, by the scenario's own laws and forms."""
+    min_speed = MIN_SPEED * scenario.machine.cutting_speed_min
+    min_feed, max_feed = scenario.feed_range
+    log_speeds = np.linspace(log(min_speed), log(scenario.cutting_speed_max), SPEEDS)
+    speed = exp(log_speeds)[:, np.newaxis]
+    feed = exp(np.linspace(log(min_feed), log(max_feed), FEEDS))
+    shape = (LIVES, SPEEDS, FEEDS)
+    steps = Steps(*[np.broadcast_to(values, shape) for values in _steps(scenario, speed, feed)])
+
+    # A fresh edge is worth less, the more a second costs. Find the price at which it is worth 0.
+    low = 0.0
+    high = MAX_TIME_PRICE
+    for _ in range(BISECTIONS):
         price = 0.5 * (low + high)
-        fresh, best, change = _backward(scenario, gain - price * time, survival, price)
-        low, high = (price, high) if fresh > 0.0 else (low, price)
-    fast, wide = np.divmod(best, _FEEDS)
-    return Schedule(speed[fast, 0], feed[wide], change / LIVES, price)
+        plan = _best_use(scenario, steps, price)
+        if plan.worth > 0.0:
+            low = price
+        else:
+            high = price
+    speed_index, feed_index = np.divmod(plan.set_points, FEEDS)
+    return Schedule(
+        cutting_speed=speed[speed_index, 0],
+        feed=feed[feed_index],
+        change_at=plan.change / LIVES,
+        time=price,
+    )
 
 
-def _backward(
-    scenario: Scenario, gain: Array, survival: Array, price: float
-) -> tuple[float, Any, int]:
-    """Return a fresh edge's worth [s], the best set point in each step of life, and the step in which to change the edge."""
+def _best_use(scenario: Scenario, steps: Steps, price: float) -> EdgePlan:
+    """Return the best use of an edge at a price of time, by going backward from its end of life."""
     economics = scenario.economics
-    edge, change, downtime = (
-        60.0 * economics.edge_cost,
-        economics.edge_change_time,
-        economics.breakage_downtime,
-    )
-    worth, best, last = (
-        -60.0 * price * (change + economics.unplanned_stop),
-        np.zeros(LIVES, np.int64),
-        LIVES,
-    )
+    edge = 60.0 * economics.edge_cost  # [s]
+    gain = steps.gain - price * steps.time
+    set_points = np.zeros(LIVES, np.int64)
+    change = LIVES
+    # A worn-out edge stops the lathe unplanned.
+    worth = -60.0 * price * (economics.edge_change_time + economics.unplanned_stop)
     for step in range(LIVES - 1, -1, -1):
-        broken = -edge * (1.0 - (step + 1.0) / LIVES) - 60.0 * price * (change + downtime)
-        worths = (gain[step] - edge / LIVES + survival[step] * (worth - broken) + broken).ravel()
-        best[step] = worths.argmax()
-        worth, changed = (
-            float(worths[best[step]]),
-            -edge * (1.0 - step / LIVES) - 60.0 * price * change,
-        )
+        # A broken edge loses its unused life.
+        unused = edge * (1.0 - (step + 1.0) / LIVES)
+        downtime = economics.edge_change_time + economics.breakage_downtime
+        broken = -unused - 60.0 * price * downtime
+        survival = steps.survival[step]
+        worths = (gain[step] - edge / LIVES + survival * (worth - broken) + broken).ravel()
+        set_points[step] = worths.argmax()
+        worth = float(worths[set_points[step]])
+        changed = -edge * (1.0 - step / LIVES) - 60.0 * price * economics.edge_change_time
         if step > 0 and changed > worth:
-            worth, last = changed, step
-    return worth, best, last
+            worth = changed
+            change = step
+    return EdgePlan(worth, set_points, change=change)
 
 
-def _steps(scenario: Scenario, speed: Array, feed: Array) -> tuple[Any, Any, Any]:
-    """Return value of metal less overload [s], duration [s] and chance to survive of each step of life at each set point."""
-    machine, tool, work, failure = (
-        scenario.machine,
-        scenario.tool,
-        scenario.workpiece,
-        scenario.edge_failure,
-    )
-    material, limits, economics = scenario.material, scenario.limits, scenario.economics
-    depth, exponent = work.depth_of_cut, material.wear.time
+def _steps(scenario: Scenario, speed: Array, feed: Array) -> Steps:
+    """Return each step of life at each set point; arrays broadcast to their shape."""
+    cut = _Cut(scenario, speed, feed)
     life = np.arange(LIVES + 1.0)[:, np.newaxis, np.newaxis] / LIVES
-    middle, start, end = 0.5 * (life[:-1] + life[1:]), np.maximum(life[:-1], _LEAST), life[1:]
-    depth_spread = hypotenuse(work.depth_bar_spread, work.depth_along_spread) / depth
-    hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
-    sings = np.pi * work.diameter * machine.chatter_speed / 1000.0  # [m/min]
-    dynamic = 1.0 + _bump(speed, machine.chatter, sings, machine.chatter_width)
-
-    def spread(law: Any) -> Any:
-        return hypotenuse(law.depth_of_cut * depth_spread, law.hardness * hardness_spread)
-
-    def wear(used: Array) -> Any:
-        return tool.wear_criterion * real_power(used, exponent)
-
-    def force(used: Array) -> Any:
-        return material.thrust_force(speed, feed, depth, wear=wear(used)) * dynamic
-
-    worn = wear(middle)
-    rate = real_power(
-        material.wear(speed, feed, depth) / tool.wear_criterion, 1.0 / exponent
-    )  # [1/min]
-    rate = rate * (
-        1.0 + _bump(speed, failure.built_up_edge, failure.built_up_speed, failure.built_up_width)
-    )
-    rate = rate * exp(failure.tertiary_rate * np.maximum(worn - failure.tertiary_wear, 0.0))
-    rate = rate * (1.0 + failure.running_in * exp(-worn / failure.running_in_wear))
-    minutes = 1.0 / (LIVES * rate)
-
-    worst_force = force(middle) * exp(0.5 * spread(material.thrust_force))
-    power = (
-        material.power(speed, feed, depth, wear=worn) + idle_power_at(scenario, speed)
-    ) / capacity_at(scenario, speed)
-    over = np.maximum(worst_force / limits.thrust_force - 1.0, 0.0)
-    over = over + np.maximum(power * exp(0.5 * spread(material.power)) / limits.power - 1.0, 0.0)
-    value = (
-        speed * feed * depth / economics.reference_removal_rate
-        - _SEVERITY * economics.overload_price * over
+    start = np.maximum(life[:-1], MIN_POSITIVE)
+    middle = 0.5 * (life[:-1] + life[1:])
+    end = life[1:]
+    minutes = 1.0 / (LIVES * cut.life_rate(middle))
+    survival = exp(-cut.hazard(middle, end) * minutes)
+    # Force and notch break an edge that is weaker than they are. The edge survived the step's
+    # start.
+    stronger = np.minimum(cut.strength_chance(end) / cut.strength_chance(start), 1.0)
+    return Steps(
+        gain=60.0 * cut.value_rate(middle) * minutes,
+        time=60.0 * minutes,
+        survival=survival * stronger,
     )
 
-    load = log(force(middle) / tool.edge_strength) + 0.5 * spread(material.thrust_force) ** 2
-    hazard = failure.chipping_rate * exp(failure.chipping_load_exponent * load)
-    hazard = hazard * real_power(worn / tool.wear_criterion, failure.chipping_wear_exponent)
-    if failure.collapse_temperature > 0.0:
+
+class _Cut:
+    """Responses to set points at used lives [-], as arrays that broadcast.
+
+    Args:
+        scenario: laws and forms.
+        speed: cutting speeds [m/min], shape (SPEEDS, 1).
+        feed: feeds [mm/rev], shape (FEEDS,).
+    """
+
+    def __init__(self, scenario: Scenario, speed: Array, feed: Array) -> None:
+        work = scenario.workpiece
+        machine = scenario.machine
+        self._scenario = scenario
+        self._speed = speed
+        self._feed = feed
+        self._depth = work.depth_of_cut
+        self._depth_spread = (
+            hypotenuse(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
+        )
+        self._hardness_spread = hypotenuse(work.hardness_bar_spread, work.hardness_along_spread)
+        # Chatter adds a dynamic force around the bar's critical spindle speed.
+        critical_speed = np.pi * work.diameter * machine.chatter_speed / 1000.0  # [m/min]
+        self._dynamic = 1.0 + _bump(
+            speed, height=machine.chatter, centre=critical_speed, width=machine.chatter_width
+        )
+
+    def life_rate(self, used_life: Array) -> Any:
+        """Return the rate at which the life is used [1/min]."""
+        wear_law = self._scenario.material.wear
+        failure = self._scenario.edge_failure
+        wear = self._wear(used_life)
+        nominal_wear = wear_law(self._speed, self._feed, self._depth)
+        rate = real_power(nominal_wear / self._scenario.tool.wear_criterion, 1.0 / wear_law.time)
+        rate = rate * (
+            1.0
+            + _bump(
+                self._speed,
+                height=failure.built_up_edge,
+                centre=failure.built_up_speed,
+                width=failure.built_up_width,
+            )
+        )
+        rate = rate * exp(failure.tertiary_rate * np.maximum(wear - failure.tertiary_wear, 0.0))
+        return rate * (1.0 + failure.running_in * exp(-wear / failure.running_in_wear))
+
+    def value_rate(self, used_life: Array) -> Any:
+        """Return the value of metal less the price of overload [s per s]."""
+        scenario = self._scenario
+        material = scenario.material
+        limits = scenario.limits
+        economics = scenario.economics
+        # Loads half a standard deviation above the expected stand for all bars.
+        force = self._force(used_life) * exp(0.5 * self._spread(material.thrust_force))
+        cutting_power = material.power(
+            self._speed, self._feed, self._depth, wear=self._wear(used_life)
+        )
+        power = cutting_power + idle_power_at(scenario, self._speed)
+        power = power / capacity_at(scenario, self._speed) * exp(0.5 * self._spread(material.power))
+        over = np.maximum(force / limits.thrust_force - 1.0, 0.0)
+        over = over + np.maximum(power / limits.power - 1.0, 0.0)
+        metal = self._speed * self._feed * self._depth / economics.reference_removal_rate
+        return metal - SEVERITY * economics.overload_price * over
+
+    def hazard(self, middle: Array, end: Array) -> Any:
+        """Return the rate of chipping and of collapse by heat [1/min]."""
+        scenario = self._scenario
+        failure = scenario.edge_failure
+        force_spread = self._spread(scenario.material.thrust_force)
+        load = log(self._force(middle) / scenario.tool.edge_strength) + 0.5 * force_spread**2
+        relative_wear = self._wear(middle) / scenario.tool.wear_criterion
+        hazard = failure.chipping_rate * exp(failure.chipping_load_exponent * load)
+        hazard = hazard * real_power(relative_wear, failure.chipping_wear_exponent)
+        if failure.collapse_temperature <= 0.0:
+            return hazard
         law = failure.temperature
-        hotter = log(law(speed, feed, depth, wear=wear(end)) / failure.collapse_temperature)
-        scale = _HEAT_MARGIN * spread(law) + 1e-3
-        hazard = hazard + np.where(hotter > scale, np.inf, _HOT_SPOTS * _below(hotter / scale))
+        temperature = law(self._speed, self._feed, self._depth, wear=self._wear(end))
+        hotter = log(temperature / failure.collapse_temperature)
+        spread = HEAT_MARGIN * self._spread(law) + MIN_HEAT_SPREAD
+        # If even the mean is this far above the critical temperature, the edge collapses at once.
+        collapse = np.where(hotter > spread, np.inf, HOT_SPOTS * _probability(hotter / spread))
+        return hazard + collapse
 
-    def strong(used: Array) -> Any:
-        """Return the chance that an edge is stronger than force and notch."""
-        by_force = log(tool.edge_strength / force(used)) / hypotenuse(
-            spread(material.thrust_force), tool.edge_strength_spread
+    def strength_chance(self, used_life: Array) -> Any:
+        """Return the chance that an edge is stronger than force and notch [-], above 0."""
+        tool = self._scenario.tool
+        notch_growth = self._scenario.edge_failure.notch_growth
+        force_spread = self._spread(self._scenario.material.thrust_force)
+        spread = hypotenuse(force_spread, tool.edge_strength_spread)
+        by_force = log(tool.edge_strength / self._force(used_life)) / spread
+        notch = np.maximum(notch_growth * used_life, MIN_POSITIVE)
+        by_notch = -log(notch) / max(tool.edge_strength_spread, MIN_POSITIVE)
+        return _probability(by_force) * _probability(by_notch) + MIN_POSITIVE
+
+    def _wear(self, used_life: Array) -> Any:
+        """Return the flank wear [mm]."""
+        scenario = self._scenario
+        return scenario.tool.wear_criterion * real_power(used_life, scenario.material.wear.time)
+
+    def _force(self, used_life: Array) -> Any:
+        """Return the thrust force [N], with that of chatter."""
+        law = self._scenario.material.thrust_force
+        wear = self._wear(used_life)
+        return law(self._speed, self._feed, self._depth, wear=wear) * self._dynamic
+
+    def _spread(self, law: PowerLaw) -> Any:
+        """Return the standard deviation of a log response over bars."""
+        return hypotenuse(
+            law.depth_of_cut * self._depth_spread, law.hardness * self._hardness_spread
         )
-        by_notch = -log(np.maximum(failure.notch_growth * used, _LEAST)) / max(
-            tool.edge_strength_spread, _LEAST
-        )
-        return _below(by_force) * _below(by_notch) + _LEAST
-
-    survival = exp(-hazard * minutes) * np.minimum(strong(end) / strong(start), 1.0)
-    return 60.0 * value * minutes, 60.0 * minutes, survival
 
 
-def _bump(speed: Array, height: float, at: float, width: float) -> Any:
-    off = log(speed / at) / width
-    return height * exp(-off * off)
+def _bump(speed: Array, height: float, centre: float, width: float) -> Any:
+    """Return a bell curve over log speed."""
+    distance = log(speed / centre) / width
+    return height * exp(-distance * distance)
 
 
-def _below(x: Any) -> Any:
+def _probability(x: Any) -> Any:
     """Return the probability that a standard normal number is below x."""
     above = exp(-0.5 * x * x) * tail(np.abs(x))
     return np.where(x < 0.0, above, 1.0 - above)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.grid_search import GridSearch, best_pair, grid, highest_feed, predict
+from baselines.grid_search import GridSearch, Limits, best_pair, grid, highest_feed, predict
 from research.papers import record
 from turning_env import Scenario
 from turning_env.physics.records import parameter_records
@@ -23,7 +23,7 @@ FINE = (
 
 
 SCENARIO = Scenario.load("paper")
-LIMITS = (SCENARIO.limits.thrust_force, SCENARIO.limits.power, 1.0)
+LIMITS = Limits(SCENARIO.limits.thrust_force, SCENARIO.limits.power, used_life=1.0)
 SPEEDS, FEEDS = grid(SCENARIO)
 _PARAMETERS = parameter_records(SCENARIO)[0]
 
@@ -69,7 +69,7 @@ def chosen(wear: float, start: float) -> tuple[float, float] | None:
         wear: of the edge [mm].
         start: cutting time of the edge [min].
     """
-    speed, feed = best_pair(_PARAMETERS, SPEEDS, FEEDS, *_now(wear, start), *LIMITS)
+    speed, feed = best_pair(_PARAMETERS, SPEEDS, FEEDS, *_now(wear, start), LIMITS)
     return None if speed < 0 else (float(SPEEDS[speed]), float(FEEDS[feed]))
 
 
@@ -90,7 +90,7 @@ def best_at_each_speed(wear: float, start: float) -> Responses:
     feeds = []
     for speed in SPEEDS:
         found = (
-            highest_feed(_PARAMETERS, speed, FEEDS, *now, force, power, life)
+            highest_feed(_PARAMETERS, speed, FEEDS, *now, Limits(force, power, life))
             for life in (1.0, math.inf)
         )
         feeds.append(FEEDS[next((index for index in found if index >= 0), 0)])
