@@ -156,7 +156,7 @@ class _Search:
         self.fixed = {
             key: float(s.feed[cuts].max())
             for key, cuts in self.cuts_of_feed.items()
-            if s.finishing(cuts, finishing_depth)
+            if s.is_finishing(cuts, finishing_depth)
         }
 
         self.tool_of = np.zeros(len(s.tool), np.int64)
@@ -290,7 +290,7 @@ class _Search:
         return (
             max(
                 math.floor(feed / step + 1e-9),
-                math.ceil(self.situation.feed_range[0] / step - 1e-9),
+                math.ceil(self.situation.min_feed / step - 1e-9),
             )
             * step
         )
@@ -379,7 +379,7 @@ class _Cuts:
         turns = spindle_speed(s, speeds, cuts)
         speed = turns * around
         depth = np.where(on, slices.depth[cuts], 1.0)
-        high = s.feed_range[1]
+        high = s.max_feed
         allowed = np.where(
             on, highest_feed(s.scenario, speed, turns, depth, self._search.wear[cuts], high), high
         )
@@ -404,7 +404,7 @@ class _Cuts:
 
     def best(self, sums: _Sums, prices: Values) -> tuple[Values, Values]:
         """Return the best feeds of the feed words, and the costs of the speed words [s], a row for each row of the sums."""
-        low, high = self._search.situation.feed_range
+        low, high = self._search.situation.min_feed, self._search.situation.max_feed
         time = np.add.reduceat(sums.time, self._feed_starts, axis=1)
         life = np.add.reduceat(sums.life * prices[self._tools], self._feed_starts, axis=1)
         highest = np.minimum.reduceat(sums.highest, self._feed_starts, axis=1)

@@ -1,13 +1,15 @@
-"""Play the moves of a part program with a scenario's laws: times, loads, wear and tool life, slice by slice.
+"""Play the moves of a program with a scenario's laws: times, loads, wear and tool life by slice.
 
-All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes follow at once.
+All values are nominal: they ignore model mismatch and the spread of edges and bars. Drives and axes
+follow at once. When edges are changed is decided in ``edges``; other feeds and speeds are chosen in
+``adapt``.
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,11 @@ if TYPE_CHECKING:
     from turning_shop.prediction import Evidence
 
 MIN_ACROSS = 1e-3  # change of the radius over a slice below which it counts as constant [mm]
-FINISHING_DEPTH = 0.5  # depth of cut up to which a cut is finishing: its feed makes the surface, and stays [mm] (assumption)
+# Depth of cut up to which a cut is finishing [mm] (assumption). Its feed makes the surface, so it
+# stays.
+FINISHING_DEPTH = 0.5
+MIN_RADIUS = 1e-6  # at which cutting speeds are computed [mm]: 0 would divide by 0
+MIN_SPINDLE_SPEED = 1e-9  # [rev/min], for the same reason
 
 
 @dataclass(frozen=True)
@@ -34,13 +40,31 @@ class Machine:
     max_spindle_speed: float = 4000.0  # [rev/min]
     rapid: float = 10_000.0  # rapid traverse [mm/min]
     tool_change: float = 2.0  # [s]
-    max_feed: float = (
-        math.inf
-    )  # highest feed that the inserts take [mm/rev]; the scenario's machine has its own
+    max_feed: float = math.inf  # of the inserts [mm/rev]; the scenario's machine has its own
 
 
 class Situation:
-    """A program on its stock with a scenario: the slices, and all of them that does not change with feed and speed."""
+    """A program on its stock with a scenario.
+
+    Attributes:
+        scenario: laws, limits and machine.
+        machine: what the scenario lacks.
+        moves: the moves of the program.
+        removal: the metal that they remove, by slice.
+        evidence: the evidence for the scenario's laws; None if they were not fitted.
+
+    All other attributes are arrays over the slices. They do not change with feed and speed:
+
+    * ``kind``, ``tool``, ``line``, ``per_revolution``, ``constant_speed`` and ``spindle_on`` are
+      those of the slice's move.
+    * ``feed`` is the programmed one [mm/rev], or [mm/min] if not per revolution. ``speed`` is the
+      programmed one [m/min], or [rev/min] if not constant.
+    * ``max_spindle`` is the highest spindle speed [rev/min].
+    * ``other_time`` is the time of rapid moves, dwells and tool changes [s].
+    * ``fed`` marks slices that are run at feed, ``threads_and_drills`` those of them for which no
+      load is computed, and ``engaged`` those that turn metal.
+    * ``by_tool`` marks the slices of each tool, in the order of their first use.
+    """
 
     def __init__(
         self,
@@ -50,73 +74,83 @@ class Situation:
         removal: Removal,
         evidence: "Evidence | None" = None,
     ) -> None:
-        self.scenario, self.machine, self.moves, self.removal, self.evidence = (
-            scenario,
-            machine,
-            moves,
-            removal,
-            evidence,
-        )
-        slices, all_moves = removal.slices, moves.moves
+        self.scenario = scenario
+        self.machine = machine
+        self.moves = moves
+        self.removal = removal
+        self.evidence = evidence
+        slices = removal.slices
+        all_moves = moves.moves
 
-        def of(values: Iterable[Any]) -> NDArray[Any]:
+        def per_slice(values: Iterable[Any]) -> NDArray[Any]:
             return np.array(list(values))[slices.move]
 
-        self.kinds = of(move.kind for move in all_moves)
-        self.tool = of(move.tool for move in all_moves)
-        self.line = of(move.line for move in all_moves)
-        self.feed = of(
-            move.feed.value for move in all_moves
-        )  # as programmed [mm/rev], or [mm/min] if not per revolution
-        self.speed = of(
-            move.speed.value for move in all_moves
-        )  # as programmed [m/min], or [rev/min] if not constant
-        self.per_revolution = of(move.per_revolution for move in all_moves)
-        self.constant_speed = of(move.constant_cutting_speed for move in all_moves)
-        self.spindle_on = of(move.spindle_on for move in all_moves)
-        self.max_spindle = np.minimum(
-            of(move.max_spindle_speed for move in all_moves), machine.max_spindle_speed
-        )
-        changed = [False, *(before.tool != after.tool for before, after in pairwise(all_moves))]
-        waits = of(
+        self.kind = per_slice(move.kind for move in all_moves)
+        self.tool = per_slice(move.tool for move in all_moves)
+        self.line = per_slice(move.line for move in all_moves)
+        self.feed = per_slice(move.feed.value for move in all_moves)
+        self.speed = per_slice(move.speed.value for move in all_moves)
+        self.per_revolution = per_slice(move.per_revolution for move in all_moves)
+        self.constant_speed = per_slice(move.constant_cutting_speed for move in all_moves)
+        self.spindle_on = per_slice(move.spindle_on for move in all_moves)
+        programmed_limit = per_slice(move.max_spindle_speed for move in all_moves)
+        self.max_spindle = np.minimum(programmed_limit, machine.max_spindle_speed)
+
+        # A dwell or a tool change takes its time in the first slice of its move.
+        changed = [False]
+        for before, after in pairwise(all_moves):
+            changed.append(before.tool != after.tool)
+        waits = per_slice(
             move.time + machine.tool_change * change
             for move, change in zip(all_moves, changed, strict=True)
         )
-        rapid = np.where(self.kinds == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
-        self.other_time = rapid + np.where(
-            np.diff(slices.move, prepend=-1) > 0, waits, 0.0
-        )  # of rapids, dwells, changes [s]
-        self.fed = np.isin(self.kinds, ("feed", "thread"))  # slices that are run at feed
+        is_first = np.diff(slices.move, prepend=-1) > 0
+        rapid = np.where(self.kind == "rapid", 60.0 * slices.length / machine.rapid, 0.0)
+        self.other_time = rapid + np.where(is_first, waits, 0.0)
+
+        self.fed = np.isin(self.kind, ("feed", "thread"))
         drills = [tool for tool, kind in removal.tools.items() if kind.startswith(DRILL)]
-        self.apart = self.fed & (
-            (self.kinds == "thread") | np.isin(self.tool, drills)
-        )  # threads, drills: no load is computed
-        self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.apart  # slices that turn metal
-        self.without_limit = [
-            getattr(scenario.limits, name) == none for name, none in NO_LIMIT.items()
-        ]  # thrust force, power
-        low = scenario.machine.feed_min
-        self.feed_range = (
-            low,
-            max(min(scenario.machine.feed_max, machine.max_feed), low),
-        )  # of feeds to choose [mm/rev]
-        self.by_tool = {
-            tool: self.tool == tool for tool in dict.fromkeys(self.tool.tolist())
-        }  # slices, by first use of tools
+        is_thread = self.kind == "thread"
+        self.threads_and_drills = self.fed & (is_thread | np.isin(self.tool, drills))
+        self.engaged = self.fed & (slices.depth > MIN_DEPTH) & ~self.threads_and_drills
+        tools = dict.fromkeys(self.tool.tolist())
+        self.by_tool = {tool: self.tool == tool for tool in tools}
 
-    def finishing(self, cuts: NDArray[np.int64], depth: float) -> bool:
-        """Return whether at most half of the path in metal is deeper than ``depth`` [mm], or a grooving tool cuts.
+    @property
+    def has_force_limit(self) -> bool:
+        """Whether the scenario limits the thrust force."""
+        return bool(self.scenario.limits.thrust_force != NO_LIMIT["thrust_force"])
 
-        ``cuts`` are indices of slices.
+    @property
+    def has_power_limit(self) -> bool:
+        """Whether the scenario limits the power."""
+        return bool(self.scenario.limits.power != NO_LIMIT["power"])
+
+    @property
+    def min_feed(self) -> float:
+        """Lowest feed to choose [mm/rev]."""
+        return self.scenario.machine.feed_min
+
+    @property
+    def max_feed(self) -> float:
+        """Highest feed to choose [mm/rev]: of the scenario's machine and of the inserts."""
+        highest = min(self.scenario.machine.feed_max, self.machine.max_feed)
+        return max(highest, self.min_feed)
+
+    def is_finishing(self, slices: NDArray[np.int64], max_depth: float) -> bool:
+        """Return whether slices (their indices) finish.
+
+        They do if at most half of the path in metal is deeper than ``max_depth`` [mm], or if a
+        grooving tool cuts.
         """
-        slices = self.removal.slices
-        metal = cuts[self.engaged[cuts]]
-        length = slices.length[metal]
-        deep = float(length[slices.depth[metal] > depth].sum())
-        grooving = any(
-            self.removal.tools[tool].startswith("groove") for tool in set(self.tool[metal].tolist())
-        )
-        return grooving or deep <= 0.5 * float(length.sum())
+        in_metal = slices[self.engaged[slices]]
+        length = self.removal.slices.length[in_metal]
+        is_deep = self.removal.slices.depth[in_metal] > max_depth
+        deep_length = float(length[is_deep].sum())
+        for tool in set(self.tool[in_metal].tolist()):
+            if self.removal.tools[tool].startswith("groove"):
+                return True
+        return deep_length <= 0.5 * float(length.sum())
 
 
 @dataclass(frozen=True)
@@ -140,41 +174,77 @@ class Play:
         return np.maximum(self.force_share, self.power_share)
 
 
-def motion(
-    situation: Situation, feed: Values, speed: Values
-) -> tuple[Values, Values, Values, Values]:
-    """Return time [s], cutting speed [m/min], feed [mm/rev] and spindle speed [rev/min] of the slices."""
+class Motion(NamedTuple):
+    """How slices are run: arrays over them; speeds and feeds are 0 if they are not run at feed."""
+
+    time: Values  # [s]
+    cutting_speed: Values  # [m/min]
+    feed: Values  # [mm/rev]
+    spindle_speed: Values  # [rev/min]
+
+
+class Loads(NamedTuple):
+    """Loads of cuts."""
+
+    thrust_force: Values  # [N]
+    power: Values  # of the spindle, without the idle power [kW]
+
+
+class PowerRange(NamedTuple):
+    """Powers of the spindle at some speeds [kW]."""
+
+    idle: Values
+    highest: Values
+
+
+def motion(situation: Situation, feed: Values, speed: Values) -> Motion:
+    """Return how slices are run at feeds and speeds, in the units of the program."""
     s = situation
-    around = 2.0 * math.pi * np.maximum(s.removal.slices.radius, 1e-6) / 1000.0  # [m/rev]
-    turns = np.where(s.fed, np.maximum(spindle_speed(s, speed), 1e-9), 0.0)
+    slices = s.removal.slices
+    around = 2.0 * math.pi * np.maximum(slices.radius, MIN_RADIUS) / 1000.0  # [m/rev]
+    turning = np.maximum(spindle_speed(s, speed), MIN_SPINDLE_SPEED)
+    turns = np.where(s.fed, turning, 0.0)
     per_turn = np.where(s.per_revolution, feed, feed / np.where(s.fed, turns, 1.0))
-    velocity = np.where(s.fed, per_turn * turns, 1.0)
-    time = s.other_time + np.where(s.fed, 60.0 * s.removal.slices.length / velocity, 0.0)
-    return time, turns * around, np.where(s.fed, per_turn, 0.0), turns
+    velocity = np.where(s.fed, per_turn * turns, 1.0)  # [mm/min]
+    feed_time = np.where(s.fed, 60.0 * slices.length / velocity, 0.0)
+    return Motion(
+        time=s.other_time + feed_time,
+        cutting_speed=turns * around,
+        feed=np.where(s.fed, per_turn, 0.0),
+        spindle_speed=turns,
+    )
 
 
 def spindle_speed(situation: Situation, speed: Values, slices: Any = slice(None)) -> Values:
-    """Return the spindle speed that takes the time of each slice [rev/min], for speeds as programmed.
+    """Return the spindle speed that takes the time of each slice [rev/min].
 
-    At a constant cutting speed a turn takes longer at a larger radius, but never less than at the spindle's limit. A slice in
-    air may be as long as its move, so the time of a turn is averaged over the slice.
+    At a constant cutting speed a turn takes longer at a larger radius, but never less than at the
+    spindle's limit. A slice in air may be as long as its move, so the time of a turn is averaged
+    over the slice.
+
+    Args:
+        situation: a program on its stock.
+        speed: speeds of the slices as programmed; the last axis is that of the slices.
+        slices: indices of the slices; by default all.
     """
-    least = 1.0 / situation.max_spindle[slices]  # time of a turn [min]
+    min_turn = 1.0 / situation.max_spindle[slices]  # time of a turn [min]
     per_radius = 2.0 * math.pi / (1000.0 * np.maximum(speed, 1e-9))  # [min/mm]
-    begin = situation.removal.slices.start[slices, 1]
+    start = situation.removal.slices.start[slices, 1]
     end = situation.removal.slices.end[slices, 1]
-    knee = least / per_radius  # radius below which the spindle is at its limit [mm]
+    knee = min_turn / per_radius  # radius below which the spindle is at its limit [mm]
 
     def integral(radius: Values) -> Values:
         """Return the time of a turn, integrated from the axis to a radius [min mm]."""
         beyond = np.maximum(abs(radius), knee)
-        total = least * np.minimum(abs(radius), knee) + 0.5 * per_radius * (beyond**2 - knee**2)
+        at_limit = min_turn * np.minimum(abs(radius), knee)
+        total = at_limit + 0.5 * per_radius * (beyond**2 - knee**2)
         return np.asarray(np.sign(radius) * total)
 
-    middle = np.maximum(per_radius * 0.5 * abs(begin + end), least)
-    across = end - begin
-    small = abs(across) < MIN_ACROSS
-    mean = np.where(small, middle, (integral(end) - integral(begin)) / np.where(small, 1.0, across))
+    across = end - start
+    is_small = abs(across) < MIN_ACROSS
+    middle = np.maximum(per_radius * 0.5 * abs(start + end), min_turn)
+    mean_across = (integral(end) - integral(start)) / np.where(is_small, 1.0, across)
+    mean = np.where(is_small, middle, mean_across)
     turns = np.where(situation.constant_speed[slices], 1.0 / mean, speed)
     return np.asarray(np.minimum(turns, situation.max_spindle[slices]))
 
@@ -187,64 +257,96 @@ def play(
 ) -> Play:
     """Play the slices in their order; every tool has an edge of its own.
 
-    Edges are changed at a flank wear [mm], given for all slices or each. The part is the last of each edge, so that loads are
-    the highest of all parts.
-    ``feed`` and ``speed`` replace those programmed, in the same units.
+    The part is the last of each edge, so that loads are the highest of all parts.
+
+    Args:
+        situation: a program on its stock.
+        wear: flank wear at which edges are changed [mm], for all slices or each.
+        feed: feeds that replace those programmed, in the same units.
+        speed: speeds that replace those programmed, in the same units.
     """
-    s, scenario = situation, situation.scenario
-    feed, speed = (s.feed if feed is None else feed), (s.speed if speed is None else speed)
-    time, cutting_speed, per_turn, turns = motion(s, feed, speed)
+    s = situation
+    scenario = s.scenario
+    moved = motion(
+        s,
+        feed=s.feed if feed is None else feed,
+        speed=s.speed if speed is None else speed,
+    )
     on = s.engaged
-    life = np.zeros(len(time))
-    life[on] = (time - s.other_time)[on] / tool_life(
-        scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on]
+    cutting_speed = moved.cutting_speed[on]
+    per_turn = moved.feed[on]
+    depth = s.removal.slices.depth[on]
+    used_life = np.zeros(len(moved.time))
+    cutting_time = (moved.time - s.other_time)[on]
+    used_life[on] = cutting_time / tool_life(scenario, cutting_speed, feed=per_turn, depth=depth)
+
+    # Wear is criterion * (share of the life)^exponent. An edge begins the part with the life that
+    # is left of it when it is changed after the part.
+    exponent = scenario.material.wear.time
+    criterion = scenario.tool.wear_criterion
+    change_wear = np.broadcast_to(wear, moved.time.shape)
+    life_at_change = (change_wear / criterion) ** (1.0 / exponent)
+    worn = np.zeros(len(moved.time))
+    for is_tool in s.by_tool.values():
+        end = life_at_change[is_tool]
+        used = np.cumsum(used_life[is_tool])
+        life = np.maximum(end - used[-1], 0.0) + used
+        worn[is_tool] = criterion * np.minimum(life, end) ** exponent
+
+    load = loads(scenario, cutting_speed, feed=per_turn, depth=depth, wear=worn[on])
+    power = power_range(scenario, moved.spindle_speed[on])
+    force_share = np.zeros(len(moved.time))
+    power_share = np.zeros(len(moved.time))
+    if s.has_force_limit:
+        force_share[on] = load.thrust_force / scenario.limits.thrust_force
+    if s.has_power_limit:
+        power_share[on] = (load.power + power.idle) / power.highest
+    return Play(
+        time=moved.time,
+        cutting_speed=moved.cutting_speed,
+        feed=moved.feed,
+        spindle_speed=moved.spindle_speed,
+        used_life=used_life,
+        wear=worn,
+        change_wear=change_wear,
+        life_at_change=life_at_change,
+        force_share=force_share,
+        power_share=power_share,
     )
-    exponent, criterion = scenario.material.wear.time, scenario.tool.wear_criterion
-    worn, wear = np.zeros(len(time)), np.broadcast_to(wear, time.shape)
-    end = (wear / criterion) ** (1.0 / exponent)
-    for mine in s.by_tool.values():
-        used = np.cumsum(life[mine])
-        worn[mine] = (
-            criterion
-            * np.minimum(np.maximum(end[mine] - used[-1], 0.0) + used, end[mine]) ** exponent
-        )
-    shares = np.zeros((2, len(time)))
-    force, power = loads(
-        scenario, cutting_speed[on], per_turn[on], s.removal.slices.depth[on], worn[on]
-    )
-    idle, highest = power_range(scenario, turns[on])
-    shares[:, on] = force / scenario.limits.thrust_force, (power + idle) / highest
-    shares[s.without_limit] = 0.0
-    return Play(time, cutting_speed, per_turn, turns, life, worn, wear, end, *shares)
 
 
 def tool_life(scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values) -> Values:
     """Return the cutting time from a fresh edge to the wear criterion [s]."""
     law = scenario.material.wear
     after_a_minute = law(_within_laws(scenario, cutting_speed), feed, depth)
-    return np.asarray(60.0 * (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time))
+    minutes = (scenario.tool.wear_criterion / after_a_minute) ** (1.0 / law.time)
+    return np.asarray(60.0 * minutes)
 
 
 def loads(
     scenario: Scenario, cutting_speed: Values, feed: Values, depth: Values, wear: Values
-) -> tuple[Values, Values]:
-    """Return thrust force [N] and spindle power [kW], without the idle power.
+) -> Loads:
+    """Return the loads of cuts.
 
     Power falls with the cutting speed to 0, as at the centre of a face.
     """
+    material = scenario.material
     speed = _within_laws(scenario, cutting_speed)
-    power = scenario.material.power(speed, feed, depth, wear=wear) * np.minimum(
-        cutting_speed / speed, 1.0
+    share = np.minimum(cutting_speed / speed, 1.0)
+    return Loads(
+        thrust_force=material.thrust_force(speed, feed, depth, wear=wear),
+        power=material.power(speed, feed, depth, wear=wear) * share,
     )
-    return scenario.material.thrust_force(speed, feed, depth, wear=wear), power
 
 
-def power_range(scenario: Scenario, spindle_speed: Values) -> tuple[Values, Values]:
-    """Return the power of the idling spindle and the highest power [kW] at spindle speeds [rev/min]."""
-    speed = (
-        math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0
-    )  # at which the scenario states them
-    return idle_power_at(scenario, speed), scenario.limits.power * capacity_at(scenario, speed)
+def power_range(scenario: Scenario, spindle_speed: Values) -> PowerRange:
+    """Return idle and highest power at spindle speeds [rev/min]."""
+    # The scenario states them by the cutting speed at the workpiece's diameter.
+    speed = math.pi * scenario.workpiece.diameter * spindle_speed / 1000.0
+    return PowerRange(
+        idle=idle_power_at(scenario, speed),
+        highest=scenario.limits.power * capacity_at(scenario, speed),
+    )
 
 
 def highest_feed(
@@ -253,24 +355,29 @@ def highest_feed(
     spindle_speed: Values,
     depth: Values,
     wear: Values,
-    high: float,
+    max_feed: float,
 ) -> Values:
-    """Return the highest feed within the limits of force and power, and at most ``high`` [mm/rev]."""
-    material, (idle, highest) = scenario.material, power_range(scenario, spindle_speed)
-    force, power = loads(
-        scenario, cutting_speed, np.ones_like(cutting_speed), depth, wear
-    )  # at 1 mm/rev
-    feed = np.full(cutting_speed.shape, high)
-    force_limit, power_limit = scenario.limits.thrust_force, np.maximum(highest - idle, 1e-9)
-    for load, limit, law in (
-        (force, force_limit, material.thrust_force),
-        (power, power_limit, material.power),
-    ):
-        if law.feed > 0.0:
-            feed = np.minimum(feed, (limit / load) ** (1.0 / law.feed))
+    """Return the highest feed within the limits of force and power, up to ``max_feed`` [mm/rev]."""
+    power = power_range(scenario, spindle_speed)
+    unit_feed = np.ones_like(cutting_speed)  # 1 mm/rev
+    load = loads(scenario, cutting_speed, feed=unit_feed, depth=depth, wear=wear)
+    feed = np.full(cutting_speed.shape, max_feed)
+
+    # Loads are power laws of the feed, so the feed at a limit follows from the load at 1 mm/rev.
+    force_exponent = scenario.material.thrust_force.feed
+    if force_exponent > 0.0:
+        force_ratio = scenario.limits.thrust_force / load.thrust_force
+        feed = np.minimum(feed, force_ratio ** (1.0 / force_exponent))
+    power_exponent = scenario.material.power.feed
+    if power_exponent > 0.0:
+        power_ratio = np.maximum(power.highest - power.idle, 1e-9) / load.power
+        feed = np.minimum(feed, power_ratio ** (1.0 / power_exponent))
     return feed
 
 
 def _within_laws(scenario: Scenario, cutting_speed: Values) -> Values:
-    """Return the cutting speed at which the laws are evaluated: not below the machine's lowest (assumption)."""
+    """Return the cutting speed at which the laws are evaluated.
+
+    It is not below the machine's lowest (assumption).
+    """
     return np.maximum(cutting_speed, scenario.machine.cutting_speed_min)

@@ -1,4 +1,7 @@
-"""Edge changes of a program by the policy of ``advise``: after as many whole parts as 97.5 % of edges last within the limits."""
+"""Edge changes of a program by the policy of ``advise``, and cuts beyond what was measured.
+
+An edge is changed after as many whole parts as 97.5 % of edges last within the limits.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,87 +12,112 @@ from turning_shop.advise import life_margin, whole_parts
 from turning_shop.prediction import Evidence
 from turning_shop.whatif import CHANGES
 
-BRIEF = 0.1  # share of a line's time in metal up to which cuts outside the measured range do not count [-]
+# Share of a line's time in metal up to which cuts outside the measured range do not count [-], as
+# at the entry.
+MAX_BRIEF = 0.1
+SPEED_TOLERANCE = 0.001  # by which cutting speeds may exceed the machine's, by rounding [-]
 
 
 def factors(situation: Situation, played: Play) -> dict[str, Values]:
-    """Return the factors of the laws in metal, of an edge that has made the same cut up to its change."""
-    on, scenario = situation.engaged, situation.scenario
-    settings = played.cutting_speed[on], played.feed[on], situation.removal.slices.depth[on]
-    values = dict(zip(("cutting_speed", "feed", "depth_of_cut"), settings, strict=True))
-    values["time"] = tool_life(scenario, *settings) / 60.0 * played.life_at_change[on]
-    return values | {"hardness": np.ones(int(on.sum())), "wear": played.change_wear[on]}
+    """Return the factors of the laws in metal.
+
+    Time and wear are those of an edge that has made the same cut up to its change.
+    """
+    on = situation.engaged
+    cutting_speed = played.cutting_speed[on]
+    feed = played.feed[on]
+    depth = situation.removal.slices.depth[on]
+    life = tool_life(situation.scenario, cutting_speed, feed=feed, depth=depth)
+    return {
+        "cutting_speed": cutting_speed,
+        "feed": feed,
+        "depth_of_cut": depth,
+        "time": life / 60.0 * played.life_at_change[on],
+        "hardness": np.ones(int(on.sum())),
+        "wear": played.change_wear[on],
+    }
 
 
 def parts_per_edge(situation: Situation, played: Play) -> dict[str, float]:
-    """Return the parts after which each tool's edge is changed; a share of one if edges do not last a part."""
-    used = np.zeros(
-        len(played.time)
-    )  # share of the life of an edge that lasts shorter than 97.5 % of them
-    margin = life_margin(
-        situation.scenario, situation.evidence or Evidence(), factors(situation, played)
-    )
-    used[situation.engaged] = played.used_life[situation.engaged] * np.exp(margin)
-    found = {
-        tool: (played.life_at_change[mine][0], used[mine].sum())
-        for tool, mine in situation.by_tool.items()
-    }
-    return {
-        tool: float(whole_parts(life / share))
-        for tool, (life, share) in found.items()
-        if share > 0.0
-    }
+    """Return the parts after which each tool's edge is changed.
+
+    It is a share of one if edges do not last a part. Tools that cut no metal are left out.
+    """
+    on = situation.engaged
+    evidence = situation.evidence or Evidence()
+    margin = life_margin(situation.scenario, evidence, factors(situation, played))
+
+    # Share of the life that a slice uses of an edge that lasts shorter than 97.5 % of all edges.
+    used_life = np.zeros(len(played.time))
+    used_life[on] = played.used_life[on] * np.exp(margin)
+    parts = {}
+    for tool, is_tool in situation.by_tool.items():
+        used_by_part = used_life[is_tool].sum()
+        life = played.life_at_change[is_tool][0]
+        if used_by_part > 0.0:
+            parts[tool] = float(whole_parts(life / used_by_part))
+    return parts
 
 
 def change_wear(situation: Situation) -> Values:
     """Return the flank wear at which the edge of each slice's tool is changed at the latest [mm].
 
-    It is the highest, in tenths of the wear criterion, at which the tool keeps the limits, but none before a part is done.
+    It is the highest, in tenths of the wear criterion, at which the tool keeps the limits, but none
+    before a part is done.
     """
-    plays = [play(situation, wear) for wear in CHANGES * situation.scenario.tool.wear_criterion]
+    plays = []
+    for wear in CHANGES * situation.scenario.tool.wear_criterion:
+        plays.append(play(situation, wear))
     parts = [parts_per_edge(situation, played) for played in plays]
     chosen = np.zeros(len(situation.tool))
-    for tool, mine in situation.by_tool.items():
-        whole = [
-            played
-            for played, count in zip(plays, parts, strict=True)
-            if count.get(tool, 1.0) >= 1.0
-        ] or plays[-1:]
-        kept = [played for played in whole if played.load[mine].max() <= 1.0] or whole[:1]
-        chosen[mine] = kept[-1].change_wear[mine]
+    for tool, is_tool in situation.by_tool.items():
+        lasting = []
+        for played, parts_of_tool in zip(plays, parts, strict=True):
+            if parts_of_tool.get(tool, 1.0) >= 1.0:
+                lasting.append(played)
+        if not lasting:
+            lasting = plays[-1:]
+        within_limits = [played for played in lasting if played.load[is_tool].max() <= 1.0]
+        best = within_limits[-1] if within_limits else lasting[0]
+        chosen[is_tool] = best.change_wear[is_tool]
     return chosen
 
 
 def outside(situation: Situation, played: Play) -> dict[str, NDArray[np.bool_]]:
-    """Return where factors lie outside the range in which the scenario's laws were measured, by names and ranges.
+    """Return which slices lie outside the range in which the scenario's laws were measured.
 
-    Cuts of a line that take less than a tenth of its time in metal, as at the entry, do not count.
+    The keys name the factor and the range. Cuts of a line that take less than a tenth of its time
+    in metal do not count.
     """
-    on, where = situation.engaged, {}
-    time = np.bincount(situation.line, played.time * on)
-    for name, measured, out in prediction.outside(
-        situation.evidence or Evidence(), factors(situation, played)
-    ):
-        there = np.zeros(len(on), np.bool_)
-        there[on] = out
-        share = np.bincount(situation.line, played.time * there) / np.maximum(time, 1e-9)
-        where[f"{name.replace('_', ' ')} outside the measured {measured}"] = (
-            there & (share > BRIEF)[situation.line]
-        )
-    return where
+    on = situation.engaged
+    evidence = situation.evidence or Evidence()
+    time_of_line = np.bincount(situation.line, played.time * on)
+    marks = {}
+    for name, measured, is_outside in prediction.outside(evidence, factors(situation, played)):
+        mark = np.zeros(len(on), np.bool_)
+        mark[on] = is_outside
+        marked_time = np.bincount(situation.line, played.time * mark)
+        share = marked_time / np.maximum(time_of_line, 1e-9)
+        is_brief = share <= MAX_BRIEF
+        text = f"{name.replace('_', ' ')} outside the measured {measured}"
+        marks[text] = mark & ~is_brief[situation.line]
+    return marks
 
 
 def beyond(situation: Situation, played: Play) -> list[str]:
     """Return notes on cuts beyond what was measured, or above the machine's speed."""
-    found = {
-        text: set(situation.line[there].tolist())
-        for text, there in outside(situation, played).items()
-    }
-    notes = [f"* {at_lines(lines)}: {text}" for text, lines in found.items() if lines]
-    highest = situation.scenario.machine.cutting_speed_max
-    fast = situation.engaged & (played.cutting_speed > 1.001 * highest)
-    if fast.any():
-        speeds = f"cutting speeds up to {played.cutting_speed[fast].max():.0f} m/min"
-        text = f"{speeds} are above machine.cutting_speed_max, {highest:g} m/min"
-        notes.append(f"{at_lines(situation.line[fast].tolist())}: {text}")
+    notes = []
+    for text, mark in outside(situation, played).items():
+        if mark.any():
+            lines = set(situation.line[mark].tolist())
+            notes.append(f"* {at_lines(lines)}: {text}")
+    max_speed = situation.scenario.machine.cutting_speed_max
+    is_fast = situation.engaged & (played.cutting_speed > (1.0 + SPEED_TOLERANCE) * max_speed)
+    if is_fast.any():
+        fastest = played.cutting_speed[is_fast].max()
+        lines = situation.line[is_fast].tolist()
+        notes.append(
+            f"{at_lines(lines)}: cutting speeds up to {fastest:.0f} m/min are above "
+            f"machine.cutting_speed_max, {max_speed:g} m/min"
+        )
     return notes

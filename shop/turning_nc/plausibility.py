@@ -76,10 +76,10 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
                 on & s.by_tool[tool],
                 f"an edge of {tool} would last {parts:,.0f} parts",
             )
-    if not on.any() and (s.fed & ~s.apart).any():
+    if not on.any() and (s.fed & ~s.threads_and_drills).any():
         add(
             "nothing cut",
-            s.fed & ~s.apart,
+            s.fed & ~s.threads_and_drills,
             "no move at feed meets metal: are the stock, its zero point and the unit right?",
         )
     fed_lines = set(s.line[s.fed].tolist())

@@ -79,13 +79,13 @@ def summary(situation: Situation, played: Play) -> Summary:
     return Summary(
         time=float(played.time.sum()),
         time_in_metal=float(time[on].sum()),
-        time_at_feed_in_air=float(time[~on & ~situation.apart].sum()),
-        time_of_threads_and_drills=float(time[situation.apart].sum()),
+        time_at_feed_in_air=float(time[~on & ~situation.threads_and_drills].sum()),
+        time_of_threads_and_drills=float(time[situation.threads_and_drills].sum()),
         other_time=float(situation.other_time.sum()),
         removed=float(removal.slices.volume.sum() / 1000.0),
         max_load=float(played.load.max()),
         overload_time=float(time[played.load > 1.0].sum()),
-        limited=not all(situation.without_limit),
+        limited=situation.has_force_limit or situation.has_power_limit,
         used_life=used,
         parts=parts,
         change_wear={tool: float(played.change_wear[situation.by_tool[tool]][0]) for tool in parts},
@@ -152,7 +152,7 @@ def rows(situation: Situation, played: Play) -> list[Row]:
     fed = np.flatnonzero(s.fed)
     keys = np.stack((s.line[fed], passes[fed]))
     breaks = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0) | (np.diff(fed) > 1)) + 1
-    low, high = s.feed_range
+    low, high = s.min_feed, s.max_feed
     fastest = np.full(len(played.time), high)
     on = s.engaged
     cuts = played.cutting_speed[on], played.spindle_speed[on], slices.depth[on], played.wear[on]
@@ -163,12 +163,12 @@ def rows(situation: Situation, played: Play) -> list[Row]:
 
     # Arrays over all slices are made once, not for each row.
     loads = played.load
-    in_air = ~(on | s.apart)
+    in_air = ~(on | s.threads_and_drills)
     for group in np.split(fed, breaks):
         metal = group[on[group]]
         cut = metal if metal.size else group
         saves = 0.0
-        if metal.size and not s.finishing(metal, FINISHING_DEPTH):
+        if metal.size and not s.is_finishing(metal, FINISHING_DEPTH):
             share = float(played.feed[metal].max() / max(fastest[metal].min(), low))
             saves = max(float(time[metal].sum()) * (1.0 - share), 0.0)
         mark = " *" * bool(beyond[group].any())
@@ -229,7 +229,7 @@ def table(situation: Situation, blocks: Sequence[Row]) -> str:
     """Return an aligned table of rows, without loads that have no limit."""
     off = [
         head
-        for head, is_off in zip(("force", "power"), situation.without_limit, strict=True)
+        for head, is_off in (("force", not situation.has_force_limit), ("power", not situation.has_power_limit))
         if is_off
     ]
     columns = [
