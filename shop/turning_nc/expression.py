@@ -1,4 +1,7 @@
-"""Expressions in programs, such as ``-R1*2`` or ``[#100+5.]``, and numbers as they are written."""
+"""Expressions in programs, such as ``-R1*2`` or ``[#100+5.]``, and numbers as they are written.
+
+The caller gives the values of variables, and knows which variables a control has.
+"""
 
 import ast
 import math
@@ -8,15 +11,27 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from types import CodeType
 
-DECIMALS = (
-    12  # decimals of written numbers: at a load of 200 %, the error of a cubic term is at most 4e-6
-)
+# With 12 decimals, the error of a cubic term is at most 4e-6 at a load of 200 %.
+DECIMALS = 12
 MAX_LENGTH = 500  # characters of an expression; a block of a control has fewer
 MAX_SHOWN = 40  # characters of an expression that a message shows
+
+# Variables are those of Fanuc (#100), LinuxCNC (#<name>) and SINUMERIK (R1, $AC_PARAM[0]).
+# Comparisons and functions by name are Fanuc's custom macro B; LinuxCNC has them, too.
 _TOKEN = re.compile(
-    r"""\s*(?:(?P<number>\d+\.?\d*|\.\d+)(?![\w.]) | (?P<variable>[\#R]\d+|\#<\w+>|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
-    (?P<other><=|>=|<>|==|[-+*/<>()[\]]|(?:AND|OR|EQ|NE|GT|GE|LT|LE|MOD)(?![A-Z]) |
-    (?:ABS|SIN|COS|TAN|SQRT|EXP|LN|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])))\s*""",
+    r"""
+    \s*
+    (?:
+        (?P<number>\d+\.?\d*|\.\d+)(?![\w.]) |
+        (?P<variable>[\#R]\d+|\#<\w+>|\$[A-Z_]+(?:\[[A-Z0-9]+\])?)(?![_\d]) |
+        (?P<other>
+            <=|>=|<>|==|[-+*/<>()[\]] |
+            (?:AND|OR|EQ|NE|GT|GE|LT|LE|MOD)(?![A-Z]) |
+            (?:ABS|SIN|COS|TAN|SQRT|EXP|LN|FIX|FUP|ROUND|TRUNC)(?=\s*[\[(])
+        )
+    )
+    \s*
+    """,
     re.ASCII | re.VERBOSE,
 )
 _PYTHON = {
@@ -30,42 +45,58 @@ _PYTHON = {
     "GT": ">",
     "GE": ">=",
     "LT": "<",
+    "LE": "<=",
+    "MOD": "%",
 }
-_PYTHON |= {"LE": "<=", "MOD": "%"}
+"""Operators of controls, and Python's."""
+
+
+def _sine(degrees: float) -> float:
+    return math.sin(math.radians(degrees))
+
+
+def _cosine(degrees: float) -> float:
+    return math.cos(math.radians(degrees))
+
+
+def _tangent(degrees: float) -> float:
+    return math.tan(math.radians(degrees))
+
+
 _FUNCTIONS = {
-    **{
-        "ABS": abs,
-        "SQRT": math.sqrt,
-        "FIX": math.trunc,
-        "TRUNC": math.trunc,
-        "FUP": math.ceil,
-        "ROUND": round,
-    },
-    **{
-        "SIN": lambda degrees: math.sin(math.radians(degrees)),
-        "COS": lambda degrees: math.cos(math.radians(degrees)),
-    },
-    **{"TAN": lambda degrees: math.tan(math.radians(degrees)), "EXP": math.exp, "LN": math.log},
+    "ABS": abs,
+    "SQRT": math.sqrt,
+    "FIX": math.trunc,
+    "TRUNC": math.trunc,
+    "FUP": math.ceil,
+    "ROUND": round,
+    "SIN": _sine,
+    "COS": _cosine,
+    "TAN": _tangent,
+    "EXP": math.exp,
+    "LN": math.log,
 }
 _NODES = (
-    *(
-        ast.Expression,
-        ast.BinOp,
-        ast.UnaryOp,
-        ast.Compare,
-        ast.BoolOp,
-        ast.Constant,
-        ast.Subscript,
-        ast.Name,
-        ast.Call,
-    ),
-    *(ast.operator, ast.unaryop, ast.cmpop, ast.boolop, ast.expr_context),
+    ast.Expression,
+    ast.BinOp,
+    ast.UnaryOp,
+    ast.Compare,
+    ast.BoolOp,
+    ast.Constant,
+    ast.Subscript,
+    ast.Name,
+    ast.Call,
+    ast.operator,
+    ast.unaryop,
+    ast.cmpop,
+    ast.boolop,
+    ast.expr_context,
 )
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A sum, product, function, comparison or conjunction of numbers and variables of the control."""
+    """A sum, product, function, comparison or conjunction of numbers and a control's variables."""
 
     text: str
     variables: frozenset[str]
@@ -77,12 +108,12 @@ class Expression:
         Raises:
             KeyError: a variable has no value.
             ZeroDivisionError: it divides by 0.
-            ValueError: it takes the root or the logarithm of a number below 0, or its value is too large.
+            ValueError: it takes the root or the logarithm of a number below 0, or its value is
+                too large.
         """
+        names = {"__builtins__": {}, **_FUNCTIONS}
         try:
-            value = float(
-                eval(self._code, {"__builtins__": {}, **_FUNCTIONS}, {"variables": variables})
-            )
+            value = float(eval(self._code, names, {"variables": variables}))
         except OverflowError:
             raise ValueError("its value is too large") from None
         if not math.isfinite(value):
@@ -100,37 +131,52 @@ def parse(text: str) -> Expression:
     shown = repr(text.strip()[:MAX_SHOWN])
     if len(text) > MAX_LENGTH:
         raise ValueError(
-            f"an expression of {len(text)} characters is longer than the {MAX_LENGTH} that are read: {shown}"
+            f"an expression of {len(text)} characters is longer than "
+            f"the {MAX_LENGTH} that are read: {shown}"
         )
-    place = 0
-    python: list[str] = []
-    variables: set[str] = set()
-    while place < len(text):
-        match = _TOKEN.match(text, place)
-        if match is None:
-            raise ValueError(
-                f"{text[place:].strip()[:MAX_SHOWN]!r} is neither number, variable, operator nor parenthesis"
-            )
-        place = match.end()
-        token = match[match.lastgroup or 0]
-        if match.lastgroup == "number":
-            number = float(token)
-            if not math.isfinite(number):
-                raise ValueError(f"the number {token[:MAX_SHOWN]}... is too large")
-            token = repr(number)
-        elif match.lastgroup == "variable":
-            variables.add(token)
-            token = f"variables[{token!r}]"
-        python.append(_PYTHON.get(token, token))
+    python, variables = _translated(text)
     try:
-        tree = ast.parse(" ".join(python), mode="eval")  # made of the tokens above alone
-        if not all(_is_allowed(node) for node in ast.walk(tree)):
-            raise SyntaxError
-        return Expression(text.strip(), frozenset(variables), compile(tree, text, "eval"))
+        # The source holds tokens of ``_TOKEN`` alone, so evaluating it only computes.
+        tree = ast.parse(python, mode="eval")
+        for node in ast.walk(tree):
+            if not _is_allowed(node):
+                raise SyntaxError
+        code = compile(tree, text, "eval")
+    # Deep nesting exhausts Python's parser before it exhausts ``MAX_LENGTH``.
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(
             f"{shown} is not an expression of numbers, variables, + - * / and parentheses"
         ) from None
+    return Expression(text.strip(), variables, code)
+
+
+def _translated(text: str) -> tuple[str, frozenset[str]]:
+    """Return an expression as Python's source, and the variables in it."""
+    python: list[str] = []
+    variables: set[str] = set()
+    place = 0
+    while place < len(text):
+        match = _TOKEN.match(text, place)
+        if match is None:
+            rest = text[place:].strip()[:MAX_SHOWN]
+            raise ValueError(f"{rest!r} is neither number, variable, operator nor parenthesis")
+        place = match.end()
+        token = match[match.lastgroup or 0]
+        if match.lastgroup == "number":
+            token = _number(token)
+        elif match.lastgroup == "variable":
+            variables.add(token)
+            token = f"variables[{token!r}]"
+        python.append(_PYTHON.get(token, token))
+    return " ".join(python), frozenset(variables)
+
+
+def _number(token: str) -> str:
+    """Return a number as Python writes it: a control's may begin with zeros."""
+    number = float(token)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {token[:MAX_SHOWN]}... is too large")
+    return repr(number)
 
 
 def _is_allowed(node: ast.AST) -> bool:
@@ -141,7 +187,8 @@ def _is_allowed(node: ast.AST) -> bool:
 
 
 def number_text(value: float, decimals: int = DECIMALS) -> str:
-    """Return a number as a decimal with 1 to ``decimals`` decimals, without needless zeros and without exponent."""
+    """Return a number with 1 to ``decimals`` decimals, without needless zeros and exponent."""
     whole, _, digits = f"{value:.{decimals}f}".partition(".")
     text = f"{whole}.{digits.rstrip('0') or '0'}"
+    # A value that rounds to 0 has no sign.
     return text.removeprefix("-") if float(text) == 0.0 else text

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial as Fitted
 from turning_nc.expression import DECIMALS, Expression, number_text, parse
-from turning_nc.words import Problem
+from turning_nc.words import BlockError
 
 OVERRIDE, LOAD = "$AC_OVR", "$AA_LOAD[S1]"
 """Feed override of the path [%], an output; load of the spindle's drive [%], measured."""
@@ -67,14 +67,14 @@ class Law:
         elif match := _POLYNOMIAL.fullmatch(line):
             low, high, *_ = self.polynomials[int(match[1])] = tuple(map(float, match[2].split(",")))
             if low > high:
-                raise Problem(
+                raise BlockError(
                     f"the lower limit of polynomial {match[1]} is {low}, above the upper one, {high}"
                 )
         elif match := _ACTION.fullmatch(line):
             self._act(*match.groups())
         else:
             allowed = "$AC_PARAM[n]=value, FCTDEF(number,lower limit,upper limit,a0,a1,a2,a3) and ID=n WHENEVER ... DO ..."
-            raise Problem(f"{line!r} is not understood: a law consists of {allowed}")
+            raise BlockError(f"{line!r} is not understood: a law consists of {allowed}")
         self.lines.append(line)
 
     def _act(
@@ -88,13 +88,13 @@ class Law:
     ) -> None:
         output, text = (target, source) if number else assigned
         if (output := output.strip()) not in WRITABLE:
-            raise Problem(f"{output!r} cannot be written, only {', '.join(WRITABLE)}")
+            raise BlockError(f"{output!r} cannot be written, only {', '.join(WRITABLE)}")
         if int(identity) <= max(self.actions, default=0):
-            raise Problem(
+            raise BlockError(
                 f"ID={identity} must precede ID={max(self.actions)}: actions run in this order"
             )
         if number is not None and int(number) not in self.polynomials:
-            raise Problem(f"polynomial {number} is not defined")
+            raise BlockError(f"polynomial {number} is not defined")
         expression, when = _parse(text), None if condition is None else _parse(condition)
         value = expression.value if number is None else self._polynomial(int(number), expression)
         self.actions[int(identity)] = when, output, value
@@ -129,9 +129,9 @@ def _parse(text: str) -> Expression:
     try:
         expression = parse(text)
     except ValueError as error:
-        raise Problem(str(error)) from None
+        raise BlockError(str(error)) from None
     if unknown := expression.variables - set(READABLE):
-        raise Problem(
+        raise BlockError(
             f"the variable {min(unknown)} cannot be read here, only {', '.join(READABLE)}"
         )
     return expression

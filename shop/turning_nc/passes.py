@@ -1,8 +1,11 @@
 """Passes that a control makes of a contour or a thread in its cycles.
 
-Roughing passes are parallel to the axis of the feed, from the stock to the contour, then into its pockets, level by level. One
-along the contour follows. G73 repeats the contour instead. Controls differ in escape moves, in where a pass of a thread begins
-and in how the tool leaves it; these moves are in air.
+Roughing passes are parallel to the axis of the feed, from the stock to the contour, then into its
+pockets, level by level. One along the contour follows. G73 repeats the contour instead.
+
+Controls differ in escape moves, in where a pass of a thread begins and in how the tool leaves it;
+these moves are in air. The words of the cycles are read in ``cycles_fanuc`` and
+``cycles_sinumerik``.
 """
 
 import itertools
@@ -11,10 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
-from turning_nc.paths import Path, Point, joined, shifted
-from turning_nc.words import Problem
+from turning_nc.paths import Path, Point, Stop, joined, shifted
+from turning_nc.words import BlockError
 
 MAX_PASSES = 2000
+TOLERANCE = 1e-6  # by which lengths may miss because of rounding [mm]
+
+Pass = list[Path]
+"""The moves of a pass."""
 
 
 @dataclass(frozen=True)
@@ -23,28 +30,30 @@ class Roughing:
 
     depth: float  # depth of cut per pass [mm]
     retraction: float  # distance by which the tool leaves the cut on both axes [mm]
-    allowance: Point  # metal that stays for the finishing cut, along Z and X with the contour's side as sign [mm]
+
+    # Metal that stays for the finishing cut, with the contour's side as sign [mm].
+    allowance: Point
     upwards: bool  # whether the metal lies beyond the contour along the axis of infeed
     facing: bool = False  # whether passes run along X
     equal: bool = False  # whether the depth is reduced so that all passes have the same (CYCLE95)
 
 
-def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[list[Path]]:
-    """Return the moves of every pass along a contour, from the start point and back to it."""
+def roughing_passes(contour: Sequence[Path], start: Point, cycle: Roughing) -> list[Pass]:
+    """Return the moves of every pass along a contour, from the start point and back to it.
+
+    Raises:
+        BlockError: the contour turns back along the feed, or no metal or too much is left.
+    """
     if cycle.depth <= 0.0:
-        raise Problem(f"the depth of the passes is {cycle.depth:g} mm, but must be above 0")
-    kept = [path.moved(*cycle.allowance) for path in contour]
+        raise BlockError(f"the depth of the passes is {cycle.depth:g} mm, but must be above 0")
+    kept = [path.moved(cycle.allowance) for path in contour]
     view = _View.of(kept, cycle)
-    profile = [view.seen(kept[0].start)]
-    for path in kept:
-        profile += [view.seen(point) for point in path.points()]
-        if any(after.along < before.along - 1e-6 for before, after in itertools.pairwise(profile)):
-            raise Problem(
-                f"the contour turns back along {'X' if cycle.facing else 'Z'}, which is not understood",
-                path.line,
-            )
-    levels, step = _levels(profile, view.seen(start).height, cycle)
-    return _Roughing(view, profile, start, cycle.retraction, step).passes(levels, kept)
+    profile = _profile(kept, view)
+    levels = _levels(profile, view.seen(start).height, cycle)
+    roughing = _RoughingPasses(
+        view, profile, start=start, retraction=cycle.retraction, step=levels.step
+    )
+    return roughing.passes(levels.heights, kept)
 
 
 class _Seen(NamedTuple):
@@ -64,39 +73,83 @@ class _View:
 
     @classmethod
     def of(cls, contour: Sequence[Path], cycle: Roughing) -> Self:
-        feed = 1 if cycle.facing else 0
-        along = -1.0 if contour[-1].end[feed] < contour[0].start[feed] else 1.0
-        return cls(cycle.facing, along, 1.0 if cycle.upwards else -1.0)
-
-    def seen(self, point: Point) -> _Seen:
-        z, x = point
-        return (
-            _Seen(self.along * x, self.upwards * z)
-            if self.facing
-            else _Seen(self.along * z, self.upwards * x)
+        """Return the view of a tool that feeds from the contour's begin to its end."""
+        first = contour[0].start
+        last = contour[-1].end
+        backwards = last.x < first.x if cycle.facing else last.z < first.z
+        return cls(
+            facing=cycle.facing,
+            along=-1.0 if backwards else 1.0,
+            upwards=1.0 if cycle.upwards else -1.0,
         )
 
+    def seen(self, point: Point) -> _Seen:
+        """Return a point as the tool sees it."""
+        if self.facing:
+            return _Seen(self.along * point.x, self.upwards * point.z)
+        return _Seen(self.along * point.z, self.upwards * point.x)
+
     def point(self, along: float, height: float) -> Point:
-        feed, infeed = self.along * along, self.upwards * height
-        return (infeed, feed) if self.facing else (feed, infeed)
+        """Return the point that the tool sees at a place."""
+        feed = self.along * along
+        infeed = self.upwards * height
+        return Point(infeed, feed) if self.facing else Point(feed, infeed)
+
+    def rapid(self, along: float, height: float) -> Stop:
+        """Return a stop of a rapid move."""
+        return Stop(self.point(along, height), rapid=True)
+
+    def feed(self, along: float, height: float) -> Stop:
+        """Return a stop of a move at feed."""
+        return Stop(self.point(along, height), rapid=False)
 
 
-def _levels(profile: Sequence[_Seen], start: float, cycle: Roughing) -> tuple[list[float], float]:
-    """Return the heights of the passes above the contour's lowest point, and their distance [mm]."""
+def _profile(contour: Sequence[Path], view: _View) -> list[_Seen]:
+    """Return the corners of a contour, with arcs as chords.
+
+    Raises:
+        BlockError: the contour turns back along the feed. Fanuc's type I, and CYCLE95, refuse it.
+    """
+    profile = [view.seen(contour[0].start)]
+    for path in contour:
+        for point in path.points():
+            seen = view.seen(point)
+            if seen.along < profile[-1].along - TOLERANCE:
+                axis = "X" if view.facing else "Z"
+                raise BlockError(
+                    f"the contour turns back along {axis}, which is not understood", path.line
+                )
+            profile.append(seen)
+    return profile
+
+
+class _Levels(NamedTuple):
+    """Heights of passes."""
+
+    heights: list[float]  # above the contour's lowest point, from the top [mm]
+    step: float  # distance of the passes [mm]
+
+
+def _levels(profile: Sequence[_Seen], start: float, cycle: Roughing) -> _Levels:
+    """Return the heights of the passes, which begin at the height of the start point.
+
+    Passes of CYCLE95 begin at the contour's top, where its blank ends.
+    """
     lowest = min(point.height for point in profile)
     top = max(point.height for point in profile) if cycle.equal else start
     total = top - lowest
-    if total <= 1e-6:
-        raise Problem(
-            "the start point lies within the contour: no metal is left between them; is the side right?"
+    if total <= TOLERANCE:
+        raise BlockError(
+            "the start point lies within the contour: no metal is left between them; "
+            "is the side right?"
         )
-    count = math.ceil(total / cycle.depth - 1e-6)
+    count = math.ceil(total / cycle.depth - TOLERANCE)
     if count > MAX_PASSES:
-        raise Problem(
+        raise BlockError(
             f"{count} passes of {cycle.depth:g} mm are needed, but {MAX_PASSES} at most are made"
         )
     step = total / count if cycle.equal else cycle.depth
-    return [top - step * index for index in range(1, count)], step
+    return _Levels([top - step * index for index in range(1, count)], step)
 
 
 class _Stretch(NamedTuple):
@@ -108,7 +161,7 @@ class _Stretch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Roughing:
+class _RoughingPasses:
     """The passes of a contour: from its front, into its pockets, then along it."""
 
     view: _View
@@ -117,43 +170,95 @@ class _Roughing:
     retraction: float  # [mm]
     step: float  # distance of the passes [mm]
 
-    def passes(self, levels: Sequence[float], contour: Sequence[Path]) -> list[list[Path]]:
-        point, start = self.view.point, self.view.seen(self.start)
-        clear = max(start.height, max(seen.height for seen in self.profile) + self.retraction)
-        made: list[list[Path]] = []
-        pockets: list[list[Path]] = []
+    def passes(self, levels: Sequence[float], contour: Sequence[Path]) -> list[Pass]:
+        """Return all passes; ``contour`` has the paths of the profile."""
+        view = self.view
+        start = view.seen(self.start)
+        top = max(seen.height for seen in self.profile)
+        clear = max(start.height, top + self.retraction)
+        passes: list[Pass] = []
+        pockets: list[Pass] = []
         here = self.start
         for level in levels:
             stretches = self._below(level)
-            # At the contour's front the pass begins before the metal.
-            if stretches and abs(stretches[0].begin.along - self.profile[0].along) < 1e-6:
-                made.append(self._from_front(here, level, stretches.pop(0).end))
-                here = made[-1][-1].end
+            if stretches and self._is_at_front(stretches[0]):
+                passes.append(self._from_front(here, level, stretches.pop(0).end))
+                here = passes[-1][-1].end
             pockets += [self._pocket(level, stretch, clear) for stretch in stretches]
-        for moves in pockets:
-            above = point(self.view.seen(here).along, clear)
-            made.append([*joined(here, (above, True), (moves[0].start, True)), *moves])
-            here = moves[-1].end
+        for pocket in pockets:
+            above = view.rapid(view.seen(here).along, clear)
+            begin = Stop(pocket[0].start, rapid=True)
+            passes.append([*joined(here, above, begin), *pocket])
+            here = pocket[-1].end
         if pockets:
-            made[-1] += joined(here, (point(start.along, clear), True))
-            here = made[-1][-1].end
-        first, last = contour[0].start, contour[-1].end
-        lead = joined(here, (point(start.along, self.profile[0].height), True), (first, False))
-        above = point(self.view.seen(last).along, clear)
-        back = joined(last, (above, True), (point(start.along, clear), True), (self.start, True))
-        return [*made, [*lead, *contour, *back]]
+            passes[-1] += joined(here, view.rapid(start.along, clear))
+            here = passes[-1][-1].end
+        passes.append(self._along(here, contour, clear))
+        return passes
 
-    def _from_front(self, here: Point, level: float, end: float) -> list[Path]:
-        point, begin = self.view.point, self.view.seen(self.start).along
+    def _is_at_front(self, stretch: _Stretch) -> bool:
+        """Return whether a pass begins before the metal, at the contour's front."""
+        return abs(stretch.begin.along - self.profile[0].along) < TOLERANCE
+
+    def _along(self, here: Point, contour: Sequence[Path], clear: float) -> Pass:
+        """Return the pass along the contour, and back to the start."""
+        view = self.view
+        begin = view.seen(self.start).along
+        last = contour[-1].end
+        lead = joined(
+            here,
+            view.rapid(begin, self.profile[0].height),
+            Stop(contour[0].start, rapid=False),
+        )
+        back = joined(
+            last,
+            view.rapid(view.seen(last).along, clear),
+            view.rapid(begin, clear),
+            Stop(self.start, rapid=True),
+        )
+        return [*lead, *contour, *back]
+
+    def _from_front(self, here: Point, level: float, end: float) -> Pass:
+        """Return the pass of one level from the contour's front, and back aslant."""
+        view = self.view
+        begin = view.seen(self.start).along
         away = level + self.retraction
-        cut = (point(begin, level), True), (point(end, level), False)
-        back = (point(end - self.retraction, away), True), (point(begin, away), True)
-        return list(joined(here, *cut, *back))
+        return list(
+            joined(
+                here,
+                view.rapid(begin, level),
+                view.feed(end, level),
+                view.rapid(end - self.retraction, away),
+                view.rapid(begin, away),
+            )
+        )
 
-    def _pocket(self, level: float, stretch: _Stretch, clear: float) -> list[Path]:
+    def _pocket(self, level: float, stretch: _Stretch, clear: float) -> Pass:
         """Return the pass of one level in one pocket, from above it and back."""
-        point = self.view.point
-        wall = [stretch.begin]  # down which the tool goes from the level above
+        view = self.view
+        wall = self._wall(level, stretch)
+        begin = wall[0].along
+
+        # The tool leaves the cut aslant, or straight up if the contour is in the way.
+        left = max(stretch.end - self.retraction, begin)
+        away = level + self.retraction
+        if not self._is_free(_Seen(left, away), _Seen(stretch.end, level)):
+            left = stretch.end
+        near = max(level + self.step, wall[0].height) + self.retraction
+        return list(
+            joined(
+                view.point(begin, clear),
+                view.rapid(begin, near),
+                *(view.feed(corner.along, corner.height) for corner in wall),
+                view.feed(stretch.end, level),
+                view.rapid(left, away),
+                view.rapid(left, clear),
+            )
+        )
+
+    def _wall(self, level: float, stretch: _Stretch) -> list[_Seen]:
+        """Return the corners down which the tool goes from the level above."""
+        wall = [stretch.begin]
         before = stretch.before
         while (
             before >= 0
@@ -162,37 +267,31 @@ class _Roughing:
         ):
             wall.insert(0, self.profile[before])
             before -= 1
-        begin = wall[0].along
-        left = max(stretch.end - self.retraction, begin)
-        if not self._is_free(_Seen(left, level + self.retraction), _Seen(stretch.end, level)):
-            left = stretch.end
-        near = max(level + self.step, wall[0].height) + self.retraction
-        cut = [(point(*corner), False) for corner in (*wall, _Seen(stretch.end, level))]
-        back = (point(left, level + self.retraction), True), (point(left, clear), True)
-        return list(joined(point(begin, clear), (point(begin, near), True), *cut, *back))
+        return wall
 
     def _is_free(self, left: _Seen, right: _Seen) -> bool:
         """Return whether a straight move between two points stays above the contour."""
         slope = (right.height - left.height) / max(right.along - left.along, 1e-12)
         for before, after in itertools.pairwise(self.profile):
-            low, high = max(before.along, left.along), min(after.along, right.along - 1e-9)
+            low = max(before.along, left.along)
+            high = min(after.along, right.along - 1e-9)
             if low > high:
                 continue
+            # Both are straight, so that their distance is least at an end.
             for along in (low, high):
-                if (
-                    _height(before, after, along)
-                    > left.height + slope * (along - left.along) + 1e-9
-                ):
+                height = left.height + slope * (along - left.along)
+                if _height(before, after, along) > height + 1e-9:
                     return False
         return True
 
     def _below(self, level: float) -> list[_Stretch]:
         """Return the parts of the contour below a level.
 
-        A contour that ends below it has no wall behind its end: the part goes on at the level to there.
+        A contour that ends below it has no wall behind its end: the part goes on at the level to
+        there.
         """
         profile = self.profile
-        found: list[_Stretch] = []
+        stretches: list[_Stretch] = []
         before = 0
         begin = profile[0] if profile[0].height < level else None
         for index, (here, after) in enumerate(itertools.pairwise(profile)):
@@ -201,16 +300,14 @@ class _Roughing:
             share = min(max((level - here.height) / (after.height - here.height), 0.0), 1.0)
             crossing = here.along + share * (after.along - here.along)
             if begin is None:
-                before, begin = (
-                    index,
-                    _Seen(crossing, here.height + share * (after.height - here.height)),
-                )
+                before = index
+                begin = _Seen(crossing, here.height + share * (after.height - here.height))
             else:
-                found.append(_Stretch(before, begin, crossing))
+                stretches.append(_Stretch(before, begin, end=crossing))
                 begin = None
         if begin is not None:
-            found.append(_Stretch(before, begin, profile[-1].along))
-        return found
+            stretches.append(_Stretch(before, begin, end=profile[-1].along))
+        return stretches
 
 
 def _height(before: _Seen, after: _Seen, along: float) -> float:
@@ -221,59 +318,107 @@ def _height(before: _Seen, after: _Seen, along: float) -> float:
     return before.height + (along - before.along) / length * (after.height - before.height)
 
 
+# Pecks of G74 and G75.
+
+
+@dataclass(frozen=True)
+class Pecking:
+    """Parameters of Fanuc's G74 and G75."""
+
+    along_x: bool  # whether the tool pecks along X (G75) instead of Z (G74)
+    peck: float  # depth of a peck [mm]; 0 for one peck
+    across: float  # distance of the places at which it pecks [mm]; 0 for none between the ends
+    back: float  # distance by which it draws back after each peck [mm]
+
+    def depth_of(self, point: Point) -> float:
+        """Return the coordinate along which the tool pecks [mm]."""
+        return point.x if self.along_x else point.z
+
+    def place_of(self, point: Point) -> float:
+        """Return the other coordinate [mm]."""
+        return point.z if self.along_x else point.x
+
+    def point(self, depth: float, place: float) -> Point:
+        """Return the point at a depth in a place."""
+        return Point(place, depth) if self.along_x else Point(depth, place)
+
+
+def pecked(start: Point, end: Point, cycle: Pecking) -> list[Pass]:
+    """Return the moves of G74 or G75: pecks to the end, again at steps across, and back.
+
+    Raises:
+        BlockError: there are more than ``MAX_PASSES`` pecks.
+    """
+    top = cycle.depth_of(start)
+    bottom = cycle.depth_of(end)
+    places = [cycle.place_of(start)]
+    if abs(cycle.place_of(end) - places[0]) > TOLERANCE:
+        places += _spaced(places[0], cycle.place_of(end), cycle.across)
+    depths = _spaced(top, bottom, cycle.peck)
+    if len(places) * len(depths) > MAX_PASSES:
+        raise BlockError(
+            f"{len(depths)} pecks at each of {len(places)} places are needed, "
+            f"but {MAX_PASSES} at most are made"
+        )
+    drawn = math.copysign(min(cycle.back, cycle.peck or cycle.back), bottom - top)
+    passes = []
+    here = start
+    for place in places:
+        above = Stop(cycle.point(top, place), rapid=True)
+        stops = [above]
+        for depth in depths[:-1]:
+            stops.append(Stop(cycle.point(depth, place), rapid=False))
+            stops.append(Stop(cycle.point(depth - drawn, place), rapid=True))
+        stops.append(Stop(cycle.point(depths[-1], place), rapid=False))
+        stops.append(above)
+        passes.append(list(joined(here, *stops)))
+        here = above.point
+    passes[-1] += joined(here, Stop(start, rapid=True))
+    return passes
+
+
 def _spaced(first: float, last: float, step: float) -> list[float]:
     """Return values a step apart that follow the first one, up to the last."""
-    count = math.ceil(abs(last - first) / step - 1e-6) if step > 0.0 else 1
+    count = math.ceil(abs(last - first) / step - TOLERANCE) if step > 0.0 else 1
     if count > MAX_PASSES:
-        raise Problem(f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made")
-    return [
-        *(first + math.copysign(number * step, last - first) for number in range(1, count)),
-        last,
-    ]
-
-
-def pecked(
-    start: Point, end: Point, along: int, peck: float, across: float, back: float
-) -> list[list[Path]]:
-    """Return the moves of G74 or G75: pecks along an axis (0: Z, 1: X), again at steps across, and back to the start [mm]."""
-    made, here = [], start
-    first, last = start[1 - along], end[1 - along]
-    places = [first, *(_spaced(first, last, across) if abs(last - first) > 1e-6 else ())]
-    depths = _spaced(start[along], end[along], peck)
-    if len(places) * len(depths) > MAX_PASSES:
-        raise Problem(
-            f"{len(depths)} pecks at each of {len(places)} places are needed, but {MAX_PASSES} at most are made"
+        raise BlockError(
+            f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made"
         )
-    for place in places:
-        ends = [(start[along], True)]
-        for depth in depths:
-            drawn = math.copysign(min(back, peck or back), end[along] - start[along])
-            ends += [(depth, False), (depth - drawn, True)]
-        points = [
-            ((value, place) if along == 0 else (place, value), rapid)
-            for value, rapid in (*ends[:-1], ends[0])
-        ]
-        made.append(list(joined(here, *points)))
-        here = points[-1][0]
-    made[-1] += joined(here, (start, True))
-    return made
+    values = [first + math.copysign(number * step, last - first) for number in range(1, count)]
+    return [*values, last]
+
+
+# The repeated contour of G73.
+
+
+@dataclass(frozen=True)
+class Repeating:
+    """Parameters of Fanuc's G73."""
+
+    pattern: Point  # distance of the first pass beyond the allowance, along Z and X [mm]
+    count: int  # number of passes
 
 
 def repeated_passes(
-    contour: Sequence[Path], start: Point, allowance: Point, most: Point, count: int
-) -> list[list[Path]]:
-    """Return the moves of G73: the contour ``count`` times, from ``most`` beyond the allowance to the allowance [mm]."""
-    made: list[list[Path]] = []
+    contour: Sequence[Path], start: Point, allowance: Point, cycle: Repeating
+) -> list[Pass]:
+    """Return the moves of G73: the contour, again and again, up to its allowance [mm]."""
+    passes: list[Pass] = []
     here = start
-    for number in range(count):
-        left = 1.0 - number / (count - 1) if count > 1 else 0.0
-        shift = most[0] * left + allowance[0], most[1] * left + allowance[1]
+    for number in range(cycle.count):
+        left = 1.0 - number / (cycle.count - 1) if cycle.count > 1 else 0.0
+        shift = shifted(allowance, cycle.pattern, left)
         begin = shifted(start, shift)
-        cut = [path.moved(*shift) for path in contour]
-        back = joined(cut[-1].end, (start if number == count - 1 else begin, True))
-        made.append([*joined(here, (begin, True), (cut[0].start, True)), *cut, *back])
-        here = made[-1][-1].end
-    return made
+        cut = [path.moved(shift) for path in contour]
+        lead = joined(here, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
+        is_last = number == cycle.count - 1
+        back = joined(cut[-1].end, Stop(start if is_last else begin, rapid=True))
+        passes.append([*lead, *cut, *back])
+        here = passes[-1][-1].end
+    return passes
+
+
+# Threads.
 
 
 @dataclass(frozen=True)
@@ -282,55 +427,66 @@ class Thread:
 
     start: Point  # where passes begin along Z, and where the tool is clear of the thread along X
     end: float  # Z at which passes end [mm]
-    roots: tuple[float, float]  # radius at the root where passes begin and end [mm]
+    first_root: float  # radius at the root where passes begin [mm]
+    last_root: float  # radius at the root where passes end [mm]
     height: float  # height of the profile [mm]
-    angle: float = 0.0  # angle by which the tool goes in aslant: half the thread's angle to cut with one flank [degrees]
+
+    # Angle by which the tool goes in aslant [degrees]: half the thread's angle to cut with one
+    # flank.
+    angle: float = 0.0
 
 
 def decreasing_depths(
     height: float, first: float, smallest: float, allowance: float, finishing: int
 ) -> list[float]:
-    """Return the depths of all passes: first * sqrt(n), ``smallest`` apart at least, and the finishing passes [mm]."""
+    """Return the depths of all passes of Fanuc's G76 [mm].
+
+    Pass n is first * sqrt(n) deep, so that all take the same area of chips; depths are at least
+    ``smallest`` apart. The finishing passes follow.
+
+    Raises:
+        BlockError: no such thread can be cut, or it takes too many passes.
+    """
     if not (first > 0.0 and height > allowance >= 0.0):
-        raise Problem(
-            f"a thread {height:g} mm high with a first pass of {first:g} mm and {allowance:g} mm left cannot be cut"
+        raise BlockError(
+            f"a thread {height:g} mm high with a first pass of {first:g} mm "
+            f"and {allowance:g} mm left cannot be cut"
         )
-    depths = [min(first, height - allowance)]
-    while depths[-1] < height - allowance - 1e-9:
-        depths.append(
-            min(max(first * math.sqrt(len(depths) + 1), depths[-1] + smallest), height - allowance)
-        )
+    deepest = height - allowance
+    depths = [min(first, deepest)]
+    while depths[-1] < deepest - 1e-9:
+        depth = max(first * math.sqrt(len(depths) + 1), depths[-1] + smallest)
+        depths.append(min(depth, deepest))
         if len(depths) > MAX_PASSES:
-            raise Problem(
+            raise BlockError(
                 f"a thread of more than {MAX_PASSES} passes is not made: is the first depth right?"
             )
     return depths + [height] * finishing
 
 
-def thread_passes(thread: Thread, depths: list[float]) -> list[list[Path]]:
-    """Return the moves of every pass, from the start back to it; the second or third is the cut."""
-    if abs(thread.end - thread.start[0]) < 1e-9 or abs(thread.start[1] - thread.roots[0]) < 1e-9:
-        raise Problem("the thread begins where it ends")
-    outwards = math.copysign(1.0, thread.start[1] - thread.roots[0])
-    along = math.copysign(1.0, thread.end - thread.start[0])
-    clear = thread.start[1]
-    made = []
+def thread_passes(thread: Thread, depths: Sequence[float]) -> list[Pass]:
+    """Return the moves of every pass, from the start back to it; the second or third is the cut.
+
+    Raises:
+        BlockError: the thread has no length, or its root is where the tool starts.
+    """
+    start = thread.start
+    if abs(thread.end - start.z) < 1e-9 or abs(start.x - thread.first_root) < 1e-9:
+        raise BlockError("the thread begins where it ends")
+    outwards = math.copysign(1.0, start.x - thread.first_root)
+    along = math.copysign(1.0, thread.end - start.z)
+    passes = []
     for depth in depths:
         over = outwards * (thread.height - depth)
-        begin = thread.start[0] + along * depth * math.tan(math.radians(thread.angle))
-        cut = [
-            ((begin, thread.roots[0] + over), True),
-            ((thread.end, thread.roots[1] + over), False),
-        ]
-        made.append(
-            list(
-                joined(
-                    thread.start,
-                    ((begin, clear), True),
-                    *cut,
-                    ((thread.end, clear), True),
-                    (thread.start, True),
-                )
-            )
+        # The tool goes in along a flank: the deeper, the later it begins.
+        begin = start.z + along * depth * math.tan(math.radians(thread.angle))
+        moves = joined(
+            start,
+            Stop(Point(begin, start.x), rapid=True),
+            Stop(Point(begin, thread.first_root + over), rapid=True),
+            Stop(Point(thread.end, thread.last_root + over), rapid=False),
+            Stop(Point(thread.end, start.x), rapid=True),
+            Stop(start, rapid=True),
         )
-    return made
+        passes.append(list(moves))
+    return passes

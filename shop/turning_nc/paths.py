@@ -3,14 +3,24 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from turning_nc.dialects import CornerKind
-from turning_nc.words import Problem
-
-Point = tuple[float, float]  # Z and X [mm]; X is a radius
+from turning_nc.words import BlockError
 
 CHORD = 0.01  # largest distance of an arc from its chords [mm]
 MAX_RADIUS = 1e6  # of an arc [mm]; with a larger one it is straight
+MIN_LENGTH = 1e-9  # length from which points are apart [mm]; rounding errors are below it
+MIN_TURN = 1e-6  # angle between moves from which they make a corner [rad]
+CORNER_TOLERANCE = 1e-6  # by which a broken corner may be longer than its move [mm]
+RADIUS_TOLERANCE = 1e-3  # by which an arc may be short of half its chord [mm]
+
+
+class Point(NamedTuple):
+    """A place of the tool."""
+
+    z: float  # [mm]
+    x: float  # as a radius [mm]
 
 
 @dataclass(frozen=True)
@@ -29,53 +39,62 @@ class Path:
         """Length [mm]."""
         if self.centre is None:
             return math.dist(self.start, self.end)
-        return math.dist(self.start, self.centre) * abs(self._turn())
+        return math.dist(self.start, self.centre) * abs(self._turn(self.centre))
 
     @property
-    def reach(self) -> Point:
+    def reach(self) -> tuple[float, float]:
         """X at start and end [mm]."""
-        return self.start[1], self.end[1]
+        return self.start.x, self.end.x
 
     @property
     def direction(self) -> Point:
         """Unit vector of a straight move."""
-        return (self.end[0] - self.start[0]) / self.length, (
-            self.end[1] - self.start[1]
-        ) / self.length
+        length = self.length
+        dz = (self.end.z - self.start.z) / length
+        dx = (self.end.x - self.start.x) / length
+        return Point(dz, dx)
 
-    def _turn(self) -> float:
-        assert self.centre is not None
-        first, last = (
-            math.atan2(point[1] - self.centre[1], point[0] - self.centre[0])
-            for point in (self.start, self.end)
-        )
+    def _turn(self, centre: Point) -> float:
+        """Return the signed angle of an arc [rad], positive counter-clockwise."""
+        first = math.atan2(self.start.x - centre.x, self.start.z - centre.z)
+        last = math.atan2(self.end.x - centre.x, self.end.z - centre.z)
         full = 2.0 * math.pi
         turn = (first - last) % full if self.clockwise else (last - first) % full
-        turn = full if turn < 1e-9 or full - turn < 1e-9 else turn
+        # An arc that ends where it starts is a full circle (ISO 6983), whatever the rounding.
+        if turn < 1e-9 or full - turn < 1e-9:
+            turn = full
         return -turn if self.clockwise else turn
 
     def points(self) -> list[Point]:
         """Return the ends of the chords: the end alone for a straight move."""
         if self.centre is None:
             return [self.end]
-        (z, x), radius, turn = self.centre, math.dist(self.start, self.centre), self._turn()
-        step = 2.0 * math.acos(max(1.0 - CHORD / radius, 0.0)) if radius > CHORD else math.pi
-        count = max(math.ceil(abs(turn) / step), 2)
-        first = math.atan2(self.start[1] - x, self.start[0] - z)
-        angles = [first + turn * index / count for index in range(1, count)]
-        return [
-            *((z + radius * math.cos(angle), x + radius * math.sin(angle)) for angle in angles),
-            self.end,
-        ]
+        centre = self.centre
+        radius = math.dist(self.start, centre)
+        turn = self._turn(centre)
 
-    def moved(self, dz: float, dx: float) -> "Path":
+        # A chord that turns by an angle a is radius * (1 - cos(a / 2)) from its arc.
+        step = math.pi
+        if radius > CHORD:
+            step = 2.0 * math.acos(max(1.0 - CHORD / radius, 0.0))
+        count = max(math.ceil(abs(turn) / step), 2)
+        first = math.atan2(self.start.x - centre.x, self.start.z - centre.z)
+        points = []
+        for index in range(1, count):
+            angle = first + turn * index / count
+            z = centre.z + radius * math.cos(angle)
+            x = centre.x + radius * math.sin(angle)
+            points.append(Point(z, x))
+        points.append(self.end)
+        return points
+
+    def moved(self, by: Point) -> "Path":
         """Return the path shifted."""
-        centre = None if self.centre is None else shifted(self.centre, (dz, dx))
         return replace(
             self,
-            start=shifted(self.start, (dz, dx)),
-            end=shifted(self.end, (dz, dx)),
-            centre=centre,
+            start=shifted(self.start, by),
+            end=shifted(self.end, by),
+            centre=None if self.centre is None else shifted(self.centre, by),
         )
 
 
@@ -89,60 +108,105 @@ class Corner:
     modal: bool = False  # whether it holds for all corners between moves at feed (RNDM)
 
 
-def shifted(point: Point, direction: Point, length: float = 1.0) -> Point:
+@dataclass(frozen=True)
+class BrokenCorner:
+    """Two moves that end at a broken corner, and the chamfer or the arc between them."""
+
+    before: Path
+    between: Path | None  # None if the moves make no corner
+    after: Path
+
+
+class Stop(NamedTuple):
+    """A point to which the tool moves straight."""
+
+    point: Point
+    rapid: bool
+
+
+def shifted(
+    point: tuple[float, float], direction: tuple[float, float], length: float = 1.0
+) -> Point:
     """Return the point at a distance along a direction."""
-    return point[0] + length * direction[0], point[1] + length * direction[1]
+    return Point(point[0] + length * direction[0], point[1] + length * direction[1])
 
 
-def joined(start: Point, *ends: tuple[Point, bool]) -> Iterator[Path]:
-    """Yield straight moves to points that are apart; the flags mark rapid moves."""
-    for end, rapid in ends:
-        if math.dist(start, end) > 1e-9:
-            yield Path(start, end, rapid=rapid)
-            start = end
+def joined(start: Point, *stops: Stop) -> Iterator[Path]:
+    """Yield straight moves to the stops that are apart."""
+    for stop in stops:
+        if math.dist(start, stop.point) > MIN_LENGTH:
+            yield Path(start, stop.point, rapid=stop.rapid)
+            start = stop.point
 
 
 def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> Path:
-    """Return the arc of a radius [mm]: the shorter one, or the longer one if the radius is negative."""
+    """Return the arc of a radius [mm].
+
+    It is the shorter of the two arcs, or the longer one if the radius is negative, as ISO 6983,
+    Fanuc (R) and SINUMERIK (CR=) have it.
+
+    Raises:
+        BlockError: the radius is too large for an arc, or too small to join the points.
+    """
     chord = math.dist(start, end)
     if abs(radius) > MAX_RADIUS:
-        raise Problem(
+        raise BlockError(
             f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
         )
-    if chord < 1e-9 or abs(radius) < 0.5 * chord - 1e-3:
-        raise Problem(
+    if chord < MIN_LENGTH or abs(radius) < 0.5 * chord - RADIUS_TOLERANCE:
+        raise BlockError(
             f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart"
         )
+    # The centre lies on the chord's perpendicular bisector.
     height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))
     side = (1.0 if clockwise else -1.0) * math.copysign(1.0, radius)
-    dz, dx = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
-    middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
-    return Path(
-        start, end, (middle[0] + side * height * dx, middle[1] - side * height * dz), clockwise
-    )
+    dz = (end.z - start.z) / chord
+    dx = (end.x - start.x) / chord
+    middle = Point(0.5 * (start.z + end.z), 0.5 * (start.x + end.x))
+    centre = Point(middle.z + side * height * dx, middle.x - side * height * dz)
+    return Path(start, end, centre=centre, clockwise=clockwise)
 
 
-def break_corner(before: Path, after: Path, corner: Corner) -> tuple[Path, Path | None, Path]:
-    """Return two moves that end at a broken corner, and the chamfer or the arc between them."""
+def break_corner(before: Path, after: Path, corner: Corner) -> BrokenCorner:
+    """Return two straight moves with a chamfer or a radius between them.
+
+    Raises:
+        BlockError: a move is an arc, or is shorter than what the corner takes of it.
+    """
     if before.centre or after.centre:
-        raise Problem("a chamfer or a radius beside an arc is not understood: write its points")
-    first, second = before.direction, after.direction
-    cross = first[0] * second[1] - first[1] * second[0]
-    turn = math.atan2(cross, first[0] * second[0] + first[1] * second[1])
-    if abs(turn) < 1e-6:
-        return before, None, after
-    half = 0.5 * abs(turn)
-    cut = (
-        corner.size
-        * {"legs": 1.0, "chord": 0.5 / math.cos(half), "radius": math.tan(half)}[corner.kind]
-    )
-    if cut > min(before.length, after.length) + 1e-6:
-        raise Problem(
-            f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm of a move that is shorter"
+        raise BlockError("a chamfer or a radius beside an arc is not understood: write its points")
+    first = before.direction
+    second = after.direction
+    cross = first.z * second.x - first.x * second.z
+    turn = math.atan2(cross, first.z * second.z + first.x * second.x)
+    if abs(turn) < MIN_TURN:
+        return BrokenCorner(before, None, after)
+    cut = corner.size * _cut_per_size(corner.kind, 0.5 * abs(turn))
+    if cut > min(before.length, after.length) + CORNER_TOLERANCE:
+        raise BlockError(
+            f"the chamfer or radius of line {corner.line} takes {cut:.3f} mm "
+            "of a move that is shorter"
         )
-    start, end = shifted(before.end, first, -cut), shifted(after.start, second, cut)
+    start = shifted(before.end, first, -cut)
+    end = shifted(after.start, second, cut)
     centre = None
     if corner.kind == "radius":
         side = math.copysign(corner.size, turn)
-        centre = start[0] - side * first[1], start[1] + side * first[0]
-    return Path(before.start, start), Path(start, end, centre, turn < 0.0), Path(end, after.end)
+        centre = Point(start.z - side * first.x, start.x + side * first.z)
+    return BrokenCorner(
+        before=Path(before.start, start),
+        between=Path(start, end, centre=centre, clockwise=turn < 0.0),
+        after=Path(end, after.end),
+    )
+
+
+def _cut_per_size(kind: CornerKind, half: float) -> float:
+    """Return the length that a corner takes of each move, over its size.
+
+    ``half`` is half the angle by which the moves turn [rad].
+    """
+    if kind == "chord":  # CHF of SINUMERIK is the length of the chamfer itself
+        return 0.5 / math.cos(half)
+    if kind == "radius":
+        return math.tan(half)
+    return 1.0  # CHR of SINUMERIK, and ,C of Fanuc, are its legs

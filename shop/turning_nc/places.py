@@ -1,18 +1,21 @@
-"""An index of the blocks, labels and ends of loops in a part of a program, so that a jump need not search all lines."""
+"""An index of a part's blocks, labels and loops, so that a jump need not search all lines."""
 
 import bisect
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from turning_nc.words import Line, Problem
+from turning_nc.words import BlockError, Line
 
 
 class Places:
-    """Indices of the lines of a part, by the numbers and labels of blocks, and of both ends of its loops."""
+    """Indices of the lines of a part.
+
+    They are found by the numbers and the labels of blocks, and by the other ends of loops.
+    """
 
     def __init__(self, lines: Sequence[Line]) -> None:
         """Look through the lines once."""
-        self._numbers: dict[Hashable, list[int]] = {}
-        self._labels: dict[Hashable, list[int]] = {}
+        self._numbers: dict[float, list[int]] = {}
+        self._labels: dict[str, list[int]] = {}
         for index, line in enumerate(lines):
             number = line.number_of("N")
             if number is not None:
@@ -20,14 +23,21 @@ class Places:
             for word in line.words:
                 if word.address.endswith(":"):
                     self._labels.setdefault(word.address[:-1], []).append(index)
-        self._begins, self._ends = _loops(lines)
+        self._ends = _ends_of_loops(lines)
+        self._begins = {end: begin for begin, end in self._ends.items()}
 
-    def block(self, number: float | None, first: int = 0, end: int | None = None) -> int | None:
-        """Return the first line from ``first`` to before ``end`` whose block has a number; None if there is none."""
+    def block(self, number: float, first: int = 0, end: int | None = None) -> int | None:
+        """Return the first line from ``first`` to before ``end`` whose block has a number.
+
+        It is None if there is none.
+        """
         return _first_within(self._numbers.get(number, []), first, end)
 
-    def label(self, name: str | None, first: int = 0, end: int | None = None) -> int | None:
-        """Return the first line from ``first`` to before ``end`` that begins with a label; None if there is none."""
+    def label(self, name: str, first: int = 0, end: int | None = None) -> int | None:
+        """Return the first line from ``first`` to before ``end`` that begins with a label.
+
+        It is None if there is none.
+        """
         return _first_within(self._labels.get(name, []), first, end)
 
     def begin_of_loop(self, end: int) -> int:
@@ -48,22 +58,23 @@ def _first_within(indices: list[int], first: int, end: int | None) -> int | None
 
 def _other_end(ends: Mapping[int, int], index: int) -> int:
     if index not in ends:
-        raise Problem("the loop has no other end")
+        raise BlockError("the loop has no other end")
     return ends[index]
 
 
-def _loops(lines: Sequence[Line]) -> tuple[dict[int, int], dict[int, int]]:
-    """Return the begins of loops by their ends, and the ends by their begins; loops of one number lie within each other."""
-    begins: dict[int, int] = {}
+def _ends_of_loops(lines: Sequence[Line]) -> dict[int, int]:
+    """Return the ends of loops by their begins; loops of one number lie within each other."""
     ends: dict[int, int] = {}
     opened: dict[str, list[int]] = {}
     for index, line in enumerate(lines):
-        flow = line.flow or {}
-        jump, target = flow.get("jump") or "", flow.get("target") or ""
-        if "END" in jump:
-            if opened.get(target):
-                begins[index] = opened[target].pop()
-                ends[begins[index]] = index
-        elif flow.get("word") == "WHILE" or jump == "DO":
-            opened.setdefault(target, []).append(index)
-    return begins, ends
+        flow = line.flow
+        if flow is None:
+            continue
+        # Fanuc numbers its loops, from WHILE [...] DO1 to END1. SINUMERIK's end with ENDWHILE.
+        if "END" in flow.jump:
+            if opened.get(flow.target):
+                begin = opened[flow.target].pop()
+                ends[begin] = index
+        elif flow.word == "WHILE" or flow.jump == "DO":
+            opened.setdefault(flow.target, []).append(index)
+    return ends

@@ -1,0 +1,252 @@
+"""The words of a block that a control understands; it names all others, and goes on without them.
+
+A word may be unknown to the dialect, or have no meaning beside the others of its block. Each
+function returns the line with the words that stay.
+"""
+
+from collections.abc import Callable
+
+from turning_nc.control import Control
+from turning_nc.dialects import NOT_READ
+from turning_nc.interpolation import ARCS, MOTIONS, THREADS
+from turning_nc.modal import COORDINATES
+from turning_nc.words import BlockError, Line, Word
+
+# Words that say how a block moves, beside its coordinates.
+PARAMETERS = frozenset("IKRPQDLA") | {"CR", "ANG", ",A", ",C", ",R", "CHR", "CHF", "RND"}
+
+# Of these, words that have a meaning in some blocks only.
+SOMETIMES = frozenset("IKRPQDLA") | {"CR"}
+
+# Axes of mill-turn machines; at 0 they do not change how a tool turns.
+NULL_AXES = frozenset("YVCBA")
+NULL_NOTE = "words of Y, V, C, B or A that are 0 have no effect in turning"
+
+
+def _kept(line: Line, keeps: Callable[[Word], bool]) -> Line:
+    """Return the line with the words that a function keeps."""
+    words = [word for word in line.words if keeps(word)]
+    return line if len(words) == len(line.words) else line.with_words(words)
+
+
+# Words of the dialect.
+
+
+def known_words(control: Control, line: Line) -> Line:
+    """Return the line without labels, null words, and words that the dialect does not have."""
+    foreign = _words_of_foreign_functions(control, line)
+
+    def is_known(word: Word) -> bool:
+        if word.address.endswith(":") or word in foreign:
+            return False
+        if _is_null(control, word):
+            control.note(NULL_NOTE)
+            return False
+        reason = _why_unknown(control, word, line)
+        if reason:
+            control.refuse(reason)
+        return not reason
+
+    known = _kept(line, is_known)
+    if foreign:
+        _refuse_foreign_function(control, foreign)
+    return known
+
+
+def _is_null(control: Control, word: Word) -> bool:
+    """Return whether a word is 0 and of an axis that turning does not use, such as Y0 or C0."""
+    is_axis = word.address in NULL_AXES and word.address not in control.dialect.addresses
+    return is_axis and word.value == 0.0
+
+
+def _words_of_foreign_functions(control: Control, line: Line) -> list[Word]:
+    """Return G functions that are not understood, and the coordinates that they take.
+
+    Coordinates beside a function that moves are that function's.
+    """
+    dialect = control.dialect
+    unread = dialect.takes_coordinates - dialect.codes
+    functions = [word for word in line.words if word.address == "G" and word.value in unread]
+    understood = MOTIONS | dialect.references | dialect.cycles.keys()
+    if not functions or line.codes & understood:
+        return []
+    taken = PARAMETERS | set(COORDINATES)
+    # P and L are the sub-program's, and how often it is called.
+    if line.has("M", 98):
+        taken -= {"P", "L"}
+    return [word for word in line.words if word in functions or word.address in taken]
+
+
+def _refuse_foreign_function(control: Control, words: list[Word]) -> None:
+    """Name the first function that is not understood, and the words that it takes."""
+    left_out = ""
+    if control.go_on and len(words) > 1:
+        names = [f"{word.address}{word.text}" for word in words]
+        left_out = f", so {' and '.join(names)} are left out"
+    function = min(word.value for word in words if word.address == "G" and word.value is not None)
+    control.refuse(f"G{function:g} is not understood{left_out}")
+
+
+def _why_unknown(control: Control, word: Word, line: Line) -> str:
+    """Return why the dialect does not have a word; empty if it does."""
+    name = word.address
+    dialect = control.dialect
+    if word.fault:
+        return word.fault
+    if word.is_call:
+        if name in dialect.names or name in control.program.parts:
+            return ""
+        call = name if word.arguments is None else f"{name}()"
+        return f"{call} is not understood{NOT_READ.get(name, '')}"
+    if name not in dialect.addresses:
+        equals = "=" if name[1:].isalnum() else ""
+        hint = ""
+        # A chamfer is ,C on a Fanuc; C alone is a rotary axis.
+        if control.fanuc and name == "C" and line.first(*COORDINATES):
+            hint = "; write ,C for a chamfer between moves"
+        return f"the address {name}{equals} is not understood{hint}"
+    if name == "G" and word.value is not None and word.value not in dialect.codes:
+        return f"G{word.value:g} is not understood"
+    return ""
+
+
+# Words that belong together.
+
+
+def with_one_motion(control: Control, line: Line) -> Line:
+    """Return the line without its move if it states several kinds of moves.
+
+    They are one group of ISO 6983, of which a block may hold one.
+    """
+    motions = line.codes & MOTIONS
+    if len(motions) < 2:
+        return line
+    names = " and ".join(f"G{code:g}" for code in sorted(motions))
+    control.refuse(f"{names} exclude each other")
+
+    def is_beside_move(word: Word) -> bool:
+        if word.address == "G":
+            return word.value not in motions
+        return word.address not in PARAMETERS and word.address not in COORDINATES
+
+    return _kept(line, is_beside_move)
+
+
+def meaningful_words(control: Control, line: Line, codes: set[float]) -> Line:
+    """Return the line without words that have no meaning in it."""
+    meaningless = SOMETIMES - _addresses_used(control, line, codes)
+
+    def has_meaning(word: Word) -> bool:
+        if word.address not in meaningless or word.value is None:
+            return True
+        if word.address == "A" and word.value == 0.0:
+            control.note(NULL_NOTE)
+            return False
+        hint = ""
+        if word.address == "R":
+            hint = "; write ,R for a radius between moves"
+        control.refuse(f"{word.address}{word.text} has no meaning in this block{hint}")
+        return False
+
+    return _kept(line, has_meaning)
+
+
+def _addresses_used(control: Control, line: Line, codes: set[float]) -> set[str]:
+    """Return the addresses, of those that only some blocks use, that a block uses."""
+    motion = min(codes & MOTIONS, default=control.motion)
+    used: set[str] = set()
+    if motion in ARCS:
+        used = {"I", "K", control.dialect.arc_radius}
+    elif motion in THREADS:
+        used = {"I", "K", "Q"}
+    if control.fanuc:
+        return used | _addresses_used_by_fanuc(control, line, codes=codes, motion=motion)
+    # L is a sub-program of SINUMERIK, D the tool's edge, P how often a sub-program is called.
+    used |= {"D", "L"}
+    for word in line.words:
+        if word.address == "L" or word.address in control.program.parts:
+            used.add("P")
+    return used
+
+
+def _addresses_used_by_fanuc(
+    control: Control, line: Line, *, codes: set[float], motion: float | None
+) -> set[str]:
+    """Return the addresses that a Fanuc's cycles, calls and functions use in a block."""
+    cycle = control.function(codes)
+    used: set[str] = set()
+    if cycle:
+        used |= {"P", "Q", "D", "R"}
+        if cycle >= 73:
+            used |= {"I", "K"}
+    elif motion in (90, 92, 94):
+        # Boxes replace the motion in force: R is their taper.
+        used = {"R"}
+    # A is the angle of a thread, or of a move with one coordinate.
+    coordinates = [word for word in line.words if word.address in COORDINATES]
+    if cycle == 76 or len(coordinates) == 1:
+        used.add("A")
+    if line.has("M", 98):
+        used |= {"P", "L"}
+    elif codes & {4, 30, 64, 103}:
+        used.add("P")
+    elif 96 in codes:
+        used.add("D")
+    return used
+
+
+# Dwells.
+
+
+def dwell_word(control: Control, line: Line) -> Word | None:
+    """Return the word that holds the time of G4.
+
+    It is the first after G4 that can, else the last before it.
+    """
+    addresses = {"X", "U", "P"} if control.fanuc else {"F", "S"}
+    place = next(
+        index for index, word in enumerate(line.words) if word.address == "G" and word.value == 4.0
+    )
+    for word in (*line.words[place:], *reversed(line.words[:place])):
+        if word.address in addresses and word.value is not None:
+            return word
+    return None
+
+
+def beside_dwell(control: Control, line: Line, codes: set[float], dwell: Word | None) -> Line:
+    """Return the line without the word of its dwell.
+
+    Coordinates have no meaning beside G4, but for LinuxCNC, where G4 with P and a move may share
+    a block.
+    """
+    moves = control.fanuc and dwell is not None and dwell.address == "P" and codes & MOTIONS
+
+    def stays(word: Word) -> bool:
+        if word is dwell:
+            return False
+        if word.address in COORDINATES and not moves:
+            control.refuse(f"{word.address}{word.text} has no meaning beside G4")
+            return False
+        return True
+
+    return _kept(line, stays)
+
+
+def dwell_time(control: Control, word: Word | None) -> float:
+    """Return the time of a dwell [s].
+
+    On a Fanuc, P is in ms, and X and U are in s; on a SINUMERIK, F is in s, and S in revolutions.
+    """
+    if word is None or word.value is None:
+        raise BlockError(f"G4 needs its time: {'X, U or P' if control.fanuc else 'F or S'}")
+    seconds = word.value
+    counts_steps = word.address == "P" or (control.steps and word.address in ("X", "U"))
+    if word.address == "S":
+        seconds *= 60.0 / control.spindle_speed()
+    elif word.address == "P" and control.linuxcnc:
+        control.note("P of G4 is in seconds, as in LinuxCNC")
+    elif counts_steps and "." not in word.text:
+        seconds /= 1000.0
+    if seconds < 0.0:
+        raise BlockError(f"the dwell is {seconds:g} s, but must not be below 0")
+    return seconds

@@ -1,0 +1,361 @@
+"""Cycles of Fanuc: G70 to G76, drilling G81 to G84, and the boxes G90, G92 and G94.
+
+The numbers are those of G code system A; ``Dialect.cycles`` has the others'. The words are those
+of Fanuc's operator's manuals for lathes: most cycles have two blocks, and one block in an older
+format, which is known by its words D, I and K.
+"""
+
+import contextlib
+from typing import NamedTuple
+
+from turning_nc.contours import (
+    ContourLines,
+    add_passes,
+    choose_side,
+    contour_of,
+    radius_per_x,
+)
+from turning_nc.control import Control, Kind
+from turning_nc.cycles import Box, ContourNames, ThreadSettings
+from turning_nc.passes import (
+    Pecking,
+    Repeating,
+    Roughing,
+    Thread,
+    decreasing_depths,
+    pecked,
+    repeated_passes,
+    roughing_passes,
+    thread_passes,
+)
+from turning_nc.paths import Path, Point, Stop, joined
+from turning_nc.words import BlockError, Line
+
+MAX_REPEATS = 1000
+
+
+class Block(NamedTuple):
+    """A block that calls a cycle, and its place in the program."""
+
+    line: Line  # with the words that are understood
+    part: str
+    index: int
+
+
+def run_cycle(control: Control, block: Block, code: int) -> int:
+    """Run a cycle; return the index of the line that follows.
+
+    Raises:
+        BlockError: words are missing or contradict each other.
+    """
+    line = block.line
+    if code == 76:
+        _thread(control, line)
+    elif code in (74, 75):
+        _peck(control, line, code)
+    elif code >= 81:
+        _drill(control, line, code)
+    elif line.first("P") and line.first("Q"):
+        return _run_with_contour(control, block, code)
+    elif code == 70 or not line.first("U", "W", "D", "R"):
+        hint = ""
+        if code in (70, 71):
+            hint = f"; in SINUMERIK programs G{code} is a unit: --dialect sinumerik"
+        raise BlockError(f"G{code} needs the first and last block of the contour: P and Q{hint}")
+    elif code == 73:
+        _set_repeating(control, line)
+    else:
+        _set_depth(control, line, code)
+    return block.index + 1
+
+
+def end_of_contour(control: Control, block: Block, code: int) -> int:
+    """Return the index of the line after a cycle and its contour, if it has one."""
+    if code > 73 or not (block.line.first("P") and block.line.first("Q")):
+        return block.index + 1
+    try:
+        contour = _contour_lines(control, block, code)
+    except BlockError:
+        return block.index + 1
+    return max(block.index + 1, contour.end)
+
+
+# Cycles with a contour: G70 to G73.
+
+
+def _run_with_contour(control: Control, block: Block, code: int) -> int:
+    """Run the block of G70, G71, G72 or G73 that names a contour."""
+    line = block.line
+    lines = _contour_lines(control, block, code)
+    if code == 70:
+        _finish(control, line, lines)
+        return max(block.index + 1, lines.end)
+    control.cycle.roughed[_contour_names(line)] = line.number
+    # The older format has no block before this one.
+    is_single = line.first("D", "I", "K") is not None
+    if code == 73:
+        if is_single:
+            _set_repeating(control, line)
+        _repeat(control, line, lines)
+    else:
+        if is_single:
+            _set_depth(control, line, code)
+        _rough(control, line, lines, code=code)
+    return lines.end
+
+
+def _contour_names(line: Line) -> ContourNames:
+    """Return the names of a cycle's contour."""
+    return ContourNames(line.number_of("P") or 0.0, line.number_of("Q") or 0.0)
+
+
+def _contour_lines(control: Control, block: Block, code: int) -> ContourLines:
+    """Return the lines of a cycle's contour, which follows the cycle; G70 also finds it before.
+
+    Raises:
+        BlockError: the contour is not in the program.
+    """
+    names = _contour_names(block.line)
+    places = control.places(block.part)
+    first = places.block(names.first, block.index + 1)
+    if first is None and code == 70:
+        first = places.block(names.first, 0, block.index)
+    last = None if first is None else places.block(names.last, first)
+    if first is None or last is None:
+        raise BlockError(
+            f"the contour from N{names.first:g} to N{names.last:g} is not in the program"
+        )
+    return ContourLines(block.part, first, end=last + 1)
+
+
+def _finish(control: Control, line: Line, lines: ContourLines) -> None:
+    """Run G70: the blocks of a contour, and back to the start."""
+    start = control.here
+    feed = control.feed
+    motion = control.motion
+    control.finishes = control.cycle.roughed.get(_contour_names(line), 0)
+    try:
+        with control.deeper():
+            control.run_lines(lines.part, lines.first, lines.end)
+        control.finishes = 0
+        control.go_rapidly(start)
+    finally:
+        control.finishes = 0
+        control.feed = feed
+        control.motion = motion
+
+
+def _allowance(control: Control, line: Line) -> Point:
+    """Return the metal that W and U leave along Z and X; U is a diameter if X is [mm]."""
+    along_z = control.length(line.first("W"))
+    along_x = control.length(line.first("U")) * radius_per_x(control)
+    return Point(along_z, along_x)
+
+
+def _rough(control: Control, line: Line, lines: ContourLines, code: int) -> None:
+    """Run the block of G71 or G72 that names a contour."""
+    facing = code == 72
+    start = control.here
+    contour = contour_of(control, lines)
+    allowance = _allowance(control, line)
+    if control.cycle.depth <= 0.0:
+        address = "W" if facing else "U"
+        raise BlockError(f"G{code} needs the depth of its passes: a block before it with {address}")
+    side = choose_side(control, contour, allowance=allowance, facing=facing)
+    cycle = Roughing(
+        depth=control.cycle.depth,
+        retraction=control.cycle.retraction,
+        allowance=allowance,
+        upwards=side.upwards,
+        facing=facing,
+    )
+    add_passes(control, roughing_passes(contour, start, cycle))
+
+
+def _set_depth(control: Control, line: Line, code: int) -> None:
+    """Keep the depth and the retraction of G71 and G72.
+
+    They are U or W, and R, of a first block; or D of the single block in the older format, which
+    has P.
+    """
+    single = line.first("P") is not None
+    address = "W" if code == 72 else "U"
+    depth = line.first("D" if single else address)
+    if depth is not None:
+        control.cycle.depth = control.length(depth, steps=single)
+    retraction = line.first("R")
+    if retraction is not None and not single:
+        control.cycle.retraction = control.length(retraction)
+
+
+def _repeat(control: Control, line: Line, lines: ContourLines) -> None:
+    """Run the block of G73 that names a contour."""
+    start = control.here
+    contour = contour_of(control, lines)
+    allowance = _allowance(control, line)
+    repeating = control.cycle.repeating
+    if repeating is None:
+        raise BlockError(
+            "G73 needs a block before it that says how often it repeats its contour: R"
+        )
+    add_passes(control, repeated_passes(contour, start, allowance=allowance, cycle=repeating))
+
+
+def _set_repeating(control: Control, line: Line) -> None:
+    """Keep how G73 repeats its contour.
+
+    That is W, U and R of a first block; or K, I and D of the single block in the older format,
+    which has P.
+    """
+    single = line.first("P") is not None
+    z = control.length(line.first("K" if single else "W"))
+    x = control.length(line.first("I" if single else "U"))
+    count = line.number_of("D" if single else "R") or 0.0
+    if not (count == int(count) and 1 <= count <= MAX_REPEATS):
+        raise BlockError(
+            f"G73 repeats its contour {count:g} times, but must do so 1 to {MAX_REPEATS} times"
+        )
+    control.cycle.repeating = Repeating(Point(z, x), int(count))
+
+
+# Threads, pecks and drilling: G74 to G76 and G81 to G84.
+
+
+def _thread(control: Control, line: Line) -> None:
+    """Run G76: the first of its two blocks, the second, or the only one with K and D."""
+    if not line.first("X", "Z", "U", "W"):
+        _set_thread(control, line)
+        return
+    height = line.first("P")
+    first_depth = line.first("Q")
+    taper = line.first("R")
+    settings = control.cycle.thread
+    k = line.first("K")
+    d = line.first("D")
+    if k and d:
+        height = k
+        first_depth = d
+        taper = line.first("I")
+        angle = 0.5 * (line.number_of("A") or 0.0)
+        settings = ThreadSettings(finishing=0, angle=angle, smallest=0.0, allowance=0.0)
+    lead = line.number_of("F")
+    if not (settings and height and first_depth and lead):
+        raise BlockError(
+            "G76 is understood as two blocks, G76 P(finishing) Q R, then G76 X Z P(height) "
+            "Q(first depth) F(lead), or as one: G76 X Z K(height) D(first depth) F(lead)"
+        )
+    end = control.target(line)
+    height_length = control.length(height, steps=True)
+    taper_length = control.length(taper, steps=True)
+    depths = decreasing_depths(
+        height_length,
+        control.length(first_depth, steps=True),
+        smallest=settings.smallest,
+        allowance=settings.allowance,
+        finishing=settings.finishing,
+    )
+    thread = Thread(
+        start=control.here,
+        end=end.z,
+        # R is the difference of the radii, negative for a thread that grows along -Z.
+        first_root=end.x + taper_length,
+        last_root=end.x,
+        height=height_length,
+        angle=settings.angle,
+    )
+    with control.thread_feed(lead):
+        add_passes(control, thread_passes(thread, depths), "thread")
+
+
+def _set_thread(control: Control, line: Line) -> None:
+    """Keep the values of the first block of G76.
+
+    P holds three numbers of two digits: finishing passes, pull-out and the thread's angle.
+    """
+    p = line.first("P")
+    digits = p.text.zfill(6) if p else ""
+    if not (digits.isdigit() and len(digits) == 6):
+        raise BlockError(
+            "G76 needs its first block, such as G76 P020060 Q50 R0.02: "
+            "P holds finishing passes, pull-out, angle"
+        )
+    smallest = control.length(line.first("Q"), steps=True)
+    allowance = control.length(line.first("R"), steps=True)
+    control.cycle.thread = ThreadSettings(
+        finishing=int(digits[:2]),
+        angle=0.5 * int(digits[4:]),
+        smallest=smallest,
+        allowance=allowance,
+    )
+
+
+def _peck(control: Control, line: Line, code: int) -> None:
+    """Run G74 along Z, or G75 along X: pecks to the end, again at steps across.
+
+    P and Q are lengths along X and Z in steps; I and K of the older format may stand for them.
+    """
+    if not line.first("X", "Z", "U", "W"):
+        control.cycle.pecking = control.length(line.first("R"), steps=True)
+        return
+    p = line.first("P", "I")
+    q = line.first("Q", "K")
+    along_x = abs(control.length(p, steps=p is not None and p.address == "P"))
+    along_z = abs(control.length(q, steps=q is not None and q.address == "Q"))
+    cycle = Pecking(
+        along_x=code == 75,
+        peck=along_x if code == 75 else along_z,
+        across=along_z if code == 75 else along_x,
+        back=control.cycle.pecking,
+    )
+    add_passes(control, pecked(control.here, control.target(line), cycle))
+
+
+def _drill(control: Control, line: Line, code: int) -> None:
+    """Run G81, G82, G83 or G84 as one move along Z and back."""
+    start = control.here
+    path = Path(start, Point(control.target(line).z, start.x))
+    # G84 taps: F is the lead of its thread.
+    is_thread = code == 84
+    with _feed_of(control, is_thread):
+        control.add(path, "thread" if is_thread else "feed")
+    control.go_rapidly(start)
+
+
+def _feed_of(control: Control, is_thread: bool) -> contextlib.AbstractContextManager[None]:
+    """Return a context in which the feed in force is a lead, if the cycle cuts a thread."""
+    if is_thread:
+        return control.thread_feed(control.feed.value / control.length_scale)
+    return contextlib.nullcontext()
+
+
+# Boxes: G90, G92 and G94 of system A.
+
+
+def run_box(control: Control, code: int, line: Line) -> None:
+    """Run G90, G92 or G94: a box from the tool's position and back.
+
+    They are modal: words that are left out stay as in the block before.
+    """
+    start = control.here
+    before = control.cycle.box
+    if line.codes & control.dialect.boxes.keys():
+        before = Box(start)
+    target = control.target(line)
+    z = target.z if line.first("Z", "W") else before.end.z
+    x = target.x if line.first("X", "U") else before.end.x
+    taper_word = line.first("R")
+    taper = control.length(taper_word) if taper_word else before.taper
+    control.cycle.box = Box(Point(z, x), taper)
+    end = Stop(Point(z, x), rapid=False)
+    if code == 94:
+        first = Stop(Point(z + taper, start.x), rapid=True)
+        third = Stop(Point(start.z, x), rapid=False)
+    else:
+        first = Stop(Point(start.z, x + taper), rapid=True)
+        # G92 leaves its thread rapidly, G90 its cylinder at feed.
+        third = Stop(Point(z, start.x), rapid=code == 92)
+    is_thread = code == 92
+    kind: Kind = "thread" if is_thread else "feed"
+    with _feed_of(control, is_thread):
+        box = list(joined(start, first, end, third, Stop(start, rapid=True)))
+        add_passes(control, [box], kind)
