@@ -6,7 +6,7 @@ format, which is known by its words D, I and K.
 """
 
 import contextlib
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from turning_nc.contours import (
     ContourLines,
@@ -34,7 +34,8 @@ from turning_nc.words import BlockError, Line
 MAX_REPEATS = 1000
 
 
-class Block(NamedTuple):
+@dataclass(frozen=True)
+class Block:
     """A block that calls a cycle, and its place in the program."""
 
     line: Line  # with the words that are understood

@@ -7,7 +7,7 @@ lines that are not understood; nothing is skipped silently.
 import contextlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from turning_nc.blocks import (
     NULL_AXES,
@@ -278,7 +278,7 @@ class ProgramControl(Control):
         line = self._set_values(line, codes)
         follows = block.index + 1
         with self.naming_problems():
-            block = block._replace(line=line)
+            block = replace(block, line=line)
             cycle = self.function(codes)
             if box is not None:
                 run_box(self, box, line)
