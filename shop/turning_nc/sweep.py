@@ -188,6 +188,13 @@ class _Edges(NamedTuple):
     sign: Values  # 1 if the metal lies to the left of the edge, otherwise -1
 
 
+class _Corner(NamedTuple):
+    """A corner of a tool, by its distances across and along a line."""
+
+    across: float  # [mm]
+    along: float  # [mm]
+
+
 def _front(sweep: Sweep) -> _Front:
     """Return the corners of a tool that lead, in their order across the line.
 
@@ -195,12 +202,12 @@ def _front(sweep: Sweep) -> _Front:
     """
     across = sweep.shape @ sweep.across
     along = sweep.shape @ sweep.along
-    corners = sorted(zip(across.tolist(), along.tolist(), strict=True))
-    chain: list[Point] = []
+    corners = sorted(map(_Corner, across.tolist(), along.tolist()))
+    chain: list[_Corner] = []
     for corner in corners:
-        if chain and corner[0] - chain[-1][0] < SAME:
+        if chain and corner.across - chain[-1].across < SAME:
             behind = chain.pop()
-            corner = (behind[0], max(corner[1], behind[1]))
+            corner = _Corner(behind.across, max(corner.along, behind.along))
         while len(chain) > 1 and _turns_left(chain[-2], chain[-1], corner):
             chain.pop()
         chain.append(corner)
@@ -208,10 +215,10 @@ def _front(sweep: Sweep) -> _Front:
     return _Front(across=points[:, 0], along=points[:, 1])
 
 
-def _turns_left(first: Point, second: Point, third: Point) -> bool:
-    """Return whether the path through three points turns left or is straight."""
-    ahead = (second[0] - first[0]) * (third[1] - first[1])
-    beside = (second[1] - first[1]) * (third[0] - first[0])
+def _turns_left(first: _Corner, second: _Corner, third: _Corner) -> bool:
+    """Return whether the path through three corners turns left or is straight."""
+    ahead = (second.across - first.across) * (third.along - first.along)
+    beside = (second.along - first.along) * (third.across - first.across)
     return ahead >= beside
 
 
