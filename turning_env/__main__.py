@@ -1,4 +1,4 @@
-"""Show scenarios, calibrate them from measurements, predict cuts, play part programs, score policies, and compile in advance."""
+"""Show and calibrate scenarios, predict cuts, play part programs, and score policies."""
 
 import argparse
 import inspect
@@ -22,54 +22,63 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def command(
-        run: Callable[[argparse.Namespace], int], help: str, scenario: bool = True
+        run: Callable[[argparse.Namespace], int], summary: str, scenario: bool = True
     ) -> argparse.ArgumentParser:
-        added = commands.add_parser(
-            run.__name__.removeprefix("_").replace("_", "-"), help=help, **described(run.__doc__)
-        )
+        """Add a command, which is called like the function that runs it."""
+        name = run.__name__.removeprefix("_").replace("_", "-")
+        added = commands.add_parser(name, help=summary, **described(run.__doc__))
         added.set_defaults(run=run)
         if scenario:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
-        parser.epilog = "\n".join(
-            (parser.epilog or "examples:", (added.epilog or "").splitlines()[1])
-        )
+        # The command's first example joins those of the whole command line.
+        examples = (added.epilog or "").splitlines()
+        parser.epilog = f"{parser.epilog or 'examples:'}\n{examples[1]}"
         return added
 
     command(_presets, "print the names of the presets", scenario=False)
     command(_show, "print all values of a preset or a TOML file")
     command(_schema, "print the JSON schema of a scenario file", scenario=False)
+    # Other packages, such as the shop, have commands of their own.
     for add_commands in provided("commands"):
         add_commands(command)
-    scored = command(_score, "play a policy and rank it among those that ship", scenario=False)
-    scored.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
-    scored.add_argument(
+    _add_score_options(
+        command(_score, "play a policy and rank it among those that ship", scenario=False)
+    )
+    command(_warm_up, "compile everything now, for example for a container image", scenario=False)
+
+    options = parser.parse_args(arguments)
+    return exits(ScenarioError)(options.run)(options)
+
+
+def _add_score_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("policy", metavar="POLICY", help="ONNX file, or module:object")
+    parser.add_argument(
         "--env",
         choices=(*IDS, FAMILY_ID),
         default="RoughTurning-v0",
         metavar="ID",
         help="environment (default: %(default)s)",
     )
-    scored.add_argument(
-        "--family", default="shop", metavar="NAME", help="preset of a family (default: %(default)s)"
+    parser.add_argument(
+        "--family",
+        default="shop",
+        metavar="NAME",
+        help="preset of a family (default: %(default)s)",
     )
-    scored.add_argument(
+    parser.add_argument(
         "--seeds",
         type=int,
         metavar="N",
         help="number of held-out seeds (default: those of the leaderboard)",
     )
-    scored.add_argument(
+    parser.add_argument(
         "--agent-time",
         type=int,
         default=LIMITS.computing,
         metavar="SECONDS",
         help="processor time that an ONNX file may use for all episodes (default: %(default)s)",
     )
-    scored.add_argument("--json", action="store_true", help="print all results as JSON")
-    command(_warm_up, "compile everything now, for example for a container image", scenario=False)
-
-    options = parser.parse_args(arguments)
-    return exits(ScenarioError)(options.run)(options)
+    parser.add_argument("--json", action="store_true", help="print all results as JSON")
 
 
 def _presets(_: argparse.Namespace) -> int:
@@ -102,7 +111,10 @@ def _schema(_: argparse.Namespace) -> int:
     }
     schema["properties"]["base"] = {
         "anyOf": [{"enum": list(presets())}, {"type": "string", "pattern": r"\.toml$"}],
-        "description": "The preset, or the TOML file seen from this one's folder, whose values the file changes.",
+        "description": (
+            "The preset, or the TOML file seen from this one's folder, whose values the file "
+            "changes."
+        ),
     }
     print_json(schema)
     return 0
@@ -111,33 +123,40 @@ def _schema(_: argparse.Namespace) -> int:
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
-    A policy is an ONNX file or an object in a module. The object may be a function of observations, a class with reset and act, a
-    model of Stable-Baselines3 or a module of PyTorch. It runs in this process: score only code that you trust. An ONNX file may
-    come from anywhere: it runs in a process of its own, which can read and write no file and has limited time and memory
+    A policy is an ONNX file or an object in a module. The object may be a function of observations,
+    a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this
+    process: score only code that you trust. An ONNX file may come from anywhere: it runs in a
+    process of its own, which can read and write no file and has limited time and memory
     (docs/security.md). Its weights must be inside.
 
     python -m turning_env score my_agent.onnx
     python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v1 --seeds 32
     """
     try:
-        limits = replace(LIMITS, computing=options.agent_time)
-        found = score(
-            options.policy, options.env, options.seeds, family=options.family, limits=limits
+        result = score(
+            options.policy,
+            options.env,
+            seeds=options.seeds,
+            family=options.family,
+            limits=replace(LIMITS, computing=options.agent_time),
         )
     except (TypeError, ValueError) as error:
         raise UserError(f"{options.policy}: {error}") from error
     if options.json:
-        print_json({name: value for name, value in asdict(found).items() if name != "episodes"})
+        values = asdict(result)
+        del values["episodes"]
+        print_json(values)
     else:
-        print(found.table(), found.load(), found, sep="\n\n")
+        print(result.table(), result.load(), result, sep="\n\n")
     return 0
 
 
 def _warm_up(_: argparse.Namespace) -> int:
-    """Compile everything that environments, batches and windows call, and print where the machine code is kept.
+    """Compile everything that environments, batches and windows call.
 
-    Run it when you build a container image, or before you start many processes that cannot write to the folder: the package's
-    own, or the user's cache folder if the package's is read-only. Set NUMBA_CACHE_DIR to use another folder, then and later.
+    It prints where the machine code is kept. Run it when you build a container image, or before you
+    start many processes that cannot write to the folder: the package's own, or the user's cache
+    folder if the package's is read-only. Set NUMBA_CACHE_DIR to use another folder, then and later.
 
     python -m turning_env warm-up
     """
@@ -154,13 +173,14 @@ def _warm_up(_: argparse.Namespace) -> int:
     for warm_up in provided("warm_up"):
         warm_up()
         sources.append(Path(inspect.getfile(warm_up)).parent)
-    folders = [folder for each in sources if (folder := machine_code_folder(each))]
+    folders = [folder for folder in map(machine_code_folder, sources) if folder]
     for folder in folders:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         print(f"{size / 1e6:.1f} MB of machine code in {folder}")
     if not folders:
         raise UserError(
-            "no machine code could be kept on disk: set NUMBA_CACHE_DIR to a folder that you can write"
+            "no machine code could be kept on disk: "
+            "set NUMBA_CACHE_DIR to a folder that you can write"
         )
     print("set NUMBA_CACHE_DIR to use another folder")
     return 0

@@ -1,7 +1,7 @@
 """Shared parts of all command lines: help with examples, exit statuses, one-line errors, JSON.
 
-Exit statuses: 0 done; 1 the requested check fails; 2 a user's mistake, such as a missing file or an unknown name;
-130 interrupted. Results go to stdout; errors, notices and progress to stderr.
+Exit statuses: 0 done; 1 the requested check fails; 2 a user's mistake, such as a missing file or an
+unknown name; 130 interrupted. Results go to stdout; errors, notices and progress to stderr.
 """
 
 import argparse
@@ -20,21 +20,23 @@ from pydantic_core import to_json
 
 from turning_env.extras import missing
 
+DONE = 0
+FAILED = 1
+USER_ERROR = 2
+INTERRUPTED = 130
+
+_P = ParamSpec("_P")
+
 
 class UserError(ValueError):
     """A user's mistake. The message names the fault and the allowed values."""
 
 
-DONE, FAILED, USER_ERROR, INTERRUPTED = 0, 1, 2, 130
-
-_P = ParamSpec("_P")
-
-
 def printable(text: str) -> str:
     r"""Return a text with every character that does not print escaped, such as ESC as ``\x1b``.
 
-    A terminal obeys control characters, and a line break may forge a line of output. Texts that come from a file or from a
-    stranger pass through here before they are shown.
+    A terminal obeys control characters, and a line break may forge a line of output. Texts that
+    come from a file or from a stranger pass through here before they are shown.
     """
     return "".join(
         character if character.isprintable() else _escape(character) for character in text
@@ -46,29 +48,30 @@ def _escape(character: str) -> str:
 
 
 def described(text: str | None) -> dict[str, Any]:
-    """Return argparse's keyword arguments for a docstring: its prose as description, its examples as epilog.
+    """Return argparse's keyword arguments for a docstring.
 
-    A paragraph that begins with ``python -m`` holds examples, one command per line. Others are wrapped to the terminal, except
+    Its prose is the description, its examples are the epilog. A paragraph that begins with
+    ``python -m`` holds examples, one command per line. Others are wrapped to the terminal, except
     those with an indented line or a list item.
     """
-    prose, epilog, width = [], None, shutil.get_terminal_size().columns - 2
+    width = shutil.get_terminal_size().columns - 2
+    prose = []
+    epilog = None
     for paragraph in inspect.cleandoc(text or "").split("\n\n"):
         lines = paragraph.splitlines()
         if paragraph.lstrip().startswith("python -m "):
-            epilog = "\n  ".join(
-                ("example:" if len(lines) == 1 else "examples:", *map(str.strip, lines))
-            )
+            title = "example:" if len(lines) == 1 else "examples:"
+            epilog = "\n  ".join([title, *(line.strip() for line in lines)])
         elif any(line.startswith((" ", "- ")) for line in lines):
             prose.append(paragraph)
         else:
             prose.append(
                 textwrap.fill(paragraph, width, break_long_words=False, break_on_hyphens=False)
             )
-    formatter = argparse.RawDescriptionHelpFormatter
     return {
         "description": "\n\n".join(prose).replace("``", ""),
         "epilog": epilog,
-        "formatter_class": formatter,
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
     }
 
 
@@ -76,10 +79,10 @@ def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
     """Return an argparse type for a number within a range [unit], ends included."""
 
     def number(text: str) -> float:
-        if not low <= (value := float(text)) <= high:
-            raise argparse.ArgumentTypeError(
-                f"{text} is outside the allowed range {low:g} to {high:g} {unit}".rstrip(" -")
-            )
+        value = float(text)
+        if not low <= value <= high:
+            allowed = f"{low:g} to {high:g} {unit}".rstrip(" -")
+            raise argparse.ArgumentTypeError(f"{text} is outside the allowed range {allowed}")
         return value
 
     return number
@@ -87,19 +90,25 @@ def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
 
 def picture_path(text: str) -> Path:
     """Return the path of a picture, as an argparse type: its suffix must name a format."""
-    if Path(text).suffix.lower() not in (".png", ".svg", ".pdf"):
+    path = Path(text)
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise argparse.ArgumentTypeError(f"{text!r} must end in .png, .svg, .pdf")
-    return Path(text)
+    return path
 
 
 def exits(
     *mistakes: type[Exception], interrupted: str = "interrupted", checks: bool = False
 ) -> Callable[[Callable[_P, int]], Callable[_P, int]]:
-    """Decorate a function that returns an exit status: turn its exceptions into one line and a status.
+    """Decorate a function that returns an exit status: turn its exceptions into such a status.
 
-    ``mistakes`` are a user's, printed as ``error: ...``, beside UserError, OSError and the ModuleNotFoundError of an optional
-    package. If the user interrupts, ``interrupted`` tells what is kept, and how to continue. ``checks``: whether the status is
-    the result of a check; if the reader of the output leaves early, it is then 1, otherwise 0.
+    A user's mistake is printed as one line, ``error: ...``.
+
+    Args:
+        mistakes: exceptions that are a user's mistakes, beside UserError, OSError and the
+            ModuleNotFoundError of an optional package.
+        interrupted: what to print if the user interrupts: what is kept, and how to continue.
+        checks: whether the status is the result of a check. If the reader of the output leaves
+            early, it is then 1, otherwise 0.
     """
     caught: tuple[type[Exception], ...] = (*mistakes, UserError, OSError, ModuleNotFoundError)
 
@@ -110,36 +119,44 @@ def exits(
                 status = command(*args, **kwargs)
                 sys.stdout.flush()
                 return status
-            except BrokenPipeError:  # redirect stdout, which Python flushes once more at the end
+            except BrokenPipeError:
+                # Redirect stdout, which Python flushes once more at the end.
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 return FAILED if checks else DONE
             except KeyboardInterrupt:
                 print(interrupted, file=sys.stderr)
                 return INTERRUPTED
             except caught as error:
-                message = (
-                    missing(error) if isinstance(error, ModuleNotFoundError) else _message(error)
-                )
+                message = _message(error)
                 if message is None:
                     raise
                 # Some messages list their items on lines of their own.
                 lines = [printable(line) for line in message.split("\n")]
                 print("error:", "\n".join(lines), file=sys.stderr)
-            return USER_ERROR
+                return USER_ERROR
 
         return run
 
     return decorated
 
 
-def _message(error: Exception) -> str:
+def _message(error: Exception) -> str | None:
+    """Return the message of a user's mistake; None for a module that is not optional."""
+    if isinstance(error, ModuleNotFoundError):
+        return missing(error)
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
-    return str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+    # The text of a KeyError is the representation of its argument, in quotes.
+    if isinstance(error, KeyError) and error.args:
+        return str(error.args[0])
+    return str(error)
 
 
 def print_json(value: object) -> None:
-    """Print mappings, lists, arrays, data classes, numbers and texts as JSON; write numbers that are not finite as null."""
+    """Print mappings, lists, arrays, data classes, numbers and texts as JSON.
+
+    Numbers that are not finite are written as null.
+    """
 
     def plain(value: Any) -> object:
         return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

@@ -1,4 +1,4 @@
-"""Extensions by other packages: objects that plug in here, and messages for optional packages that are not installed."""
+"""Extensions by other packages, and messages for optional packages that are not installed."""
 
 import sys
 from collections.abc import Iterator
@@ -35,20 +35,21 @@ Other distributions add theirs by entry points of the group ``turning_env.extras
 """
 
 
-def provided(what: str) -> list[Any]:
+def provided(group: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points.
 
     Groups: ``commands``, ``extras``, ``viewer``, ``warm_up`` and ``rules``. ModuleNotFoundError if
     an optional package is missing.
     """
-    found = []
-    for entry in entry_points(group=f"turning_env.{what}"):
+    objects = []
+    for entry in entry_points(group=f"turning_env.{group}"):
         try:
-            found.append(entry.load())
+            objects.append(entry.load())
         except ModuleNotFoundError as error:
+            # The providing package itself may be absent: rules, for example, are in a clone only.
             if error.name != entry.module.partition(".")[0]:
                 raise
-    return found
+    return objects
 
 
 def missing(error: ModuleNotFoundError) -> str | None:
@@ -64,24 +65,32 @@ def missing(error: ModuleNotFoundError) -> str | None:
 
 @contextmanager
 def needed(error_type: type[Exception] | None = None) -> Iterator[None]:
-    """Wrap imports of optional packages, so that the error for a missing one says how to install it; ``error_type``: its type."""
+    """Wrap imports of optional packages: the error for a missing one says how to install it.
+
+    ``error_type`` is the type of that error, by default ModuleNotFoundError.
+    """
     try:
         yield
     except ModuleNotFoundError as error:
-        if (message := missing(error)) is None:
+        message = missing(error)
+        if message is None:
             raise
-        raise (
-            error_type(message) if error_type else ModuleNotFoundError(message, name=error.name)
-        ) from None
+        if error_type:
+            raise error_type(message) from None
+        raise ModuleNotFoundError(message, name=error.name) from None
 
 
 def tell_plainly() -> None:
-    """Let a missing optional package end ``python -m`` of the caller's modules with one line and status 2."""
+    """Let a missing optional package end ``python -m`` of the caller's modules with status 2.
+
+    The error is one line.
+    """
 
     def print_missing(
         kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
-        if isinstance(error, ModuleNotFoundError) and (message := missing(error)):
+        message = missing(error) if isinstance(error, ModuleNotFoundError) else None
+        if message:
             print(f"error: {message}", file=sys.stderr)
             sys.exit(2)
         sys.__excepthook__(kind, error, traceback)

@@ -1,4 +1,4 @@
-"""Adapters that give other libraries the batch, one file per library; each file imports its library.
+"""Adapters that give the batch to other libraries, one file each, which imports its library.
 
 No other file imports these, so ``import turning_env`` stays light.
 """

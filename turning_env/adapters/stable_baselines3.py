@@ -1,4 +1,7 @@
-"""The vector environment behind the interface of Stable-Baselines3, without a Python loop over environments."""
+"""The vector environment behind the interface of Stable-Baselines3.
+
+No Python loop runs over the environments.
+"""
 
 import os
 from collections.abc import Callable, Iterable
@@ -24,11 +27,16 @@ class RoughTurningVecEnv(VecEnv):
 
         PPO("MlpPolicy", RoughTurningVecEnv("rough_turning", 64)).learn(500_000)
 
-    ``scenario`` is the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or its name, such as "shop",
-    whose training jobs are played. Rewards are multiplied by ``reward_scale``. ``wrapper`` is a vector wrapper of Gymnasium.
-    Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an environment's info holds
-    ``terminal_observation``, ``TimeLimit.truncated`` and ``episode`` (return [s of machine time] and length, unscaled). All other
-    infos are empty.
+    Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an
+    environment's info holds ``terminal_observation``, ``TimeLimit.truncated`` and ``episode``
+    (return [s of machine time] and length, unscaled). All other infos are empty.
+
+    Args:
+        scenario: the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or
+            its name, such as "shop", whose training jobs are played.
+        num_envs: number of environments.
+        reward_scale: factor on the rewards.
+        wrapper: vector wrapper of Gymnasium.
     """
 
     def __init__(
@@ -38,19 +46,19 @@ class RoughTurningVecEnv(VecEnv):
         reward_scale: float = 1.0,
         wrapper: Callable[[Any], Any] = lambda env: env,
     ) -> None:
-        self.vector_env = wrapper(vector_env(scenario, num_envs, AutoresetMode.SAME_STEP))
+        env = wrapper(vector_env(scenario, num_envs, AutoresetMode.SAME_STEP))
+        self.vector_env = env
         self.reward_scale = reward_scale
-        self._actions: NDArray[np.float32] = np.zeros(
-            self.vector_env.action_space.shape or (), np.float32
-        )
+        self._actions: NDArray[np.float32] = np.zeros(env.action_space.shape or (), np.float32)
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, np.int64)
-        super().__init__(
-            num_envs, self.vector_env.single_observation_space, self.vector_env.single_action_space
-        )
+        super().__init__(num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
-        """Return first observations, shape (num_envs, entries); after ``seed(s)`` of seeds s + i, otherwise of random ones."""
+        """Return first observations, shape (num_envs, entries).
+
+        After ``seed(s)``, environment i has the seed s + i; otherwise seeds are random.
+        """
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations: NDArray[np.float32]
         observations, _ = self.vector_env.reset(seed=seeds)
@@ -70,19 +78,14 @@ class RoughTurningVecEnv(VecEnv):
         ended = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        env_infos: list[dict[str, Any]] = [
-            {}
-        ] * self.num_envs  # one empty dictionary for all whose episode goes on
+        # All environments whose episode goes on share one empty dictionary.
+        env_infos: list[dict[str, Any]] = [{}] * self.num_envs
         for index in np.flatnonzero(ended).tolist():
             env_infos[index] = self.info_at_end(index, infos["final_obs"][index], truncated[index])
         self._returns[ended] = 0.0
         self._lengths[ended] = 0
-        return (
-            observations,
-            (training_rewards * self.reward_scale).astype(np.float32),
-            ended,
-            env_infos,
-        )
+        scaled_rewards = (training_rewards * self.reward_scale).astype(np.float32)
+        return observations, scaled_rewards, ended, env_infos
 
     def info_at_end(
         self, index: int, observation: NDArray[np.float32], truncated: bool
@@ -98,14 +101,18 @@ class RoughTurningVecEnv(VecEnv):
     def training_rewards(
         self, rewards: NDArray[np.float64], infos: dict[str, Any]
     ) -> NDArray[np.float64]:
-        """Return the rewards to train on, shape (num_envs,) [s], from a step's rewards and infos; here the rewards unchanged."""
+        """Return the rewards to train on [s], shape (num_envs,), from a step's rewards and infos.
+
+        Here they are the rewards unchanged.
+        """
         return rewards
 
     def close(self) -> None:
         self.vector_env.close()
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
-        return [getattr(self.vector_env, attr_name)] * len(list(self._get_indices(indices)))
+        num_indices = len(list(self._get_indices(indices)))
+        return [getattr(self.vector_env, attr_name)] * num_indices
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         raise NotImplementedError(

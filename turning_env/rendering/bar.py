@@ -198,10 +198,9 @@ class BarView:
         """Return the nominal depths of cut [mm] at places along the bar [mm]."""
         workpiece = self._scenario.workpiece
         depths = np.array(workpiece.depth_profile or (workpiece.depth_of_cut,))
-        lengths = workpiece.section_lengths
-        if not lengths:
-            lengths = np.full(len(depths), workpiece.bar_length / len(depths))
-        sections = np.searchsorted(np.cumsum(lengths), places, "right")
+        equal_lengths = (workpiece.bar_length / len(depths),) * len(depths)
+        ends = np.cumsum(workpiece.section_lengths or equal_lengths)
+        sections = np.searchsorted(ends, places, side="right")
         depth_at_places: Array = depths[np.minimum(sections, len(depths) - 1)]
         return depth_at_places
 
