@@ -34,7 +34,7 @@ def vector_env(
     source: str | os.PathLike[str] | Scenario | Family, num_envs: int, autoreset_mode: AutoresetMode
 ) -> RoughTurningVectorEnv:
     """Return a batch of a scenario's environments, or of training jobs of a ``Family`` or of one that ships, by its name."""
-    if isinstance(source, Family) or source in families():
+    if isinstance(source, Family) or (isinstance(source, str) and source in families()):
         return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
     return RoughTurningVectorEnv(num_envs, source, autoreset_mode)
 
