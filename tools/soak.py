@@ -60,7 +60,13 @@ MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program
 
 def training(folder: Path) -> int:
     """Train PPO for a few seconds, with eight checkpoints."""
-    small = {"num_envs": 8, "n_steps": 64, "batch_size": 256, "n_epochs": 2, "total_timesteps": 4096}
+    small = {
+        "num_envs": 8,
+        "n_steps": 64,
+        "batch_size": 256,
+        "n_epochs": 2,
+        "total_timesteps": 4096,
+    }
     train(
         Run.plan("ppo", "RoughTurning-v0", SCENARIO, 0, folder, "soak", small),
         ppo.ALGORITHM,

@@ -12,6 +12,7 @@ the tests; for some also the edge's life, or the ratio of metal per edge. From t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 

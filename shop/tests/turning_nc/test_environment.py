@@ -37,7 +37,9 @@ def arguments(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["welle", "stepped_shaft"])
 def test_the_programmed_values_take_the_programs_time_and_remove_its_metal(name: str) -> None:
-    env = gymnasium.make("turning_nc:RoughTurning-Program-v1", scenario=EVEN, parts=1, **arguments(name))
+    env = gymnasium.make(
+        "turning_nc:RoughTurning-Program-v1", scenario=EVEN, parts=1, **arguments(name)
+    )
     path = env.unwrapped.tool_path  # type: ignore[attr-defined]
     speed, machine, workpiece = (
         float(np.median(path.speeds)),

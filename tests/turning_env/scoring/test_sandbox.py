@@ -15,7 +15,7 @@ from tests.turning_env.scoring import hostile_child
 from tests.walking import ROOT
 from turning_env.__main__ import main
 from turning_env.scoring import sandbox
-from turning_env.scoring.sandbox import AgentFileError, Limits, Sandbox, AgentTimeoutError
+from turning_env.scoring.sandbox import AgentFileError, AgentTimeoutError, Limits, Sandbox
 from turning_env.scoring.sandbox_child import Outline
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="Landlock and seccomp are Linux's")
