@@ -1,4 +1,4 @@
-"""All command lines: help with examples that parse, exit statuses, errors of one line, notices beside JSON."""
+"""All command lines: help whose examples parse, exit statuses, errors of one line, clean JSON."""
 
 import argparse
 import importlib
@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -18,112 +18,385 @@ from tests.walking import ROOT, blocks, commands
 PACKAGES = ("turning_env", "baselines", "train", "leaderboard", "research", "tools")
 SHOP = ("turning_shop", "turning_nc", "turning_control")
 
-# Of every command, arguments with a mistake in a name, a number or a file.
-LISTED = """
-turning_env: nothing | show nothing
-turning_env presets: more
-turning_env show: nothing | .
-turning_env schema: more
-turning_env warm-up: more
-turning_env program: nothing.mpf --scenario rough_turning | . --scenario rough_turning
-turning_env program: nothing.mpf --scenario rough_turning --adapt nothing | nothing.mpf --scenario rough_turning --tool T1
-turning_env score: nothing.onnx | nothing:policy | math:pi | nothing.onnx --env nothing | math:cos --seeds 0
-turning_env calibrate: nothing.csv --out made.toml | . --out made.toml
-turning_env whatif: nothing --cutting-speed 100 --feed 0.3 --wear 0.2 | forging --cutting-speed x --feed 0.3 --wear 0.2
-turning_env advise: nothing | batch_casting --seeds 0 | . --seeds 1 | forging --seeds -1
-turning_env map: nothing --wear 0.2 --out made.png | forging --wear 0.2 --out made.txt
-baselines.law_errors: nothing
-baselines.tune_contextual: nothing | shop --jobs 3 --out made.json | shop --jobs x
-turning_control: nothing
-turning_control shield: --env nothing | --episodes 0 | --target x
-turning_control attack: --env nothing | --candidates 0
-turning_control demo: --scenario nothing
-turning_control serve: --policy nothing | --policy programmed --scenario nothing
-turning_control opcua: --policy programmed | --policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml
-turning_control plant: --log made.csv --scenario nothing
-research.papers.reproduce: more
-baselines.tune: --scenario nothing | --rules nobody | --trials 0 | --seeds 0 | --jobs 0 | --trials x
-research.papers.reproduce.part_programming_cases: more
-research.papers.figures: --only nothing | --format gif
-train.tune: --algorithm ppo --scenario nothing | --algorithm nobody | --algorithm ppo --trials 0
-train.curves: nothing | . --out made.png | nothing --level x
-train.export: nothing --out made | . --out made | nothing
-turning_nc.export_law: nothing
-turning_nc.export_law law: --rule nobody --out made.mpf
-turning_nc.export_law check: nothing.mpf | .
-leaderboard: nothing
-leaderboard run: --env nothing | --scenario nothing | --policies nobody --results made
-leaderboard run: --policies --agents nothing.onnx --results made | --policies --agents . --results made | --seeds 0 | --jobs 0
-leaderboard run: --seeds 1 --policies fixed_handbook --results file
-leaderboard show: --results nothing | --results file
-leaderboard page: --results nothing | --results file
-leaderboard figure: --results nothing | --scenario nothing
-leaderboard verify: --results nothing --memory made.json | --seeds 0 | --jobs x
-leaderboard cards: --results nothing | --results file
-leaderboard pack: --results nothing | --results file
-leaderboard run: --knows true_laws | --env RoughTurning-Family-v0 --split nothing | --env RoughTurning-Family-v0 --seeds 257
-leaderboard.watch: --policy nobody --out made.gif | --policy fixed_tuned --out made.txt | --agent nothing.onnx --out made.gif
-tools.clients: nothing | --write
-research.studies.exploits: --env nothing | --seeds 0 | --search -1
-research.studies.one_job: --agent nothing.onnx --out made.png
-train.guided_ppo: --env nothing
-research.studies.paired: ppo causal --scenarios nothing | ppo causal
-research.studies.headroom: --seeds 0 | --seeds 257
-tools.audit: nothing
-tools.soak: --kills 0 | --only nothing | --steps 1
-research.studies: nothing | nothing.toml | ablation --variants nothing | ablation --trainings 0 | ablation --jobs x
-research.studies.throughput: --repeats 0
-tools.wheel: --constraints nothing | --constraints file
-"""
-SAID = """
-train.ppo: --seed -1 => the training seed is -1, but must be 0 to 998
-train.ppo: --total-timesteps 0 => total_timesteps is 0, but must be at least 1
-train.ppo: --scenario nowhere => python -m turning_env presets
-train.ppo: --set learing_rate=1 => ppo has no hyperparameter 'learing_rate'; did you mean learning_rate
-train.ppo: --set learning_rate => learning_rate is '', but must be a float of 0 or more, such as 0.002
-train.ppo: --set gamma=nan => gamma is nan, but
-train.ppo: --set "net_arch=[1, 'x']" => net_arch is 'x', but
-turning_nc.export_law law: --rule one_line_law --tuning-seed -1 --out made.mpf => --tuning-seed is -1
-turning_nc.export_law law: --rule tmac --out made.mpf => those that can are one_line_law
-baselines.tune: --scenario harder_lot --out made.json => scenario 'harder_lot' has a model mismatch
-baselines.tune: --scenario rough_turning --rules fixed_handbook --out made.json => fixed_handbook has nothing to tune
-baselines.tune: --scenario rough_turning --rules parts_pv --out made.json => parts_pv cannot play
-baselines.tune: --scenario forging => ships with the project: give
-baselines.tune: --shipped --scenario file => --shipped rewrites the parameters of a preset, one of
-baselines.tune: --scenario rough_turning --out forging.toml => --out forging.toml must end in .json
-leaderboard.watch: --policy causal --out made.gif => causal cannot be watched: only what acts on observations can
-leaderboard.watch: --policy grid_search --seed -1 --out made.gif => seed -1
-leaderboard.watch: --policy grid_search --split train --out made.gif => --split is of RoughTurning-Family-v0
-leaderboard.watch: --policy grid_search --out cut.avi => cut.avi must end in one of .mp4, .gif, .png
-leaderboard.watch: --policy grid_search --beside fixed_handbook --human => --human shows one policy
-turning_env whatif: forging --cutting-speed -1 --feed 0.3 --wear 0.2 => -1 is outside the allowed range 0.1 to 5000 m/min
-turning_env whatif: forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2 => invalid number value: '0.1:0.2'
-turning_env whatif: forging --cutting-speed 100 --feed 0.3 => one of the arguments --time --wear is required
-turning_env whatif: forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1 => not allowed with
-turning_env map: forging --wear 0.31 --out made.png => --wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm
-leaderboard run: --private-key short --results made => the private key has 5 characters, but must have at least 16
-"""
-"""Mistakes with a part of what is said of them."""
-CASES = [
-    *(
-        (f"train.{name}", mistake, "")
-        for name in ALGORITHMS
-        for mistake in ("--env nothing", "--steps 1 --runs file")
+
+class Mistake(NamedTuple):
+    """A command line with a mistake in a name, a number or a file."""
+
+    command: str
+    arguments: str  # as typed in a shell
+    message: str = ""  # a part of what must be said
+
+
+MISTAKES = {
+    "turning_env": [
+        "nothing",
+        "show nothing",
+    ],
+    "turning_env presets": [
+        "more",
+    ],
+    "turning_env show": [
+        "nothing",
+        ".",
+    ],
+    "turning_env schema": [
+        "more",
+    ],
+    "turning_env warm-up": [
+        "more",
+    ],
+    "turning_env program": [
+        "nothing.mpf --scenario rough_turning",
+        ". --scenario rough_turning",
+        "nothing.mpf --scenario rough_turning --adapt nothing",
+        "nothing.mpf --scenario rough_turning --tool T1",
+    ],
+    "turning_env score": [
+        "nothing.onnx",
+        "nothing:policy",
+        "math:pi",
+        "nothing.onnx --env nothing",
+        "math:cos --seeds 0",
+    ],
+    "turning_env calibrate": [
+        "nothing.csv --out made.toml",
+        ". --out made.toml",
+    ],
+    "turning_env whatif": [
+        "nothing --cutting-speed 100 --feed 0.3 --wear 0.2",
+        "forging --cutting-speed x --feed 0.3 --wear 0.2",
+    ],
+    "turning_env advise": [
+        "nothing",
+        "batch_casting --seeds 0",
+        ". --seeds 1",
+        "forging --seeds -1",
+    ],
+    "turning_env map": [
+        "nothing --wear 0.2 --out made.png",
+        "forging --wear 0.2 --out made.txt",
+    ],
+    "baselines.law_errors": [
+        "nothing",
+    ],
+    "baselines.tune_contextual": [
+        "nothing",
+        "shop --jobs 3 --out made.json",
+        "shop --jobs x",
+    ],
+    "turning_control": [
+        "nothing",
+    ],
+    "turning_control shield": [
+        "--env nothing",
+        "--episodes 0",
+        "--target x",
+    ],
+    "turning_control attack": [
+        "--env nothing",
+        "--candidates 0",
+    ],
+    "turning_control demo": [
+        "--scenario nothing",
+    ],
+    "turning_control serve": [
+        "--policy nothing",
+        "--policy programmed --scenario nothing",
+    ],
+    "turning_control opcua": [
+        "--policy programmed",
+        "--policy nothing --url opc.tcp://127.0.0.1:1 --nodes nodes.toml",
+    ],
+    "turning_control plant": [
+        "--log made.csv --scenario nothing",
+    ],
+    "research.papers.reproduce": [
+        "more",
+    ],
+    "baselines.tune": [
+        "--scenario nothing",
+        "--rules nobody",
+        "--trials 0",
+        "--seeds 0",
+        "--jobs 0",
+        "--trials x",
+    ],
+    "research.papers.reproduce.part_programming_cases": [
+        "more",
+    ],
+    "research.papers.figures": [
+        "--only nothing",
+        "--format gif",
+    ],
+    "train.tune": [
+        "--algorithm ppo --scenario nothing",
+        "--algorithm nobody",
+        "--algorithm ppo --trials 0",
+    ],
+    "train.curves": [
+        "nothing",
+        ". --out made.png",
+        "nothing --level x",
+    ],
+    "train.export": [
+        "nothing --out made",
+        ". --out made",
+        "nothing",
+    ],
+    "turning_nc.export_law": [
+        "nothing",
+    ],
+    "turning_nc.export_law law": [
+        "--rule nobody --out made.mpf",
+    ],
+    "turning_nc.export_law check": [
+        "nothing.mpf",
+        ".",
+    ],
+    "leaderboard": [
+        "nothing",
+    ],
+    "leaderboard run": [
+        "--env nothing",
+        "--scenario nothing",
+        "--policies nobody --results made",
+        "--policies --agents nothing.onnx --results made",
+        "--policies --agents . --results made",
+        "--seeds 0",
+        "--jobs 0",
+        "--seeds 1 --policies fixed_handbook --results file",
+        "--knows true_laws",
+        "--env RoughTurning-Family-v0 --split nothing",
+        "--env RoughTurning-Family-v0 --seeds 257",
+    ],
+    "leaderboard show": [
+        "--results nothing",
+        "--results file",
+    ],
+    "leaderboard page": [
+        "--results nothing",
+        "--results file",
+    ],
+    "leaderboard figure": [
+        "--results nothing",
+        "--scenario nothing",
+    ],
+    "leaderboard verify": [
+        "--results nothing --memory made.json",
+        "--seeds 0",
+        "--jobs x",
+    ],
+    "leaderboard cards": [
+        "--results nothing",
+        "--results file",
+    ],
+    "leaderboard pack": [
+        "--results nothing",
+        "--results file",
+    ],
+    "leaderboard.watch": [
+        "--policy nobody --out made.gif",
+        "--policy fixed_tuned --out made.txt",
+        "--agent nothing.onnx --out made.gif",
+    ],
+    "tools.clients": [
+        "nothing",
+        "--write",
+    ],
+    "research.studies.exploits": [
+        "--env nothing",
+        "--seeds 0",
+        "--search -1",
+    ],
+    "research.studies.one_job": [
+        "--agent nothing.onnx --out made.png",
+    ],
+    "train.guided_ppo": [
+        "--env nothing",
+    ],
+    "research.studies.paired": [
+        "ppo causal --scenarios nothing",
+        "ppo causal",
+    ],
+    "research.studies.headroom": [
+        "--seeds 0",
+        "--seeds 257",
+    ],
+    "tools.audit": [
+        "nothing",
+    ],
+    "tools.soak": [
+        "--kills 0",
+        "--only nothing",
+        "--steps 1",
+    ],
+    "research.studies": [
+        "nothing",
+        "nothing.toml",
+        "ablation --variants nothing",
+        "ablation --trainings 0",
+        "ablation --jobs x",
+    ],
+    "research.studies.throughput": [
+        "--repeats 0",
+    ],
+    "tools.wheel": [
+        "--constraints nothing",
+        "--constraints file",
+    ],
+}
+"""Arguments of every command that must end in an error, whatever it says."""
+EXPLAINED = [
+    Mistake(
+        "train.ppo",
+        "--seed -1",
+        "the training seed is -1, but must be 0 to 998",
     ),
-    *(
-        (line.split(": ")[0], each, "")
-        for line in LISTED.strip().splitlines()
-        for each in line.split(": ")[1].split(" | ")
+    Mistake(
+        "train.ppo",
+        "--total-timesteps 0",
+        "total_timesteps is 0, but must be at least 1",
     ),
-    *(
-        (line.split(": ")[0], *line.split(": ", 1)[1].split(" => "))
-        for line in SAID.strip().splitlines()
+    Mistake(
+        "train.ppo",
+        "--scenario nowhere",
+        "python -m turning_env presets",
+    ),
+    Mistake(
+        "train.ppo",
+        "--set learing_rate=1",
+        "ppo has no hyperparameter 'learing_rate'; did you mean learning_rate",
+    ),
+    Mistake(
+        "train.ppo",
+        "--set learning_rate",
+        "learning_rate is '', but must be a float of 0 or more, such as 0.002",
+    ),
+    Mistake(
+        "train.ppo",
+        "--set gamma=nan",
+        "gamma is nan, but",
+    ),
+    Mistake(
+        "train.ppo",
+        "--set \"net_arch=[1, 'x']\"",
+        "net_arch is 'x', but",
+    ),
+    Mistake(
+        "turning_nc.export_law law",
+        "--rule one_line_law --tuning-seed -1 --out made.mpf",
+        "--tuning-seed is -1",
+    ),
+    Mistake(
+        "turning_nc.export_law law",
+        "--rule tmac --out made.mpf",
+        "those that can are one_line_law",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--scenario harder_lot --out made.json",
+        "scenario 'harder_lot' has a model mismatch",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--scenario rough_turning --rules fixed_handbook --out made.json",
+        "fixed_handbook has nothing to tune",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--scenario rough_turning --rules parts_pv --out made.json",
+        "parts_pv cannot play",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--scenario forging",
+        "ships with the project: give",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--shipped --scenario file",
+        "--shipped rewrites the parameters of a preset, one of",
+    ),
+    Mistake(
+        "baselines.tune",
+        "--scenario rough_turning --out forging.toml",
+        "--out forging.toml must end in .json",
+    ),
+    Mistake(
+        "leaderboard.watch",
+        "--policy causal --out made.gif",
+        "causal cannot be watched: only what acts on observations can",
+    ),
+    Mistake(
+        "leaderboard.watch",
+        "--policy grid_search --seed -1 --out made.gif",
+        "seed -1",
+    ),
+    Mistake(
+        "leaderboard.watch",
+        "--policy grid_search --split train --out made.gif",
+        "--split is of RoughTurning-Family-v0",
+    ),
+    Mistake(
+        "leaderboard.watch",
+        "--policy grid_search --out cut.avi",
+        "cut.avi must end in one of .mp4, .gif, .png",
+    ),
+    Mistake(
+        "leaderboard.watch",
+        "--policy grid_search --beside fixed_handbook --human",
+        "--human shows one policy",
+    ),
+    Mistake(
+        "turning_env whatif",
+        "forging --cutting-speed -1 --feed 0.3 --wear 0.2",
+        "-1 is outside the allowed range 0.1 to 5000 m/min",
+    ),
+    Mistake(
+        "turning_env whatif",
+        "forging --cutting-speed 100 --feed 0.1:0.2 --wear 0.2",
+        "invalid number value: '0.1:0.2'",
+    ),
+    Mistake(
+        "turning_env whatif",
+        "forging --cutting-speed 100 --feed 0.3",
+        "one of the arguments --time --wear is required",
+    ),
+    Mistake(
+        "turning_env whatif",
+        "forging --cutting-speed 100 --feed 0.3 --wear 0.2 --time 1",
+        "not allowed with",
+    ),
+    Mistake(
+        "turning_env map",
+        "forging --wear 0.31 --out made.png",
+        "--wear is 0.31, but an edge is worn out at tool.wear_criterion, 0.3 mm",
+    ),
+    Mistake(
+        "leaderboard run",
+        "--private-key short --results made",
+        "the private key has 5 characters, but must have at least 16",
     ),
 ]
-COMMANDS = list(dict.fromkeys(command for command, _, _ in CASES))
+"""Mistakes whose message must help."""
 
 
-class Parsed(Exception):
+def every_mistake() -> list[Mistake]:
+    """Return the mistakes of all commands: those of every training algorithm, and those above."""
+    mistakes = []
+    for algorithm in ALGORITHMS:
+        mistakes.append(Mistake(f"train.{algorithm}", "--env nothing"))
+        mistakes.append(Mistake(f"train.{algorithm}", "--steps 1 --runs file"))
+    for command, examples in MISTAKES.items():
+        mistakes += [Mistake(command, arguments) for arguments in examples]
+    return mistakes + EXPLAINED
+
+
+CASES = every_mistake()
+COMMANDS = list(dict.fromkeys(case.command for case in CASES))
+
+
+class ParsedError(Exception):
     """Raised instead of running a command once it has parsed its arguments."""
 
 
@@ -152,19 +425,19 @@ def parse(monkeypatch: pytest.MonkeyPatch) -> Callable[[list[str]], None]:
 
     def parse_args(*arguments: Any) -> Any:
         original(*arguments)
-        raise Parsed
+        raise ParsedError
 
     def parse(words: list[str]) -> None:
         with monkeypatch.context() as patched:
             patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
-            with pytest.raises(Parsed):
+            with pytest.raises(ParsedError):
                 status_of(words[0], words[1:])
 
     return parse
 
 
 def test_every_command_is_among_these() -> None:
-    folders = {package: ROOT for package in PACKAGES} | {package: ROOT / "shop" for package in SHOP}
+    folders = dict.fromkeys(PACKAGES, ROOT) | dict.fromkeys(SHOP, ROOT / "shop")
     found = set()
     for package, folder in folders.items():
         for path in (folder / package).rglob("*.py"):
@@ -197,40 +470,42 @@ def test_help_shows_examples_that_parse(
 def test_every_command_in_the_documentation_parses(parse: Callable[[list[str]], None]) -> None:
     pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
     pages += sorted((ROOT / "shop").rglob("*.md"))
-    shown = [
-        block
-        for page in pages
-        for block in blocks(page.read_text("utf-8"))
-        if block.language == "bash"
-    ]
-    lines = [shlex.split(line) for block in shown for line in commands(block)]
-    own = [
-        line[2:]
-        for line in lines
-        if line[:2] == ["python", "-m"] and line[2].partition(".")[0] in PACKAGES + SHOP
-    ]
-    assert len(own) > 50
-    for words in own:
+    documented = []
+    for page in pages:
+        for block in blocks(page.read_text("utf-8")):
+            if block.language != "bash":
+                continue
+            for line in commands(block):
+                words = shlex.split(line)
+                package = words[2].partition(".")[0] if len(words) > 2 else ""
+                if words[:2] == ["python", "-m"] and package in PACKAGES + SHOP:
+                    documented.append(words[2:])
+    assert len(documented) > 50
+    for words in documented:
         parse(words)
 
 
-@pytest.mark.parametrize(("command", "mistake", "said"), CASES)
+@pytest.mark.parametrize("mistake", CASES, ids=lambda case: f"{case.command} {case.arguments}")
 def test_mistake_is_an_error_of_one_line_and_writes_nothing(
-    command, mistake, said, tmp_path, monkeypatch, capsys
+    mistake: Mistake,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("file").write_text("")
-    assert status_of(command, shlex.split(mistake)) == 2
+    assert status_of(mistake.command, shlex.split(mistake.arguments)) == 2
     printed = capsys.readouterr()
     assert re.search(r"error: \S", printed.err.splitlines()[-1])
-    assert said in printed.err
+    assert mistake.message in printed.err
     assert printed.out == ""
     assert not [path for path in Path().rglob("*") if path.is_file() and path.name != "file"]
 
 
 @pytest.mark.slow
 def test_reader_that_leaves_early_is_no_error() -> None:
-    code = "from turning_env.console import exits; raise SystemExit(exits(checks={})(lambda: print('x' * 10**6) or 0)())"
+    code = "from turning_env.console import exits\n"
+    code += "raise SystemExit(exits(checks={})(lambda: print('x' * 10**6) or 0)())"
     for checks, status in ((False, 0), (True, 1)):
         with subprocess.Popen(
             [sys.executable, "-c", code.format(checks)],

@@ -216,7 +216,9 @@ def train(
         apart = f"episode seeds from {SEEDS * SEED_STRIDE} are for data sets and tuning, from {HELD_OUT_START} for scoring"
         raise ValueError(f"the training seed is {run.seed}, but must be 0 to {SEEDS - 1}: {apart}")
     if run.parameters["total_timesteps"] < 1:
-        raise ValueError(f"total_timesteps is {run.parameters['steps']}, but must be at least 1")
+        raise ValueError(
+            f"total_timesteps is {run.parameters['total_timesteps']}, but must be at least 1"
+        )
     with folder_lock(run.folder, wait):
         torch.set_num_threads(1)
         torch.distributions.Distribution.set_default_validate_args(
