@@ -1,4 +1,7 @@
-"""Model cards of the shipped agents: description, training, results and limits."""
+"""Model cards of the shipped agents: description, training, results and limits.
+
+The words of a card are in ``model_card.md.j2``.
+"""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -14,56 +17,77 @@ from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import ResultError, result_files, result_folder, write_whole
 from leaderboard.shown import MAX_VALUES, fenced, few, markdown_text
 from train.agents import agent_file
-from train.agents.agent_file import ONNX_SUFFIX, AgentFile
+from train.agents.agent_file import ONNX_SUFFIX, AgentFile, Space
 from train.run import family_of
 from train.training_information import TRAINING_INPUTS
 from turning_env import FAMILY_ID, SPLITS
 from turning_env.scoring.policy import PolicySpec
 
+COLUMNS = (
+    *columns.RETURNS,
+    *columns.COMPARISONS,
+    *columns.CONSTRAINT,
+    *columns.LIMITS,
+    *columns.WORKSHOP,
+)
+"""The numbers of a standing that a card shows."""
+MAX_REPEATED = 7  # entries of an observation in a row that are listed one by one
+
 
 def write_all(results: Path, agents: Path) -> list[Path]:
     """Write the card of every agent, and ``SUMS``; return the cards' paths.
 
-    ResultError if a file is in the wrong place or has no results.
+    Raise ResultError if a file is in the wrong place or has no results.
     """
     folders = sorted({path.parent for path in agents.glob(f"*/*/*{ONNX_SUFFIX}")})
     if not folders:
         raise ResultError(f"{agents} holds no agents")
-    written, sums = list[Path](), list[str]()
+    cards: list[Path] = []
+    sums: list[str] = []
     for folder in folders:
         env_id, home = folder.parts[-2:]
-        played_on = f"{home}-unseen_jobs" if env_id == FAMILY_ID else home
-        board = read_leaderboard(result_folder(results, env_id, played_on))
-        splits = [
-            other
-            for name in SPLITS
-            if name != home and result_files(other := result_folder(results, env_id, name))
-        ]
-        across = table.across([board, *map(read_leaderboard, splits)])
-        agents_played = (each.policy for each in board.results if each.policy.kind == "agent")
-        played = {
-            each.label: each
-            for each in sorted(agents_played, key=lambda each: each.training_seed or 0)
-        }
-        for name, files in _agents(folder).items():
+        board = read_leaderboard(_results_of(results, env_id, home))
+        across = table.across([board, *_splits(results, env_id, home)])
+        played = _agents_on(board)
+        for name, files in _agents_in(folder).items():
             for file in files:
-                if (
-                    file.metadata.label not in played
-                    or played[file.metadata.label].sha256 != file.digest
-                ):
+                policy = played.get(file.metadata.label)
+                if policy is None or policy.sha256 != file.digest:
                     raise ResultError(
-                        f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: play it first"
+                        f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: "
+                        "play it first"
                     )
-            shown = board.names[files[0].metadata.label]
-            trainings = [each for each in played.values() if board.names[each.label] == shown]
-            path = folder / f"{name}.md"
-            write_whole(path, render(files[0], trainings, board, across, folder))
-            written.append(path)
-            sums += [
-                f"{each.sha256}  {env_id}/{home}/{each.label}{ONNX_SUFFIX}\n" for each in trainings
+            standing = board.names[files[0].metadata.label]
+            trainings = [
+                policy for label, policy in played.items() if board.names[label] == standing
             ]
+            card = folder / f"{name}.md"
+            write_whole(card, render(files[0], trainings, board, across=across, folder=folder))
+            cards.append(card)
+            for policy in trainings:
+                file_name = f"{env_id}/{home}/{policy.label}{ONNX_SUFFIX}"
+                sums.append(f"{policy.sha256}  {file_name}\n")
     write_whole(agents / SUMS, "".join(sums))
-    return written
+    return cards
+
+
+def _results_of(results: Path, env_id: str, home: str) -> Path:
+    """Return the folder of the results of agents that were trained on a scenario or family."""
+    played_on = f"{home}-unseen_jobs" if env_id == FAMILY_ID else home
+    return result_folder(results, env_id, played_on)
+
+
+def _splits(results: Path, env_id: str, home: str) -> list[Leaderboard]:
+    """Return the leaderboards of an id's splits, as far as there are results."""
+    folders = [result_folder(results, env_id, name) for name in SPLITS if name != home]
+    return [read_leaderboard(folder) for folder in folders if result_files(folder)]
+
+
+def _agents_on(board: Leaderboard) -> dict[str, PolicySpec]:
+    """Return the agents on a leaderboard by label, in the order of their training seeds."""
+    agents = [result.policy for result in board.results if result.policy.kind == "agent"]
+    agents.sort(key=lambda policy: policy.training_seed or 0)
+    return {policy.label: policy for policy in agents}
 
 
 def render(
@@ -75,49 +99,40 @@ def render(
 ) -> str:
     """Return the card of an agent as Markdown.
 
-    ``file``: of one training seed, in the agent's ``folder``; ``trainings``: policies of all seeds; ``across``: full costs on
-    scenarios on which it was not trained, if any.
+    Args:
+        file: the agent of one training seed.
+        trainings: the policies of all training seeds.
+        board: the leaderboard on which they have played.
+        across: full costs on scenarios on which it was not trained, if any.
+        folder: the folder of the file.
     """
     metadata = file.metadata
     name = board.names[metadata.label]
-    standing = next(each for each in board.standings if each.name == name)
-    shown = (
-        *columns.RETURNS,
-        *columns.COMPARISONS,
-        *columns.CONSTRAINT,
-        *columns.LIMITS,
-        *columns.WORKSHOP,
-    )
-    elsewhere = (
-        across.rows.get(name, {}) if across and across.tuned_for == metadata.scenario.name else {}
-    )
-    bounds = zip(metadata.observation_space.low, metadata.observation_space.high, strict=True)
-    ranges = [
-        (text, len(list(group)))
-        for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds)
-    ]
-    loader = FileSystemLoader(Path(__file__).parent)
+    (standing,) = (standing for standing in board.standings if standing.name == name)
+    steps = "environment steps"
+    if metadata.parameters.get("guide"):
+        steps = f"decisions, each of {HOLD} environment steps,"
+    elsewhere = {}
+    if across is not None and across.tuned_for == metadata.scenario.name:
+        elsewhere = dict(across.rows.get(name, {}))
+        elsewhere.pop(metadata.scenario.name, None)
     templates = Environment(
-        loader=loader, autoescape=False, undefined=StrictUndefined, trim_blocks=True
-    )  # Markdown, not HTML
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=False,  # Markdown, not HTML
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
     templates.filters |= {"shown": markdown_text, "few": few, "fenced": fenced}
     card = templates.get_template("model_card.md.j2").render(
         standing=standing,
         seeds=len(board.task.seeds),
-        columns=columns.applying(shown, [standing]),
-        elsewhere={
-            split: played for split, played in elsewhere.items() if split != metadata.scenario.name
-        },
+        columns=columns.applying(COLUMNS, [standing]),
+        elsewhere=elsewhere,
         trainings=trainings,
         metadata=metadata,
         memory_size=file.memory_size,
-        steps=f"decisions, each of {HOLD} environment steps,"
-        if metadata.parameters.get("guide")
-        else "environment steps",
-        ranges=", ".join(
-            f"{count} times {text}" if count > 7 else ", ".join([text] * count)
-            for text, count in ranges
-        ),
+        steps=steps,
+        ranges=_ranges(metadata.observation_space),
         classes=CLASSES,
         verdicts=table.VERDICTS,
         max_values=MAX_VALUES,
@@ -128,7 +143,17 @@ def render(
     return card + "\n"
 
 
-def _agents(folder: Path) -> dict[str, list[AgentFile]]:
+def _ranges(space: Space) -> str:
+    """Return the ranges of an observation's entries; many equal ones in a row are counted."""
+    bounds = zip(space.low, space.high, strict=True)
+    ranges = []
+    for text, group in groupby(f"{low:g} to {high:g}" for low, high in bounds):
+        count = len(list(group))
+        ranges += [f"{count} times {text}"] if count > MAX_REPEATED else [text] * count
+    return ", ".join(ranges)
+
+
+def _agents_in(folder: Path) -> dict[str, list[AgentFile]]:
     """Return the agents of a folder by name, each by training seed."""
     agents: dict[str, list[AgentFile]] = {}
     for path in sorted(folder.glob(f"*{ONNX_SUFFIX}")):
@@ -137,17 +162,14 @@ def _agents(folder: Path) -> dict[str, list[AgentFile]]:
         except (OSError, ValueError) as error:
             raise ResultError(str(error)) from error
         metadata = file.metadata
-        family = family_of(metadata.env_id, metadata.parameters)
-        place = (
-            Path(metadata.env_id)
-            / (family or metadata.scenario).name
-            / f"{file.metadata.label}{ONNX_SUFFIX}"
-        )
+        home = family_of(metadata.env_id, metadata.parameters) or metadata.scenario
+        place = Path(metadata.env_id) / home.name / f"{metadata.label}{ONNX_SUFFIX}"
         if place.parts != path.parts[-3:]:
             raise ResultError(
-                f"{path} holds {file.metadata.label} and should be at {place} in the folder of agents"
+                f"{path} holds {metadata.label} and should be at {place} in the folder of agents"
             )
-        agents.setdefault(file.metadata.label.rpartition("-seed")[0], []).append(file)
+        name = metadata.label.rpartition("-seed")[0]
+        agents.setdefault(name, []).append(file)
     for files in agents.values():
         files.sort(key=lambda file: file.metadata.seed)
     return agents

@@ -1,7 +1,7 @@
 """Film a policy, or two with the same seed side by side, or show one in a window.
 
 python -m leaderboard.watch --policy rescaled_grid_search --beside grid_search --out cut.mp4
-python -m leaderboard.watch --env RoughTurning-Family-v0 --policy self_tuning --seed 3 --every 10 --out job.mp4
+python -m leaderboard.watch --env RoughTurning-Family-v0 --policy self_tuning --out job.gif
 """
 
 import argparse
@@ -22,25 +22,29 @@ from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import FAMILY_ID, IDS, Scenario
-from turning_env.console import described, exits
+from turning_env.console import DONE, described, exits
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
 
 Frame = NDArray[np.uint8]  # shape (height, width, 3), of even height and width
-_CAPTION_HEIGHT = 30
-_GAP = 8
+_CAPTION_HEIGHT = 30  # [px]
+_GAP = 8  # [px], between two policies
 
 
 class Show:
-    """One policy's episode on the first seed or job of a task, seen step by step, until it has ``ended``."""
+    """One policy's episode on the only seed or job of a task, shown step by step."""
 
     def __init__(self, spec: PolicySpec, task: Task, render_mode: str) -> None:
-        self._label, (seed,) = spec.label, task.seeds
-        source: dict[str, Any] = {"scenario": task.scenario}
-        make = spec.make
-        if isinstance(play := spec.compute, FamilyPlay):
+        self._label = spec.label
+        (seed,) = task.seeds
+        play = spec.compute
+        source: dict[str, Any]
+        if isinstance(play, FamilyPlay):
             source = {"family": play.family, "split": play.split, "context": play.context}
             make = play.make([play.family.job(seed, play.split)])
+        else:
+            source = {"scenario": task.scenario}
+            make = spec.make
         self.env: Any = gymnasium.make(task.env_id, **source, render_mode=render_mode)
         self._policy = make(1)
         self._observation, _ = self.env.reset(seed=seed)
@@ -48,10 +52,12 @@ class Show:
         self.ended = False
 
     def advance(self) -> None:
-        """Play one step. Raise ValueError if the policy's action has the wrong shape or is not finite."""
-        self._observation, _, terminated, truncated, _ = self.env.step(
-            self._policy.act(self._observation[None])[0]
-        )
+        """Play one step.
+
+        Raise ValueError if the policy's action has the wrong shape or is not finite.
+        """
+        actions = self._policy.act(self._observation[None])
+        self._observation, _, terminated, truncated, _ = self.env.step(actions[0])
         self.ended = terminated or truncated
 
     def frame(self) -> Frame:
@@ -74,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _watch(options)
     except ClosedEnvironmentError:
         print("the window was closed", file=sys.stderr)
-    return 0
+    return DONE
 
 
 def _watch(options: argparse.Namespace) -> None:
@@ -82,43 +88,50 @@ def _watch(options: argparse.Namespace) -> None:
         raise ResultError("--human shows one policy: give --out to see two beside each other")
     if not options.human and options.out.suffix not in _WRITERS:
         raise ResultError(f"{options.out} must end in one of {', '.join(_WRITERS)}")
-    names = [options.agent or options.policy, *([options.beside] if options.beside else [])]
-    if options.env == FAMILY_ID:
-        task = family_task(
-            options.scenario or "shop", options.split or "train", max(options.seed, 0) + 1
-        )
-        task = task.model_copy(update={"seeds": [options.seed]})
-    elif options.split:
-        raise ResultError(f"--split is of {FAMILY_ID}, not of {options.env}")
-    else:
-        task = Task(
-            env_id=options.env,
-            scenario=Scenario.load(options.scenario or IDS[options.env]),
-            seeds=[options.seed],
-        )
-    shows = [
-        Show(policy(name, task), task, "human" if options.human else "rgb_array") for name in names
-    ]
+    names = [options.agent or options.policy]
+    if options.beside:
+        names.append(options.beside)
+    task = _task(options)
+    render_mode = "human" if options.human else "rgb_array"
+    shows = [Show(policy(name, task), task, render_mode) for name in names]
     try:
         if options.human:
-            for _ in steps(shows, options.steps, 1):
+            for _ in steps(shows, options.steps, every=1):
                 pass
         else:
-            filmed, rate = (
-                frames(shows, options.steps, options.every),
-                shows[0].env.metadata["render_fps"],
-            )
-            replace_file(
-                options.out, lambda partial: _WRITERS[options.out.suffix](filmed, partial, rate)
-            )
+            _write(shows, options.out, max_steps=options.steps, every=options.every)
             print(f"wrote {options.out}")
     finally:
         for show in shows:
             show.env.close()
 
 
+def _task(options: argparse.Namespace) -> Task:
+    """Return the task of which the seed, or the job, is watched."""
+    seeds = [options.seed]
+    if options.env == FAMILY_ID:
+        split = options.split or "train"
+        task = family_task(options.scenario or "shop", split, count=max(options.seed, 0) + 1)
+        return task.model_copy(update={"seeds": seeds})
+    if options.split:
+        raise ResultError(f"--split is of {FAMILY_ID}, not of {options.env}")
+    scenario = Scenario.load(options.scenario or IDS[options.env])
+    return Task(env_id=options.env, scenario=scenario, seeds=seeds)
+
+
+def _write(shows: Sequence[Show], path: Path, max_steps: int | None, every: int) -> None:
+    """Write the film of some shows side by side, or a still of its end."""
+    write = _WRITERS[path.suffix]
+    film = frames(shows, max_steps, every)
+    rate = shows[0].env.metadata["render_fps"]
+    replace_file(path, lambda partial: write(film, partial, rate))
+
+
 def policy(name: str, task: Task) -> PolicySpec:
-    """Return the rule of a name, or the agent of a file or a run's folder; ResultError if it needs more than observations."""
+    """Return the rule of a name, or the agent of a file or a run's folder.
+
+    Raise ResultError if it needs more than observations.
+    """
     if name.endswith(ONNX_SUFFIX) or Path(name).is_dir():
         return agents([Path(name)], task)[0]
     (spec,) = named([name], task)
@@ -127,30 +140,35 @@ def policy(name: str, task: Task) -> PolicySpec:
     return spec
 
 
-def steps(shows: Sequence[Show], most: int | None, every: int) -> Iterator[int]:
-    """Play until all have ended, with a limit of steps; yield at the start, at even distances, and at the end."""
+def steps(shows: Sequence[Show], max_steps: int | None, every: int) -> Iterator[int]:
+    """Play until all have ended, or the steps are done.
+
+    Yield the number of steps at the start, at even distances, and at the end.
+    """
     yield 0
     done = 0
-    with tqdm(total=most, unit="step", dynamic_ncols=True, disable=None) as bar:
-        while done != most and not all(show.ended for show in shows):
+    is_over = False
+    with tqdm(total=max_steps, unit="step", dynamic_ncols=True, disable=None) as bar:
+        while not is_over:
             for show in shows:
                 if not show.ended:
                     show.advance()
             done += 1
             bar.update()
-            if done % every == 0 or done == most or all(show.ended for show in shows):
+            is_over = done == max_steps or all(show.ended for show in shows)
+            if is_over or done % every == 0:
                 yield done
 
 
-def frames(shows: Sequence[Show], most: int | None, every: int) -> Iterator[Frame]:
+def frames(shows: Sequence[Show], max_steps: int | None, every: int) -> Iterator[Frame]:
     """Yield frames side by side; an episode that has ended stays at its last frame."""
-    for _ in steps(shows, most, every):
-        pictures = [show.frame() for show in shows]
-        gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
-        frame: Frame = np.concatenate(
-            [part for picture in pictures for part in (gap, picture)][1:], axis=1
-        )
-        yield frame
+    for _ in steps(shows, max_steps, every):
+        first, *others = [show.frame() for show in shows]
+        gap = np.full((len(first), _GAP, 3), 255, np.uint8)  # white
+        parts = [first]
+        for frame in others:
+            parts += [gap, frame]
+        yield np.concatenate(parts, axis=1)
 
 
 def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
@@ -172,7 +190,7 @@ def _write_video(frames: Iterator[Frame], path: Path, frames_per_second: int) ->
 def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> None:
     from PIL import Image
 
-    # Keeps also rare colours; all that frames have are in the first.
+    # All colours of the film are in its first frame. This method keeps rare ones, too.
     first = Image.fromarray(next(frames)).quantize(
         method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
     )
@@ -180,7 +198,7 @@ def _write_gif(frames: Iterator[Frame], path: Path, frames_per_second: int) -> N
         Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames
     )
     # Viewers ignore pauses shorter than 2/100 s.
-    pause = max(1000 // frames_per_second, 20)
+    pause = max(1000 // frames_per_second, 20)  # [ms]
     with path.open("wb") as file:  # Pillow alone would leave it open when interrupted
         first.save(
             file, "GIF", save_all=True, append_images=rest, duration=pause, loop=0, optimize=True
@@ -215,9 +233,9 @@ def _parser() -> argparse.ArgumentParser:
         "--scenario", metavar="PRESET_OR_TOML", help="scenario or family instead of the id's own"
     )
     parser.add_argument("--split", metavar="NAME", help="split of a family (default: train)")
-    who = parser.add_mutually_exclusive_group(required=True)
-    who.add_argument("--policy", metavar="NAME", help="a rule-based controller")
-    who.add_argument(
+    policies = parser.add_mutually_exclusive_group(required=True)
+    policies.add_argument("--policy", metavar="NAME", help="a rule-based controller")
+    policies.add_argument(
         "--agent", metavar="AGENT", help="an agent: an ONNX file, or a run folder of your own"
     )
     parser.add_argument(
@@ -234,11 +252,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--steps", type=positive, metavar="N", help="at most so many steps (default: the episode)"
     )
-    where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument(
+    outputs = parser.add_mutually_exclusive_group(required=True)
+    outputs.add_argument(
         "--out", type=Path, metavar="FILE", help="an .mp4 or .gif of it all, or a .png of its end"
     )
-    where.add_argument("--human", action="store_true", help="show it in a window")
+    outputs.add_argument("--human", action="store_true", help="show it in a window")
     parser.add_argument(
         "--every",
         type=positive,

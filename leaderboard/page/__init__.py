@@ -1,4 +1,7 @@
-"""The leaderboard as one self-contained HTML file: the page's parts lie beside this one and are put into it."""
+"""The leaderboard as one self-contained HTML file.
+
+The template, the style and the scripts of the page lie beside this file and are put into it.
+"""
 
 import hashlib
 import re
@@ -24,123 +27,167 @@ from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import IDS, Scenario, presets
 from turning_env.rendering.plot_style import policy_look
 from turning_env.scenario.family import families
+from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.statistics import CONFIDENCE, RESAMPLES
 
 SHOWN_AT_FIRST = ("Result", "Constraint track", "Limits")
+VERDICTS = {
+    "feasible": "",
+    "not shown": "? feasibility not shown",
+    "infeasible": "\N{MULTIPLICATION X} infeasible",
+}
 _HERE = Path(__file__).parent
 _SCRIPTS = ("tables.js", "charts.js", "start.js")
-_LARGE = re.compile(
-    r"(?<![\w.-])[1-9]\d{4,14}(?!\w)"
-)  # whole numbers of five digits or more, outside names
+# Whole numbers of five digits or more, outside names.
+_LARGE = re.compile(r"(?<![\w.-])[1-9]\d{4,14}(?!\w)")
 
 
 def render(leaderboards: Sequence[Leaderboard]) -> str:
     """Return the page as HTML, which needs no other file."""
-    loader = FileSystemLoader(_HERE)
+    scripts = [(_HERE / name).read_text("utf-8") for name in _SCRIPTS]
+    script = "\n".join(["'use strict';", *scripts])
+    sections = [_section(leaderboard) for leaderboard in leaderboards]
+    # Sections of one id follow one another.
+    sections_by_id = {
+        env_id: list(group)
+        for env_id, group in groupby(sections, lambda section: section["leaderboard"].task.env_id)
+    }
+    return (
+        _templates()
+        .get_template("page.html.j2")
+        .render(
+            sections=sections,
+            tasks=sections_by_id,
+            across=table.across(leaderboards),
+            column_groups=list(columns.GROUPS),
+            classes=_classes(leaderboards),
+            shown_at_first=SHOWN_AT_FIRST,
+            verdicts=VERDICTS,
+            max_values=MAX_VALUES,
+            hold=HOLD,
+            max_command=MAX_COMMAND,
+            confidence=f"{100 * CONFIDENCE:g} %",
+            resamples=RESAMPLES,
+            style=Markup((_HERE / "style.css").read_text("utf-8")),
+            script=Markup(script),
+            # No script but this one runs, whatever a submission is called.
+            script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        )
+    )
+
+
+def _templates() -> Environment:
+    """Return the environment of the page's template, with its filters."""
     templates = Environment(
-        loader=loader,
+        loader=FileSystemLoader(_HERE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     templates.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
-    templates.filters["number"] = lambda text: re.sub(r"-(?=\d)", "\N{MINUS SIGN}", str(text))
-    templates.filters["grouped"] = lambda text: _LARGE.sub(
-        lambda digits: f"{int(digits[0]):,}", str(text)
-    )
-    templates.filters["unit"] = lambda text: str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
-    templates.filters["short"] = lambda number: "" if number is None else f"{number:.6g}"
-    templates.filters["limited"] = limited
-    templates.filters["few"] = few
-    templates.filters["colour"] = lambda name: policy_look(name)[0]
-    script = "\n".join(["'use strict';", *((_HERE / name).read_text("utf-8") for name in _SCRIPTS)])
-    sections = [_section(each) for each in leaderboards]
-    shown = {standing.policy_class for each in leaderboards for standing in each.standings}
-    return templates.get_template("page.html.j2").render(
-        sections=sections,
-        tasks={
-            env_id: list(group)
-            for env_id, group in groupby(
-                sections, lambda section: section["leaderboard"].task.env_id
-            )
-        },
-        across=table.across(leaderboards),
-        column_groups=list(columns.GROUPS),
-        classes={name: meaning for name, meaning in CLASSES.items() if name in shown},
-        shown_at_first=SHOWN_AT_FIRST,
-        verdicts={
-            "feasible": "",
-            "not shown": "? feasibility not shown",
-            "infeasible": "\N{MULTIPLICATION X} infeasible",
-        },
-        max_values=MAX_VALUES,
-        hold=HOLD,
-        max_command=MAX_COMMAND,
-        confidence=f"{100 * CONFIDENCE:g} %",
-        resamples=RESAMPLES,
-        style=Markup((_HERE / "style.css").read_text("utf-8")),
-        script=Markup(script),
-        # No script but this one runs, whatever a submission is called.
-        script_digest=b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-    )
+    templates.filters |= {
+        "number": _with_minus_sign,
+        "grouped": _with_commas,
+        "unit": _with_exponent,
+        "short": _shortened,
+        "limited": limited,
+        "few": few,
+        "colour": _colour,
+    }
+    return templates
+
+
+def _with_minus_sign(text: object) -> str:
+    return re.sub(r"-(?=\d)", "\N{MINUS SIGN}", str(text))
+
+
+def _with_commas(text: object) -> str:
+    return _LARGE.sub(lambda digits: f"{int(digits[0]):,}", str(text))
+
+
+def _with_exponent(text: object) -> str:
+    return str(text).replace("m3", "m\N{SUPERSCRIPT THREE}")
+
+
+def _shortened(number: float | None) -> str:
+    return "" if number is None else f"{number:.6g}"
+
+
+def _colour(name: str) -> str:
+    colour, _ = policy_look(name)
+    return colour
+
+
+def _classes(leaderboards: Sequence[Leaderboard]) -> dict[str, str]:
+    """Return the classes of policies that some leaderboard shows, with their meaning."""
+    shown = set()
+    for leaderboard in leaderboards:
+        shown |= {standing.policy_class for standing in leaderboard.standings}
+    return {name: meaning for name, meaning in CLASSES.items() if name in shown}
 
 
 def _section(leaderboard: Leaderboard) -> dict[str, Any]:
-    shown = columns.groups(leaderboard.standings)
+    """Return the variables of a leaderboard's section, as the template calls them."""
+    task = leaderboard.task
+    column_groups = columns.groups(leaderboard.standings)
+    with_heading = []
+    for heading, group in column_groups.items():
+        with_heading += [(heading, column) for column in group]
+    policies: dict[str, list[PolicySpec]] = {}
     names = leaderboard.names
-    best = best_rule(leaderboard.standings)
-    place = f"{leaderboard.task.env_id}/{leaderboard.task.scenario.name}"
+    for result in leaderboard.results:
+        policies.setdefault(names[result.policy.label], []).append(result.policy)
+    place = f"{task.env_id}/{task.scenario.name}"
     return {
         "place": place,
         "link": quote(place),
-        "column_groups": shown,
-        "columns": [(heading, column) for heading, group in shown.items() for column in group],
+        "column_groups": column_groups,
+        "columns": with_heading,
         "leaderboard": leaderboard,
-        "ranking": columns.ranking(leaderboard.task.scenario),
+        "ranking": columns.ranking(task.scenario),
         "chart_data": chart_data(leaderboard),
-        "best_rule": best,
-        "policies": {
-            standing.name: [
-                result.policy
-                for result in leaderboard.results
-                if names[result.policy.label] == standing.name
-            ]
-            for standing in leaderboard.standings
-        },
+        "best_rule": best_rule(leaderboard.standings),
+        "policies": policies,
         "command": reproducing_command(leaderboard),
     }
 
 
 def reproducing_command(leaderboard: Leaderboard) -> str:
     """Return the command line that plays the leaderboard's results again."""
-    task, policies = leaderboard.task, [result.policy for result in leaderboard.results]
+    task = leaderboard.task
+    policies = [result.policy for result in leaderboard.results]
     words = ["python", "-m", "leaderboard", "run", "--env", task.env_id]
-    tuned_for = {
+    seeds_option = "--seeds"
+    tuned_for = sorted(
         policy.tuned_for.name
         for policy in policies
         if policy.kind == "rule" and policy.tuned_for is not None
-    }
+    )
     if task.of_family:
         family = task.of_family.family.name
-        words += [
-            "--scenario",
-            family if family in families() else "FAMILY.toml",
-            "--split",
-            task.of_family.split,
-        ]
-        tuned_for = set()
+        source = family if family in families() else "FAMILY.toml"
+        words += ["--scenario", source, "--split", task.of_family.split]
     elif tuned_for:  # a split: played with the scenario that it is a split of
-        words += ["--scenario", min(tuned_for), "--splits"]
+        words += ["--scenario", tuned_for[0], "--splits"]
+        seeds_option = "--split-seeds"
     elif task.env_id not in IDS or Scenario.load(IDS[task.env_id]) != task.scenario:
-        known = (
-            task.scenario.name in presets() and Scenario.load(task.scenario.name) == task.scenario
-        )
-        words += ["--scenario", task.scenario.name if known else "SCENARIO.toml"]
-    words += ["--split-seeds" if tuned_for else "--seeds", str(len(task.seeds))]
-    words += ["--private-key", "KEY", "--policies"] if task.private else ["--policies"]
+        words += ["--scenario", _source(task.scenario)]
+    words += [seeds_option, str(len(task.seeds))]
+    if task.private:
+        words += ["--private-key", "KEY"]
+    words.append("--policies")
+    # Variants that know more or forget have names that no option takes.
     words += [
         policy.name for policy in policies if policy.kind != "agent" and policy.title == policy.name
     ]
     files = [f"{policy.label}{ONNX_SUFFIX}" for policy in policies if policy.kind == "agent"]
-    return shlex.join([*words, "--agents", *files] if files else words)
+    if files:
+        words += ["--agents", *files]
+    return shlex.join(words)
+
+
+def _source(scenario: Scenario) -> str:
+    """Return the name of a preset, or a placeholder for the file of another scenario."""
+    is_preset = scenario.name in presets() and Scenario.load(scenario.name) == scenario
+    return scenario.name if is_preset else "SCENARIO.toml"

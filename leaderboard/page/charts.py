@@ -3,6 +3,8 @@
 import math
 import zlib
 from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,15 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from leaderboard.ranking import Leaderboard
 from leaderboard.standings import comparators
+from leaderboard.trajectories import Trajectory
 from turning_env import Scenario
 from turning_env.rendering.plot_style import policy_look
 
 LEVELS = 4_094  # a packed value is one of 0 to LEVELS, over the series' range: finer than a screen
 GAP = LEVELS + 1  # stands for a missing value: the load of a tool in air
 AXES = {"minutes": "machine time [min]", "path": "path [mm]"}  # axes along which a chart is drawn
+ZERO_IN_AIR = ("thrust_force", "power", "roughness")  # series without a value in air
 
 
-class Subject(NamedTuple):
+@dataclass(frozen=True)
+class Subject:
     """One panel."""
 
     series: str
@@ -31,88 +36,129 @@ class Subject(NamedTuple):
 
 def subjects(scenario: Scenario) -> list[Subject]:
     """Return the panels of a scenario."""
-    found = [
-        Subject("cutting_speed", "cutting speed", "m/min", from_zero=False),
-        Subject("feed", "feed", "mm/rev"),
-        Subject("thrust_force", "thrust force", "N", scenario.limits.thrust_force),
-        Subject("power", "power", "kW", scenario.limits.power),
+    limits = scenario.limits
+    panels = [
+        Subject("cutting_speed", "cutting speed", unit="m/min", from_zero=False),
+        Subject("feed", "feed", unit="mm/rev"),
+        Subject("thrust_force", "thrust force", unit="N", limit=limits.thrust_force),
+        Subject("power", "power", unit="kW", limit=limits.power),
     ]
     if scenario.control.aim == "roughness":
-        found.append(
+        panels.append(
             Subject(
-                "roughness", "roughness Ra", "\N{MICRO SIGN}m", None, False, "roughness_reference"
+                "roughness",
+                "roughness Ra",
+                unit="\N{MICRO SIGN}m",
+                from_zero=False,
+                reference="roughness_reference",
             )
         )
-    return [*found, Subject("wear", "flank wear", "mm", scenario.tool.wear_criterion)]
+    criterion = scenario.tool.wear_criterion
+    panels.append(Subject("wear", "flank wear", unit="mm", limit=criterion))
+    return panels
+
+
+class Range(NamedTuple):
+    """The lowest and the highest value of a series."""
+
+    low: float
+    high: float
 
 
 def chart_data(leaderboard: Leaderboard) -> dict[str, Any] | None:
     """Return all that the charts need, as JSON can hold it; None if nothing was recorded.
 
-    Policies stand in the order of the standings, each with a trajectory, or None, for each seed. From ``start`` on, the packed
-    values of a trajectory are ``kept`` of each series in ``ranges``.
+    Policies stand in the order of the standings, each with a trajectory, or None, for each seed.
+    From ``start`` on, the packed values of a trajectory are ``kept`` of each series in ``ranges``.
     """
     if leaderboard.trajectories is None:
         return None
-    scenario, recorded, standing_of = (
-        leaderboard.task.scenario,
-        leaderboard.trajectories.episodes,
-        leaderboard.names,
-    )
+    scenario = leaderboard.task.scenario
+    recorded = leaderboard.trajectories.episodes
     panels = subjects(scenario)
-    names = [
-        *AXES,
-        *(name for panel in panels for name in (panel.series, panel.reference) if name is not None),
-    ]
-    ends = {
-        name: [
-            value for each in recorded for value in (min(each.series[name]), max(each.series[name]))
-        ]
-        for name in names
-    }
-    ranges = {name: (min(values), max(values)) for name, values in ends.items()}
-    # The tool's load and surface are nothing in air. After a whole part it may be in air, but force and power are the part's.
-    gaps = () if scenario.control.action == "part" else ("thrust_force", "power", "roughness")
-    seeds = [seed for seed in leaderboard.task.seeds if any(each.seed == seed for each in recorded)]
-    by_policy: dict[str, dict[str, Any]] = {}
+    ranges = _ranges(panels, recorded)
+    recorded_seeds = {trajectory.seed for trajectory in recorded}
+    seeds = [seed for seed in leaderboard.task.seeds if seed in recorded_seeds]
+    # After a whole part the tool may be in air, but force and power are the part's.
+    missing_in_air = () if scenario.control.action == "part" else ZERO_IN_AIR
+
+    names = leaderboard.names
+    policies: dict[str, dict[str, Any]] = {}
     levels: list[NDArray[np.int64]] = []
-    for each in recorded:
-        name, label = standing_of[each.policy.label], each.policy.label
-        new = {"label": label, "colour": policy_look(name)[0], "trajectories": [None] * len(seeds)}
-        policy = by_policy.setdefault(name, new)
-        kept = len(each.series["path"])
-        policy["trajectories"][seeds.index(each.seed)] = {
-            "steps": each.steps,
+    start = 0
+    for trajectory in recorded:
+        label = trajectory.policy.label
+        name = names[label]
+        if name not in policies:
+            colour, _ = policy_look(name)
+            trajectories = [None] * len(seeds)
+            policies[name] = {"label": label, "colour": colour, "trajectories": trajectories}
+        kept = len(trajectory.series["path"])
+        place = seeds.index(trajectory.seed)
+        policies[name]["trajectories"][place] = {
+            "steps": trajectory.steps,
             "kept": kept,
-            "start": sum(map(len, levels)),
+            "start": start,
         }
-        air = np.array(each.series["depth_of_cut"]) == 0.0
-        for series, (low, high) in ranges.items():
-            levels.append(
-                quantise(np.where(air & (series in gaps), math.nan, each.series[series]), low, high)
-            )
+        levels += _levels(trajectory, ranges, missing_in_air)
+        start += kept * len(ranges)
+
     standings = [standing.name for standing in leaderboard.standings]
     published = comparators(scenario).published
     return {
         "axes": AXES,
         "seeds": seeds,
         "ranges": ranges,
-        "subjects": [panel._asdict() for panel in panels],
-        "policies": [by_policy.get(name) for name in standings],
+        "subjects": [asdict(panel) for panel in panels],
+        "policies": [policies.get(name) for name in standings],
         "second": standings.index(published) if published in standings else None,
         "packed": pack(np.concatenate(levels)),
     }
 
 
+def _ranges(panels: Sequence[Subject], recorded: Sequence[Trajectory]) -> dict[str, Range]:
+    """Return the range of each series that the charts show, over all trajectories."""
+    series = list(AXES)
+    for panel in panels:
+        series.append(panel.series)
+        if panel.reference is not None:
+            series.append(panel.reference)
+    return {
+        name: Range(
+            low=min(min(trajectory.series[name]) for trajectory in recorded),
+            high=max(max(trajectory.series[name]) for trajectory in recorded),
+        )
+        for name in series
+    }
+
+
+def _levels(
+    trajectory: Trajectory, ranges: dict[str, Range], missing_in_air: Sequence[str]
+) -> list[NDArray[np.int64]]:
+    """Return the series of a trajectory as levels; some are missing in air."""
+    in_air = np.array(trajectory.series["depth_of_cut"]) == 0.0
+    levels = []
+    for name, (low, high) in ranges.items():
+        values = np.array(trajectory.series[name], np.float64)
+        if name in missing_in_air:
+            values[in_air] = math.nan
+        levels.append(quantise(values, low, high))
+    return levels
+
+
 def quantise(values: ArrayLike, low: float, high: float) -> NDArray[np.int64]:
     """Return values between ``low`` and ``high`` as 0 to ``LEVELS``, NaN as ``GAP``."""
-    share = (np.asarray(values, np.float64) - low) / ((high - low) or 1.0)
+    width = (high - low) or 1.0
+    share = (np.asarray(values, np.float64) - low) / width
     return np.where(np.isnan(share), GAP, np.rint(share * LEVELS)).astype(np.int64)
 
 
 def pack(levels: NDArray[np.int64]) -> str:
-    """Return the differences of neighbours as base64 of compressed bytes: first the lower byte of each, then the upper."""
+    """Return the differences of neighbours as base64 of compressed bytes.
+
+    The lower bytes of all differences come first, then the upper bytes: neighbours are alike, so
+    the upper bytes are nearly all equal and compress well.
+    """
     differences = np.diff(levels, prepend=0).astype("<u2")
-    return b64encode(
-        zlib.compress(differences.view(np.uint8).reshape(-1, 2).T.tobytes(), 9)
-    ).decode()
+    by_byte = differences.view(np.uint8).reshape(-1, 2).T
+    return b64encode(zlib.compress(by_byte.tobytes(), 9)).decode()
