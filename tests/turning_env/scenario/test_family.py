@@ -1,6 +1,7 @@
 """Families: what is drawn, for whom, and what is refused."""
 
 import hashlib
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from turning_env.scenario.formula import FormulaError, evaluate
 from turning_env.scenario.scenario import flat
 from turning_env.scenario.sections import EdgeFailure, Mismatch
 
-SHOP, UNMODELLED = Family.load("shop"), Family.load("unmodelled")
+SHOP = Family.load("shop")
+UNMODELLED = Family.load("unmodelled")
 JOBS = {
     "train": "67b14524b7e305a5",
     "validation": "ab00820dc183e917",
@@ -40,18 +42,21 @@ SMALL = {
 
 
 def test_a_job_depends_on_family_split_and_seed_alone():
-    again = Family.load(
-        SMALL
-        | {
-            "variables": SMALL["variables"]
-            | {"other": {"normal": [0, 1], "unit": "-", "source": "none"}}
-        }
-    )
-    first = Family.load(SMALL)
-    assert first.job(5).scenario == first.job(5 + 8).scenario
-    assert first.job(5).scenario == again.job(5).scenario
-    assert len({first.job(seed).scenario.material.power.coefficient for seed in range(8)}) == 8
-    assert {first.number(5, episode, "train") for episode in range(8)} == set(range(8))
+    family = Family.load(SMALL)
+    coefficients = [family.job(seed).scenario.material.power.coefficient for seed in range(8)]
+    assert len(set(coefficients)) == 8
+    assert family.job(5).scenario == family.job(5 + 8).scenario
+
+
+def test_a_variable_that_is_added_changes_no_other():
+    added = {"other": {"normal": [0, 1], "unit": "-", "source": "none"}}
+    family = Family.load(SMALL | {"variables": SMALL["variables"] | added})
+    assert family.job(5).scenario == Family.load(SMALL).job(5).scenario
+
+
+def test_the_episodes_of_a_seed_visit_every_job():
+    family = Family.load(SMALL)
+    assert {family.number(5, episode, "train") for episode in range(8)} == set(range(8))
 
 
 def test_the_truth_scatters_about_the_nominal_model_but_not_what_the_control_knows():
@@ -75,17 +80,26 @@ def test_held_out_rows_are_drawn_by_their_split_alone():
     }
     family = Family.load(SMALL | drawn)
     for split, expected in (("train", {7.0}), ("other", {6.5, 7.5})):
-        assert {family.job(seed, split).scenario.limits.power for seed in range(8)} == expected
+        powers = {family.job(seed, split).scenario.limits.power for seed in range(8)}
+        assert powers == expected
+
+
+def test_splits_have_different_jobs():
     assert SHOP.job(0, "train").scenario != SHOP.job(0, "unseen_jobs").scenario
+
+
+def test_an_unknown_split_is_refused():
     with pytest.raises(ValueError, match="did you mean unseen_jobs"):
         SHOP.job(0, "unseen_job")
 
 
 @pytest.mark.parametrize("split", SHOP.splits)
 def test_every_job_makes_sense_and_is_a_scenario(split):
-    draw = SHOP.draw(split, 0)
-    assert makes_sense(draw.true, draw.plan).all()
-    assert np.isfinite(SHOP.context(draw.features)).all()
+    jobs = SHOP.draw(split, 0)
+    sensible = makes_sense(jobs.true, jobs.plan)
+    assert sensible.shape == (CHUNK,)
+    assert sensible.all()
+    assert np.isfinite(SHOP.context(jobs.features)).all()
     job = SHOP.job(17, split)
     assert Scenario.load(job.scenario.portable()) == job.scenario
     assert job.context.shape == (len(SHOP.context_names),)
@@ -94,11 +108,13 @@ def test_every_job_makes_sense_and_is_a_scenario(split):
 def digest_of_jobs(split):
     """Return a digest of all jobs of a split: nominal values, true values, and the context."""
     digest = hashlib.sha256()
-    for chunk in range(-(-(SHOP.jobs if split == "train" else SHOP.held_out_jobs) // CHUNK)):
-        draw = SHOP.draw(split, chunk)
-        for name, values in (*draw.nominal_fields.items(), *draw.true_fields.items()):
-            digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
-        digest.update(SHOP.context(draw.features).tobytes())
+    num_jobs = SHOP.jobs if split == "train" else SHOP.held_out_jobs
+    for chunk in range(math.ceil(num_jobs / CHUNK)):
+        jobs = SHOP.draw(split, chunk)
+        for fields in (jobs.nominal_fields, jobs.true_fields):
+            for name, values in fields.items():
+                digest.update(name.encode() + np.asarray(values, np.float64).tobytes())
+        digest.update(SHOP.context(jobs.features).tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -118,26 +134,28 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
 
 
 def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
-    scenario, draw = UNMODELLED.job(3).scenario, UNMODELLED.draw("train", 0)
-    nominal, true = scenario.nominal(), flat(scenario.model_dump(exclude={"name", "nominal_model"}))
-    assert (nominal.edge_failure, nominal.mismatch, nominal.machine.chatter) == (
-        EdgeFailure(),
-        Mismatch(),
-        0.0,
-    )
+    scenario = UNMODELLED.job(3).scenario
+    nominal = scenario.nominal()
+    assert nominal.edge_failure == EdgeFailure()
+    assert nominal.mismatch == Mismatch()
+    assert nominal.machine.chatter == 0.0
+    true = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
+    true_fields = UNMODELLED.draw("train", 0).true_fields
+    assert UNMODELLED.hidden
     for name, formula in UNMODELLED.hidden.items():
-        drawn = np.broadcast_to(draw.true_fields[name], CHUNK)
+        drawn = np.broadcast_to(true_fields[name], CHUNK)
         assert true[name] == drawn[3]
-        assert (len(np.unique(drawn)) > 1) == isinstance(formula, str)
+        varies = len(np.unique(drawn)) > 1
+        assert varies == isinstance(formula, str)
 
 
-def test_a_family_extends_another_and_shows_what_a_catalogue_says(tmp_path):
+def test_a_family_extends_another_and_shows_values_of_a_catalogue(tmp_path):
     assert UNMODELLED.base == SHOP.base
     assert UNMODELLED.fields == SHOP.fields
     assert UNMODELLED.tables["machine"].held_out == SHOP.tables["machine"].held_out
     assert UNMODELLED.context_names == (*SHOP.context_names, *UNMODELLED.shown)
-    told = UNMODELLED.draw("train", 0).features["heat"]
-    assert set(told.round(6)) <= {row[3] for row in UNMODELLED.tables["material"].rows.values()}
+    heats = UNMODELLED.draw("train", 0).features["heat"]
+    assert set(heats.round(6)) <= {row[3] for row in UNMODELLED.tables["material"].rows.values()}
     (tmp_path / "mine.toml").write_text('extends = "shopp"')
     with pytest.raises(ScenarioError, match="did you mean shop"):
         Family.load(tmp_path / "mine.toml")
@@ -186,13 +204,14 @@ def test_a_formula_without_a_value_is_refused_with_its_place(formula, table):
 def test_a_formula_changes_no_variable():
     """A third argument of NumPy's ``minimum`` is where its result goes."""
     factor = np.full(4, 2.0)
-    for formula in (
+    formulas = [
         "minimum(1.0, factor)",
         "-factor",
         "factor * 3",
         "maximum(factor, 5)",
         "exp(factor)",
-    ):
+    ]
+    for formula in formulas:
         evaluate("fields.limits.power", formula, {"factor": factor})
     assert factor.tolist() == [2.0] * 4
     with pytest.raises(FormulaError):
@@ -200,34 +219,60 @@ def test_a_formula_changes_no_variable():
     assert factor.tolist() == [2.0] * 4
 
 
-def test_what_is_drawn_is_finite():
-    variable = {"unit": "-", "source": "none"}
-    for distribution in (
+@pytest.mark.parametrize(
+    "distribution",
+    [
         {"uniform": [-1e308, 1e308]},
         {"normal": [0, 1e308]},
         {"log_uniform": [1e-300, 1e300]},
-    ):
-        with pytest.raises(ScenarioError, match=r"variables\.factor"):
-            Family.load(SMALL | {"variables": {"factor": variable | distribution}})
+    ],
+    ids=["uniform", "normal", "log_uniform"],
+)
+def test_a_distribution_with_values_that_are_not_finite_is_refused(distribution):
+    variable = {"unit": "-", "source": "none"} | distribution
+    with pytest.raises(ScenarioError, match=r"variables\.factor"):
+        Family.load(SMALL | {"variables": {"factor": variable}})
+
+
+def variables(**kinds):
+    """Return variables, of which there is one, with some kinds of distribution."""
+    return {"factor": {"unit": "-", "source": "none"} | kinds}
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"jobz": 3}, "did you mean jobs"),
-        ({"fields": {"limits.power": "factr * 7"}}, "did you mean factor"),
-        ({"fields": {"limits.power": "factor.real"}}, "a formula has numbers"),
-        ({"fields": {"limits.power": "7 *"}}, "is not a formula"),
-        ({"fields": {"limits.power": "(factor - 1) ** 2"}}, r"\*\* needs numbers above 0"),
-        ({"fields": {"limits.power": "log(factor - 2)"}}, "log needs numbers above 0"),
-        ({"fields": {"limits.powr": 7.0}}, "did you mean power"),
-        ({"variables": {"factor": {"unit": "-", "source": "none"}}}, "must have one of uniform"),
-        (
-            {"variables": {"factor": {"uniform": [2, 1], "unit": "-", "source": "none"}}},
-            "must not exceed the highest",
+        pytest.param({"jobz": 3}, "did you mean jobs", id="unknown key"),
+        pytest.param(
+            {"fields": {"limits.power": "factr * 7"}}, "did you mean factor", id="unknown variable"
         ),
-        ({"fields": {"limits.power": 0.01}}, "make no sense"),
-        ({"splits": {"train": ["material"]}}, "draws no held-out rows"),
+        pytest.param(
+            {"fields": {"limits.power": "factor.real"}}, "a formula has numbers", id="attribute"
+        ),
+        pytest.param({"fields": {"limits.power": "7 *"}}, "is not a formula", id="syntax"),
+        pytest.param(
+            {"fields": {"limits.power": "(factor - 1) ** 2"}},
+            r"\*\* needs numbers above 0",
+            id="power",
+        ),
+        pytest.param(
+            {"fields": {"limits.power": "log(factor - 2)"}},
+            "log needs numbers above 0",
+            id="logarithm",
+        ),
+        pytest.param({"fields": {"limits.powr": 7.0}}, "did you mean power", id="unknown field"),
+        pytest.param({"variables": variables()}, "must have one of uniform", id="no distribution"),
+        pytest.param(
+            {"variables": variables(uniform=[2, 1])},
+            "must not exceed the highest",
+            id="ends reversed",
+        ),
+        pytest.param({"fields": {"limits.power": 0.01}}, "make no sense", id="no sensible job"),
+        pytest.param(
+            {"splits": {"train": ["material"]}},
+            "draws no held-out rows",
+            id="training on held-out rows",
+        ),
     ],
 )
 def test_errors_name_the_field_and_what_is_allowed(changes, message):

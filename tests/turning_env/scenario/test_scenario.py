@@ -32,63 +32,113 @@ def test_round_trip_through_toml(preset, tmp_path):
 
 def test_digest_ignores_the_name_and_nothing_else():
     assert Scenario(name="other").digest() == Scenario().digest()
-    digests = {
-        name: scenario.digest() for name, scenario in variants(Scenario(), slightly_different)
-    }
+    digests = {}
+    for name, scenario in variants(Scenario(), slightly_different):
+        digests[name] = scenario.digest()
     assert len(digests) > 60
     assert len({Scenario().digest(), *digests.values()}) == 1 + len(digests)
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("[quux]\n", ["unknown key quux; list all with: python -m turning_env schema"]),
-        (
-            "[tool]\nwear_criterium = 1\n",
-            ["tool: unknown key wear_criterium; did you mean wear_criterion?"],
-        ),
-        ("[limits]\npower = -3\n", ["limits.power", "-3", "0.001 to 10000", "kW"]),
-        ("[limits]\npower = nan\n", ["limits.power", "nan"]),
-        ("[control]\nsub_steps = 1.5\n", ["control.sub_steps", "1.5"]),
-        (
-            "[control]\naction = 'steps'\n",
-            ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"],
-        ),
-        ("[material.wear]\nfeed = 0.1\n", ["material.wear.coefficient", "required"]),
-        ("[machine]\nfeed_min = 1\n", ["machine", "feed_min is 1.0", "not exceed feed_max", "0.6"]),
-        ("[control]\ninitial_feed = 5\n", ["control.initial_feed is 5.0", "0.06 to 0.6"]),
-        ("[control]\ninterval = 3600\ntime_limit = 1\n", ["time_limit is 1.0 min", "3600.0 s"]),
-        ("[material.wear]\ncoefficient = 1\n", ["wear.time is 0.0", "above 0"]),
-        ("[material.wear]\ntime = 0.01\ncoefficient = 1e12\n", ["material.wear comes to 1e"]),
-        (
-            f"[material.thrust_force]\n{BEYOND}[material.power]\n{BEYOND}",
-            ["thrust_force comes to 1e", "power comes to 1e", "within"],
-        ),
-        ("[workpiece]\ndepth_profile = [1, 2]\nsection_lengths = [300]\n", ["section_lengths"]),
-        ("[workpiece]\ndepth_profile = [1, 2]\nsection_lengths = [100, 100]\n", ["bar_length"]),
-        ("[workpiece]\ndepth_profile = [1, 0]\n", ["air"]),
-        ("[workpiece]\ndepth_profile = [1, 2]\nsection_speeds = [100]\n", ["section_speeds"]),
-        (
-            "[mismatch]\ninitial_wear = 0.3\n",
-            ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"],
-        ),
-        (
-            "base = 'forgings'\n",
-            ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"],
-        ),
-        ("base = 'none.toml'\n", ["mine.toml: base: no preset and no file is called", "none.toml"]),
-        (
-            "[limits]\npower = 0,5\n",
-            ["is not TOML", "line 2", 'numbers have a decimal point: "0.5"'],
-        ),
-        ("name = '../up'\n", ["name: '../up' is not allowed", "1 to 64"]),
-        (
-            "[tool]\nwear_criterion = 9\n[limits]\npower = 0\n",
-            ["tool.wear_criterion: ", "; limits.power: "],
-        ),
-    ],
-)
-def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, text, parts):
+REFUSED = {
+    "unknown section": (
+        "[quux]\n",
+        ["unknown key quux; list all with: python -m turning_env schema"],
+    ),
+    "unknown field": (
+        "[tool]\nwear_criterium = 1\n",
+        ["tool: unknown key wear_criterium; did you mean wear_criterion?"],
+    ),
+    "out of range": (
+        "[limits]\npower = -3\n",
+        ["limits.power", "-3", "0.001 to 10000", "kW"],
+    ),
+    "not a number": (
+        "[limits]\npower = nan\n",
+        ["limits.power", "nan"],
+    ),
+    "not a whole number": (
+        "[control]\nsub_steps = 1.5\n",
+        ["control.sub_steps", "1.5"],
+    ),
+    "no such choice": (
+        "[control]\naction = 'steps'\n",
+        ["control.action", "steps", "'incremental', 'set_point', 'override' or 'part'"],
+    ),
+    "missing coefficient": (
+        "[material.wear]\nfeed = 0.1\n",
+        ["material.wear.coefficient", "required"],
+    ),
+    "lowest above highest": (
+        "[machine]\nfeed_min = 1\n",
+        ["machine", "feed_min is 1.0", "not exceed feed_max", "0.6"],
+    ),
+    "start outside the machine": (
+        "[control]\ninitial_feed = 5\n",
+        ["control.initial_feed is 5.0", "0.06 to 0.6"],
+    ),
+    "episode shorter than a step": (
+        "[control]\ninterval = 3600\ntime_limit = 1\n",
+        ["time_limit is 1.0 min", "3600.0 s"],
+    ),
+    "wear without time": (
+        "[material.wear]\ncoefficient = 1\n",
+        ["wear.time is 0.0", "above 0"],
+    ),
+    "wear too fast": (
+        "[material.wear]\ntime = 0.01\ncoefficient = 1e12\n",
+        ["material.wear comes to 1e"],
+    ),
+    "responses too large": (
+        f"[material.thrust_force]\n{BEYOND}[material.power]\n{BEYOND}",
+        ["thrust_force comes to 1e", "power comes to 1e", "within"],
+    ),
+    "too few section lengths": (
+        "[workpiece]\ndepth_profile = [1, 2]\nsection_lengths = [300]\n",
+        ["section_lengths"],
+    ),
+    "section lengths of another bar": (
+        "[workpiece]\ndepth_profile = [1, 2]\nsection_lengths = [100, 100]\n",
+        ["bar_length"],
+    ),
+    "air without lengths": (
+        "[workpiece]\ndepth_profile = [1, 0]\n",
+        ["air"],
+    ),
+    "too few section speeds": (
+        "[workpiece]\ndepth_profile = [1, 2]\nsection_speeds = [100]\n",
+        ["section_speeds"],
+    ),
+    "edges worn out from the start": (
+        "[mismatch]\ninitial_wear = 0.3\n",
+        ["mismatch.initial_wear is 0.3", "below tool.wear_criterion, which is 0.3"],
+    ),
+    "unknown base": (
+        "base = 'forgings'\n",
+        ["base: 'forgings' is neither a preset nor a TOML file; did you mean forging"],
+    ),
+    "missing base": (
+        "base = 'none.toml'\n",
+        ["mine.toml: base: no preset and no file is called", "none.toml"],
+    ),
+    "decimal comma": (
+        "[limits]\npower = 0,5\n",
+        ["is not TOML", "line 2", 'numbers have a decimal point: "0.5"'],
+    ),
+    "name of another folder": (
+        "name = '../up'\n",
+        ["name: '../up' is not allowed", "1 to 64"],
+    ),
+    "two faults": (
+        "[tool]\nwear_criterion = 9\n[limits]\npower = 0\n",
+        ["tool.wear_criterion: ", "; limits.power: "],
+    ),
+}
+"""Texts of files, and parts of the message that refuses them."""
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, case):
+    text, parts = REFUSED[case]
     with pytest.raises(ScenarioError) as refusal:
         toml(text)
     message = str(refusal.value)
@@ -97,58 +147,79 @@ def test_bad_files_are_refused_with_field_value_and_what_is_allowed(toml, text, 
         assert part in message
 
 
-def test_a_file_may_be_based_on_files(toml, tmp_path):
+@pytest.fixture
+def chain(toml, tmp_path):
+    """Load a file based on ``shop/lathe.toml``, which is based on a ``steel.toml`` of some text."""
     (tmp_path / "shop").mkdir()
     (tmp_path / "shop" / "lathe.toml").write_text("base = '../steel.toml'\n[limits]\npower = 9\n")
-    (tmp_path / "steel.toml").write_text("base = 'ck45'\n[limits]\npower = 8\nthrust_force = 900\n")
-    scenario = toml("base = 'shop/lathe.toml'\n[tool]\nwear_criterion = 0.2\n")
-    assert (scenario.name, scenario.material) == ("mine", Scenario.load("ck45").material)
-    assert (scenario.limits.power, scenario.limits.thrust_force, scenario.tool.wear_criterion) == (
-        9.0,
-        900.0,
-        0.2,
-    )
-    (tmp_path / "steel.toml").write_text("base = 'shop/lathe.toml'\n")
+
+    def load(steel: str) -> Scenario:
+        (tmp_path / "steel.toml").write_text(steel)
+        return toml("base = 'shop/lathe.toml'\n[tool]\nwear_criterion = 0.2\n")
+
+    return load
+
+
+def test_a_file_may_be_based_on_files(chain):
+    scenario = chain("base = 'ck45'\n[limits]\npower = 8\nthrust_force = 900\n")
+    assert scenario.name == "mine"
+    assert scenario.material == Scenario.load("ck45").material
+    assert scenario.limits.power == 9.0
+    assert scenario.limits.thrust_force == 900.0
+    assert scenario.tool.wear_criterion == 0.2
+
+
+def test_a_file_may_not_be_based_on_itself(chain):
     with pytest.raises(ScenarioError, match=r"mine.toml is based on itself, or nested too deep"):
-        toml("base = 'shop/lathe.toml'\n")
-    (tmp_path / "steel.toml").write_text("[limits]\npower = -1\n")
-    with pytest.raises(
-        ScenarioError,
-        match=r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside",
-    ):
-        toml("base = 'shop/lathe.toml'\n")
+        chain("base = 'shop/lathe.toml'\n")
+
+
+def test_a_fault_of_a_base_is_named_with_all_files_on_the_way(chain):
+    message = r"mine.toml: base: .*lathe.toml: base: .*steel.toml: limits.power: -1.0 is outside"
+    with pytest.raises(ScenarioError, match=message):
+        chain("[limits]\npower = -1\n")
+
+
+def test_equality_does_not_count_the_file(toml):
+    scenario = toml("base = 'forging'\nname = 'forging'\n")
+    assert scenario.file is not None
+    assert Scenario.load("forging").file is None
+    assert scenario == Scenario.load("forging")
+    assert hash(scenario) == hash(Scenario.load("forging"))
+    assert scenario.model_copy(update={"name": "copy"}).file == scenario.file
 
 
 def test_a_dict_states_only_what_differs_from_its_base():
     scenario = Scenario.load({"base": "forging", "limits": {"power": 9}})
-    assert scenario.differences() == Scenario.load("forging").differences() | {
-        "limits": {"power": 9.0}
-    }
+    forging = Scenario.load("forging")
     assert scenario.name == "custom"
+    assert scenario.differences() == forging.differences() | {"limits": {"power": 9.0}}
     assert Scenario.load({}).digest() == Scenario().digest()
-    assert Scenario.load(
-        {"name": "mine", "workpiece": {"depth_profile": [1.0, 2.0]}}
-    ).workpiece.depth_profile == (1.0, 2.0)
+
+
+def test_a_list_of_a_dict_becomes_a_tuple():
+    scenario = Scenario.load({"workpiece": {"depth_profile": [1.0, 2.0]}})
+    assert scenario.workpiece.depth_profile == (1.0, 2.0)
+
+
+def test_an_unknown_key_of_a_dict_is_refused():
     with pytest.raises(ScenarioError, match=r"unknown key limit; did you mean limits\?"):
         Scenario.load({"limit": {"power": 9}})
 
 
 HOSTILE_KEY = "\\u001b[2J\\u009b7m\\r\\nall is well"
+HOSTILE_LINES = {
+    "section": f'"{HOSTILE_KEY}" = 1',
+    "field": f'limits."{HOSTILE_KEY}" = 1',
+    "base": f'base = "{HOSTILE_KEY}"',
+    "inside a value": f'workpiece.depth_profile."{HOSTILE_KEY}" = 1',
+}
 
 
-HOSTILE_LINES = (
-    f'"{HOSTILE_KEY}" = 1',
-    f'limits."{HOSTILE_KEY}" = 1',
-    f'base = "{HOSTILE_KEY}"',
-    f'workpiece.depth_profile."{HOSTILE_KEY}" = 1',
-)
-
-
-@pytest.mark.parametrize("text", HOSTILE_LINES, ids=["section", "field", "base", "inside a value"])
-def test_an_error_cannot_command_a_terminal(text, tmp_path):
-    (tmp_path / "hostile.toml").write_text(text)
+@pytest.mark.parametrize("place", HOSTILE_LINES)
+def test_an_error_cannot_command_a_terminal(toml, place):
     with pytest.raises(ScenarioError) as refusal:
-        Scenario.load(tmp_path / "hostile.toml")
+        toml(HOSTILE_LINES[place])
     assert str(refusal.value).isprintable()
     assert r"\x1b[2J" in str(refusal.value)
 

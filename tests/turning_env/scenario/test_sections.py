@@ -9,35 +9,47 @@ from pydantic import ValidationError
 from turning_env import PowerLaw, Scenario
 from turning_env.scenario.section import Section
 
-SECTIONS = [
-    *(type(value) for value in dict(Scenario()).values() if isinstance(value, Section)),
-    PowerLaw,
-]
-
+SECTIONS = [type(value) for value in dict(Scenario()).values() if isinstance(value, Section)]
+SECTIONS.append(PowerLaw)
 
 FIELDS = [
-    pytest.param(section, name, field, id=f"{section.__name__}.{name}")
+    pytest.param(section, name, id=f"{section.__name__}.{name}")
+    for section in SECTIONS
+    for name in section.model_fields
+]
+
+NUMBERS = [
+    pytest.param(section, name, id=f"{section.__name__}.{name}")
     for section in SECTIONS
     for name, field in section.model_fields.items()
+    if field.annotation in (float, int)
 ]
 
 
-@pytest.mark.parametrize(("section", "name", "field"), FIELDS)
-def test_field_has_description_unit_and_range(
-    section: type[Section], name: str, field: Any
+def just_outside(low: float, high: float, kind: type) -> tuple[float, float]:
+    """Return the numbers of a kind next to the ends of a range."""
+    below = math.nextafter(low, -math.inf)
+    above = math.nextafter(high, math.inf)
+    return (math.floor(below), math.ceil(above)) if kind is int else (below, above)
+
+
+@pytest.mark.parametrize(("section", "name"), FIELDS)
+def test_a_field_has_a_description(section: type[Section], name: str) -> None:
+    assert section.model_fields[name].description
+
+
+@pytest.mark.parametrize(("section", "name"), NUMBERS)
+def test_a_number_has_a_unit_and_a_range_that_holds_its_default(
+    section: type[Section], name: str
 ) -> None:
-    assert field.description
-    if field.annotation not in (float, int):
-        return
-    declared = field.json_schema_extra
-    low, high, unit = declared["minimum"], declared["maximum"], declared["unit"]
+    field: Any = section.model_fields[name]
+    low = field.json_schema_extra["minimum"]
+    high = field.json_schema_extra["maximum"]
+    unit = field.json_schema_extra["unit"]
     assert field.description.endswith(f"[{unit}]")
     required = {"coefficient": 1.0} if section is PowerLaw else {}
     assert low <= getattr(section(**required), name) <= high
-    below, above = math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
-    for outside in (
-        (math.floor(below), math.ceil(above)) if field.annotation is int else (below, above)
-    ):
+    for outside in just_outside(low, high, kind=field.annotation):
         with pytest.raises(ValidationError, match=name) as refusal:
             section(**required | {name: outside})
         assert f"{low} to {high} {unit}" in str(refusal.value)
