@@ -1,11 +1,14 @@
-"""Kinds of tools as their moves show them: outside or inside, drills, grooving tools."""
+"""Kinds of tools as their moves show them: outside or inside, drills, grooving tools.
 
-import itertools
+A program names its tools by numbers alone. What shape a kind has is left to ``tool_shapes``.
+"""
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from turning_nc.cycles import Side
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Path
 from turning_nc.words import NcError
@@ -19,63 +22,87 @@ MAX_CUTTING_FEED = 1.5  # feed above which a tool is only placed [mm/rev] (assum
 MAX_TOOLS = 200  # of a program; a turret has about twelve
 GROOVE = 3.0  # width of a grooving tool whose width is not given [mm] (assumption)
 DRILL = "drill"
-MIN_WIDTH, MAX_WIDTH = 0.01, 500.0  # of a grooving tool or a drill [mm]
+
+# Of a grooving tool or a drill [mm].
+MIN_WIDTH = 0.01
+MAX_WIDTH = 500.0
 MARGIN = 0.5  # length around a cut in which a hole is looked for [mm]
 SOLID = 0.99  # share of metal around the axis from which a stock has no hole [-]
 
+# A cut along Z is longer than this [mm], and than this many times its height (assumptions).
+MIN_CUT = 1.0
+MIN_SLENDERNESS = 5.0
+SAME_RADIUS = 1e-6  # difference of radii below which a tool returns as it cut [mm]
+
 
 def kinds_of(moves: Moves, given: Mapping[str, str]) -> dict[str, str]:
-    """Return the kinds of all tools: as given, or as they move.
+    """Return the kinds of all tools: as given, or as they move; see ``ToolKinds``."""
+    return ToolKinds(moves, given).by_tool
 
-    A drill cuts along the axis alone, or pecks along Z at one diameter. A grooving tool plunges along X and returns the same way
-    more often than it cuts along Z. A tool that roughs or finishes the contour of a cycle turns the side of that cycle; of
-    others, one that returns nearer to the axis than it cut turns inside.
 
-    Raises:
-        NcError: a given tool is not in the program, or the program has too many tools.
+class ToolKinds:
+    """Kinds of a program's tools: as given, or as they move.
+
+    A drill cuts along the axis alone, or pecks along Z at one diameter. A grooving tool plunges
+    along X and returns the same way more often than it cuts along Z. A tool that roughs or
+    finishes the contour of a cycle turns the side of that cycle. Of others, one that returns
+    nearer to the axis than it cut turns inside.
     """
-    habits = _habits(moves)
-    for name in given:
-        if name not in habits:
-            raise NcError(f"tool {name!r} is not in the program, which has {', '.join(habits)}")
-    if len(habits) > MAX_TOOLS:
-        raise NcError(
-            f"the program uses {len(habits)} tools, but {MAX_TOOLS} at most are played: are its T words tools?"
-        )
-    return {tool: given.get(tool) or seen.kind() for tool, seen in habits.items()}
 
+    def __init__(self, moves: Moves, given: Mapping[str, str]) -> None:
+        """Look through the moves once.
 
-def inside_solid(
-    moves: Moves, kinds: Mapping[str, str], given: Mapping[str, str], stock: Any
-) -> set[str]:
-    """Return the tools that move as if they turned inside, but find no hole.
+        Raises:
+            NcError: a given tool is not in the program, or the program has too many tools.
+        """
+        self._uses = _uses_of_tools(moves)
+        self._given = given
+        for name in given:
+            if name not in self._uses:
+                raise NcError(
+                    f"tool {name!r} is not in the program, which has {', '.join(self._uses)}"
+                )
+        if len(self._uses) > MAX_TOOLS:
+            raise NcError(
+                f"the program uses {len(self._uses)} tools, but {MAX_TOOLS} at most are played: "
+                "are its T words tools?"
+            )
+        self.by_tool = {tool: given.get(tool) or use.kind() for tool, use in self._uses.items()}
 
-    A hole is in the stock (a polygon), or an earlier tool makes it: a drill, or one that cuts along Z nearer to the axis.
-    """
-    found: set[str] = set()
-    nearest = math.inf  # radius of earlier cuts along Z [mm]
-    for tool, seen in _habits(moves).items():
-        guessed = tool not in given and kinds[tool].endswith("inside") and not seen.cycle_sides
-        if guessed and nearest >= seen.nearest and not seen.has_hole(stock):
-            found.add(tool)
-        nearest = min(nearest, 0.0 if kinds[tool].startswith(DRILL) else seen.nearest)
-    return found
+    def without_hole(self, stock: Any) -> set[str]:
+        """Return the tools that move as if they turned inside, but find no hole.
+
+        A hole is in the stock (a polygon), or an earlier tool makes it: a drill, or one that cuts
+        along Z nearer to the axis.
+        """
+        tools: set[str] = set()
+        nearest = math.inf  # radius of earlier cuts along Z [mm]
+        for tool, use in self._uses.items():
+            kind = self.by_tool[tool]
+            is_guessed = tool not in self._given and not use.cycle_sides
+            needs_hole = kind.endswith("inside") and nearest >= use.nearest
+            if is_guessed and needs_hole and not use.has_hole(stock):
+                tools.add(tool)
+            nearest = min(nearest, 0.0 if kind.startswith(DRILL) else use.nearest)
+        return tools
 
 
 def cuts(move: Move) -> bool:
     """Return whether a move is one at feed, and not so fast that it only places the tool."""
-    return move.kind == "feed" and not (move.per_revolution and move.feed.value > MAX_CUTTING_FEED)
+    is_fast = move.per_revolution and move.feed.value > MAX_CUTTING_FEED
+    return move.kind == "feed" and not is_fast
 
 
 @dataclass
-class _Habits:
+class ToolUse:
     """How a tool moves."""
 
     along: int = 0  # cuts along Z
     pecks: int = 0  # cuts along Z that return the same way
     plunges: int = 0  # cuts towards the axis that return the same way
     plunges_inside: int = 0  # cuts away from the axis that return the same way
-    returns: int = 0  # returns farther from the axis than the cut, less those nearer to it
+    returns_outside: int = 0  # returns farther from the axis than the cut
+    returns_inside: int = 0  # returns nearer to the axis than the cut
     cycle_sides: set[str] = field(default_factory=set)  # sides of the cycles whose contours it cuts
     radii: set[float] = field(default_factory=set)  # at the ends of its cuts [mm]
     places: list[float] = field(default_factory=list)  # Z at the ends of its cuts [mm]
@@ -96,52 +123,87 @@ class _Habits:
             return f"groove:{GROOVE:g}-inside"
         if self.cycle_sides:
             return "inside" if self.cycle_sides == {"inside"} else "outside"
-        return "inside" if self.returns < 0 else "outside"
+        return "inside" if self.returns_inside > self.returns_outside else "outside"
 
     def has_hole(self, stock: Any) -> bool:
         """Return whether a stock has a hole where the tool cuts."""
-        low, high = min(self.places), min(max(self.places), float(stock.bounds[2]))
+        low = min(self.places)
+        high = min(max(self.places), float(stock.bounds[2]))
         radius = self.nearest if self.along else min(self.radii)
         core = shapely.box(low - MARGIN, 0.0, max(high, low + MARGIN), 0.5 * radius)
         return bool(shapely.intersection(stock, core).area < SOLID * core.area)
 
-    def watch(self, move: Move, after: Move, sides: Mapping[int, Any]) -> None:
-        """Take note of a move and of the one that follows it."""
-        (z, x), (end, end_x) = move.path.start, move.path.end
-        next_z, next_x = after.path.end
-        length, height = abs(end - z), abs(end_x - x)
+    def watch(self, move: Move, after: Move, sides: Mapping[int, Side]) -> None:
+        """Take note of a move and of the one that follows it.
+
+        ``sides`` are those of the program's roughing cycles, by their lines.
+        """
         if not cuts(move):
-            if self.cut and length > 1.0:
-                beside = 0.5 * (abs(x) + abs(end_x)) - abs(self.cut.end[1])
-                self.returns += (beside > 1e-6) - (beside < -1e-6)
-                self.cut = None
+            self._watch_return(move.path)
             return
-        self.radii |= {round(abs(radius), 4) for radius in move.path.reach}
-        self.places += (z, end)
-        if length > max(5.0 * height, 1.0):
-            self.cut, self.along = move.path, self.along + 1
-            self.nearest = min(self.nearest, abs(x), abs(end_x))
-        elif self.cut and height > self.cut.length:  # it faces
+        self._watch_cut(move.path)
+        self._watch_way_back(move.path, after.path.end.z, after.path.end.x)
+        cycle = move.finishes or (move.line if move.cycle_pass else 0)
+        if cycle in sides:
+            self.cycle_sides.add(sides[cycle].name)
+
+    def _watch_return(self, path: Path) -> None:
+        """Take note of a move along Z after a cut: beside it, or on its other side."""
+        if self.cut is None or abs(path.end.z - path.start.z) <= MIN_CUT:
+            return
+        mean_radius = 0.5 * (abs(path.start.x) + abs(path.end.x))
+        beside = mean_radius - abs(self.cut.end.x)
+        if beside > SAME_RADIUS:
+            self.returns_outside += 1
+        elif beside < -SAME_RADIUS:
+            self.returns_inside += 1
+        self.cut = None
+
+    def _watch_cut(self, path: Path) -> None:
+        """Take note of a cut, and whether it is along Z."""
+        start = path.start
+        end = path.end
+        self.radii |= {round(abs(radius), 4) for radius in path.reach}
+        self.places += (start.z, end.z)
+        length = abs(end.z - start.z)
+        height = abs(end.x - start.x)
+        if length > max(MIN_SLENDERNESS * height, MIN_CUT):
+            self.cut = path
+            self.along += 1
+            self.nearest = min(self.nearest, abs(start.x), abs(end.x))
+        # A tool that faces a shoulder after its cut says nothing about the side by its return.
+        elif self.cut is not None and height > self.cut.length:
             self.cut = None
-        if z == end == next_z < 0.0:
-            self.plunges += abs(end_x) < min(abs(x), abs(next_x))
-            self.plunges_inside += abs(end_x) > max(abs(x), abs(next_x))
-        self.pecks += x == end_x == next_x and end < min(z, next_z)
-        side = sides.get(move.finishes or (move.line if move.cycle_pass else 0))
-        if side is not None:
-            self.cycle_sides.add(side.name)
+
+    def _watch_way_back(self, path: Path, next_z: float, next_x: float) -> None:
+        """Take note of a cut that returns the same way: a plunge along X, or a peck along Z.
+
+        A plunge is behind the face, where Z is below 0.
+        """
+        start = path.start
+        end = path.end
+        if start.z == end.z == next_z < 0.0:
+            if abs(end.x) < min(abs(start.x), abs(next_x)):
+                self.plunges += 1
+            if abs(end.x) > max(abs(start.x), abs(next_x)):
+                self.plunges_inside += 1
+        if start.x == end.x == next_x and end.z < min(start.z, next_z):
+            self.pecks += 1
 
 
-def _habits(moves: Moves) -> dict[str, _Habits]:
+def _uses_of_tools(moves: Moves) -> dict[str, ToolUse]:
     """Return how each tool moves, in the order in which they are used."""
-    by_tool: dict[str, list[Move]] = {}
+    moves_of_tools: dict[str, list[Move]] = {}
     for move in moves.moves:
-        own = by_tool.setdefault(move.tool, [])
+        moves_of_tool = moves_of_tools.setdefault(move.tool, [])
         if move.kind != "dwell":
-            own.append(move)
-    habits = {}
-    for tool, own in by_tool.items():
-        habits[tool] = _Habits()
-        for move, after in itertools.pairwise([*own, *own[-1:]]):
-            habits[tool].watch(move, after, moves.sides)
-    return habits
+            moves_of_tool.append(move)
+    uses = {}
+    for tool, moves_of_tool in moves_of_tools.items():
+        use = ToolUse()
+        # Nothing follows the last move: it stands for the move after it.
+        followers = [*moves_of_tool[1:], *moves_of_tool[-1:]]
+        for move, after in zip(moves_of_tool, followers, strict=True):
+            use.watch(move, after, sides=moves.sides)
+        uses[tool] = use
+    return uses

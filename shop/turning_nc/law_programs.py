@@ -1,7 +1,8 @@
-"""Override laws of controllers, as synchronized actions.
+"""Programs of controllers: their override laws as synchronized actions.
 
-A law runs in the control, in every interpolation cycle. ``one_line_law`` is a function of the load: one polynomial into the
-override. The other laws go from the present override, which is kept in ``STATE``, to the next:
+A law runs in the control, in every interpolation cycle. ``one_line_law`` is a function of the load:
+one polynomial into the override. The other laws go from the present override, which is kept in
+``STATE``, to the next:
 
     next = present + gain(load) (end - present)
 
@@ -12,7 +13,18 @@ import math
 from collections.abc import Callable
 
 from turning_nc.expression import DECIMALS, number_text
-from turning_nc.law import GAIN, LOAD, MAX_LOAD, MAX_OVERRIDE, OVERRIDE, STATE, Law, LawWriter
+from turning_nc.law import (
+    GAIN,
+    LOAD,
+    MAX_LOAD,
+    MAX_OVERRIDE,
+    OVERRIDE,
+    STATE,
+    Law,
+    LawWriter,
+    Limits,
+    Polynomial,
+)
 from turning_nc.program import FEED_DECIMALS, SPEED_DECIMALS, Program, rounded_within
 from turning_nc.words import NcError
 
@@ -26,83 +38,118 @@ from turning_env.physics.drives import lag_share
 
 
 def law_program(name: str, scenario: Scenario) -> Program:
-    """Return a program of one cut along one bar at the programmed speed and feed, under a controller's override law.
+    """Return a program of one cut along one bar, under a controller's override law.
 
-    Raise KeyError or ValueError if there is no such controller on the scenario, NcError if it is not one of ``LAWS``.
+    Speed and feed are those of the part program that the controller adapts.
+
+    Raises:
+        KeyError: there is no such controller.
+        ValueError: the controller cannot play the scenario.
+        NcError: the controller is not one of ``LAWS``, or the scenario sets no override.
     """
     entry = catalogue.spec(name, scenario)
     if name not in LAWS:
         raise NcError(
-            f"{name} cannot be written as synchronized actions; those that can are {', '.join(LAWS)}"
+            f"{name} cannot be written as synchronized actions; "
+            f"those that can are {', '.join(LAWS)}"
         )
     if not on_override(scenario):
         raise NcError(f"scenario {scenario.name!r} does not set the override of a programmed feed")
-    machine = scenario.machine
     parameters = {key: float(value) for key, value in entry.parameters.items()}  # type: ignore[arg-type]
     part = PartProgram(scenario.nominal(), parameters)
-    speed = rounded_within(
-        part.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max, SPEED_DECIMALS
+    machine = scenario.machine
+    cutting_speed = rounded_within(
+        part.cutting_speed,
+        machine.cutting_speed_min,
+        high=machine.cutting_speed_max,
+        decimals=SPEED_DECIMALS,
     )
-    return Program.of(scenario, speed, _programmed_feed(part), LAWS[name](part, parameters))
+    law = LAWS[name](part, parameters)
+    return Program.of(scenario, cutting_speed, feed=_programmed_feed(part), law=law)
 
 
 def _programmed_feed(part: PartProgram) -> float:
+    """Return the feed of the part program in the control's resolution [mm/rev]."""
     machine = part.scenario.machine
-    return rounded_within(part.feed, machine.feed_min, machine.feed_max, FEED_DECIMALS)
+    return rounded_within(
+        part.feed, machine.feed_min, high=machine.feed_max, decimals=FEED_DECIMALS
+    )
 
 
-def _range_of(part: PartProgram) -> tuple[float, float]:
-    """Return the lowest and highest override [%] at which neither override nor feed leaves its limits."""
-    machine, feed = part.scenario.machine, _programmed_feed(part)
+def _limits(part: PartProgram) -> Limits:
+    """Return the limits within which neither override nor feed leaves its range."""
+    machine = part.scenario.machine
+    feed = _programmed_feed(part)
     high = 100.0 * min(part.override_max, machine.feed_max / feed)
     if high > MAX_OVERRIDE + 1e-9:
         raise NcError(
-            f"control.override_max is {part.override_max}, but a control's override goes to {MAX_OVERRIDE} %"
+            f"control.override_max is {part.override_max}, "
+            f"but a control's override goes to {MAX_OVERRIDE} %"
         )
     # Rounded to the inside: the feed must not be below its lowest value by a last decimal.
-    return math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6, math.floor(
-        high * 1e6 + 1e-6
-    ) / 1e6
+    return Limits(
+        low=math.ceil(1e8 * machine.feed_min / feed - 1e-6) / 1e6,
+        high=math.floor(high * 1e6 + 1e-6) / 1e6,
+    )
 
 
 def _one_line(part: PartProgram, parameters: Parameters) -> Law:
-    (low, high), writer = _range_of(part), LawWriter()
-    writer.polynomial((160.0, -2.0, 0.0, 0.0), low, min(120.0, high), OVERRIDE)
+    """Return the law 160 % - 2 * load, at most 120 %."""
+    limits = _limits(part)
+    writer = LawWriter()
+    line = Polynomial(limits.low, min(120.0, limits.high), a0=160.0, a1=-2.0, a2=0.0, a3=0.0)
+    writer.polynomial(line, OVERRIDE)
     return writer.law()
 
 
 def _towards_end(writer: LawWriter, end: float, *conditions: str) -> None:
+    """Add the action that goes a share, the gain, of the way to an end [%]."""
     writer.act(f"{STATE}={STATE}+{GAIN}*({number_text(end)}-{STATE})", *conditions)
 
 
 def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
+    """Return the law of the fuzzy controllers: bells of the load to both sides of their target."""
     target = target_load(part.scenario, parameters["target"])
-    k, p, d = (parameters[name] for name in ("k", "p", "d"))
+    gain_below = parameters["k"]
+    gain_above = parameters["p"]
     sharpness = 10.0 / max(1.0 - target, MIN_HEADROOM)
-    limits, writer, middle = _range_of(part), LawWriter(), round(100.0 * target, DECIMALS)
-    writer.table(
-        lambda load: k * math.exp(-5.0 * (0.01 * load / target) ** 2), 0.0, middle, beyond=False
-    )
-    writer.table(
-        lambda load: p - p * math.exp(-sharpness * (0.01 * load - target) ** 2),
-        middle,
-        MAX_LOAD,
-        beyond=True,
-    )
+    limits = _limits(part)
+    middle = round(100.0 * target, DECIMALS)
+
+    def below(load: float) -> float:
+        return gain_below * math.exp(-5.0 * (0.01 * load / target) ** 2)
+
+    def above(load: float) -> float:
+        return gain_above - gain_above * math.exp(-sharpness * (0.01 * load - target) ** 2)
+
+    writer = LawWriter()
+    writer.table(below, 0.0, last=middle, beyond=False)
+    writer.table(above, middle, last=MAX_LOAD, beyond=True)
     _towards_end(writer, 100.0 * part.override_max, f"{LOAD}<{number_text(middle)}")
-    _towards_end(writer, 100.0 * d, f"{LOAD}>={number_text(middle)}")
+    _towards_end(writer, 100.0 * parameters["d"], f"{LOAD}>={number_text(middle)}")
     return writer.law(limits)
 
 
 def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
+    """Return the law of a constant load: the override falls by a share of the load's excess.
+
+    The share is that of a first-order lag in one interpolation cycle.
+    """
     target = 100.0 * target_load(part.scenario, parameters["target"])
     share = lag_share(part.scenario.control.interval, 1.0 / parameters["gain"])
-    (low, high), writer = _range_of(part), LawWriter()
-    writer.polynomial(
-        (-share, share / target, 0.0, 0.0), -share, share * (MAX_LOAD / target - 1.0), GAIN
+    limits = _limits(part)
+    excess = Polynomial(
+        low=-share,
+        high=share * (MAX_LOAD / target - 1.0),
+        a0=-share,
+        a1=share / target,
+        a2=0.0,
+        a3=0.0,
     )
+    writer = LawWriter()
+    writer.polynomial(excess, GAIN)
     _towards_end(writer, 0.0)
-    return writer.law((max(100.0 * LOWEST_OVERRIDE, low), high))
+    return writer.law(Limits(max(100.0 * LOWEST_OVERRIDE, limits.low), limits.high))
 
 
 LAWS: dict[str, Callable[[PartProgram, Parameters], Law]] = {

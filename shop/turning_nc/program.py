@@ -1,7 +1,7 @@
-"""Programs of the project: one cut along a bar at a constant cutting speed and feed, under an override law.
+"""Programs of the project: one cut along a bar at a constant cutting speed and feed.
 
-They are SINUMERIK programs, and are read as those of users are. X is a diameter. Z is 0 at the bar's face and decreases towards
-the chuck.
+An override law acts on the feed. The programs are SINUMERIK's, and are read as those of users are.
+X is a diameter. Z is 0 at the bar's face and decreases towards the chuck.
 """
 
 import math
@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 from turning_nc.dialects import SINUMERIK
 from turning_nc.law import Law
@@ -18,19 +18,32 @@ from turning_nc.words import NcError, PartProgram, divide, naming, read_program_
 
 from turning_env import Scenario
 
-SPEED_DECIMALS, FEED_DECIMALS, LENGTH_DECIMALS, LIMIT_DECIMALS = 1, 3, 3, 1
-"""A control's resolution: cutting speed 0.1 m/min, feed 0.001 mm/rev, lengths 0.001 mm, spindle speed 0.1 rev/min."""
-RETRACTION = (
-    10.0  # radial distance by which the tool leaves the cut before it returns [mm] (assumption)
-)
+# A control's resolution: 0.1 m/min, 0.001 mm/rev, 0.001 mm and 0.1 rev/min.
+SPEED_DECIMALS = 1
+FEED_DECIMALS = 3
+LENGTH_DECIMALS = 3
+LIMIT_DECIMALS = 1
+
+# Radial distance by which the tool leaves the cut before it returns [mm] (assumption).
+RETRACTION = 10.0
 WARNING = "SIMULATION OUTPUT: NOT FOR A MACHINE WITHOUT REVIEW"
+
+# Plane ZX; no tool radius compensation; first zero offset; no stop between blocks; absolute; feed
+# per revolution; mm; X is a diameter. G95 must precede G96, which it would end.
 SAFE_START = "G18 G40 G54 G64 G90 G95 G710 DIAMON"
-"""Plane ZX; no tool radius compensation; first zero offset; no stop between blocks; absolute; feed per revolution; mm; X is a
-diameter. G95 must precede G96, which it would end."""
 UNITS = (
-    "X: diameter in mm; Z: mm, 0 at the face of the bar; S: cutting speed in m/min (G96); F: feed in mm/rev; "
-    "LIMS: highest spindle speed in rev/min"
+    "X: diameter in mm; Z: mm, 0 at the face of the bar; S: cutting speed in m/min (G96); "
+    "F: feed in mm/rev; LIMS: highest spindle speed in rev/min"
 )
+COMMENT_WIDTH = 100  # characters of a line of comment
+
+
+class _Range(NamedTuple):
+    """A value of a program, and the range of a machine."""
+
+    value: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -50,10 +63,15 @@ class Program:
         """Return the program of a cut along a whole bar of a scenario."""
         workpiece = scenario.workpiece
         highest = _highest_spindle_speed(scenario)
-        limit = rounded_within(highest, 0.0, highest, LIMIT_DECIMALS)
-        lengths = workpiece.diameter, workpiece.approach, -workpiece.bar_length
-        diameter, start, end = (round(length, LENGTH_DECIMALS) for length in lengths)
-        program = cls(diameter, start, end, limit, cutting_speed, feed, law)
+        program = cls(
+            diameter=round(workpiece.diameter, LENGTH_DECIMALS),
+            start=round(workpiece.approach, LENGTH_DECIMALS),
+            end=round(-workpiece.bar_length, LENGTH_DECIMALS),
+            max_spindle_speed=rounded_within(highest, 0.0, high=highest, decimals=LIMIT_DECIMALS),
+            cutting_speed=cutting_speed,
+            feed=feed,
+            law=law,
+        )
         program.check(scenario)
         return program
 
@@ -61,33 +79,36 @@ class Program:
         """Check that a scenario's machine can run the program and that its bar is the program's.
 
         Raises:
-            NcError: cutting speed, feed or spindle speed is outside the machine's range, or a position is not the scenario's.
+            NcError: cutting speed, feed or spindle speed is outside the machine's range, or a
+                position is not the scenario's.
         """
-        workpiece, machine = scenario.workpiece, scenario.machine
-        lengths = {
-            "diameter": (self.diameter, workpiece.diameter),
-            "first position": (self.start, workpiece.approach),
-            "last position": (self.end, -workpiece.bar_length),
-        }
-        for what, (mine, its) in lengths.items():
-            if abs(mine - its) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
-                raise NcError(
-                    f"the program's {what} is {mine} mm, but that of scenario {scenario.name!r} is {its} mm"
-                )
+        workpiece = scenario.workpiece
+        self._check_length(scenario, "diameter", self.diameter, workpiece.diameter)
+        self._check_length(scenario, "first position", self.start, workpiece.approach)
+        self._check_length(scenario, "last position", self.end, -workpiece.bar_length)
+        machine = scenario.machine
         ranges = {
-            "cutting speed": (
-                self.cutting_speed,
-                machine.cutting_speed_min,
-                machine.cutting_speed_max,
+            "cutting speed": _Range(
+                self.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max
             ),
-            "feed": (self.feed, machine.feed_min, machine.feed_max),
-            "LIMS": (self.max_spindle_speed, 0.0, _highest_spindle_speed(scenario)),
+            "feed": _Range(self.feed, machine.feed_min, machine.feed_max),
+            "LIMS": _Range(self.max_spindle_speed, 0.0, _highest_spindle_speed(scenario)),
         }
-        for what, (value, low, high) in ranges.items():
+        for name, (value, low, high) in ranges.items():
+            # Rounding errors may put a value at a limit beyond it.
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
                 raise NcError(
-                    f"the program's {what} is {value}, but the machine's range is {low:g} to {high:g}"
+                    f"the program's {name} is {value}, "
+                    f"but the machine's range is {low:g} to {high:g}"
                 )
+
+    def _check_length(self, scenario: Scenario, name: str, length: float, expected: float) -> None:
+        """Check that a length is the scenario's, as far as the control resolves it."""
+        if abs(length - expected) > 0.5 * 10.0**-LENGTH_DECIMALS + 1e-9:
+            raise NcError(
+                f"the program's {name} is {length} mm, "
+                f"but that of scenario {scenario.name!r} is {expected} mm"
+            )
 
 
 def rounded_within(value: float, low: float, high: float, decimals: int) -> float:
@@ -97,13 +118,16 @@ def rounded_within(value: float, low: float, high: float, decimals: int) -> floa
         NcError: the range holds none.
     """
     scale = 10.0**decimals
-    first, last = math.ceil(low * scale - 1e-9), math.floor(high * scale + 1e-9)
+    first = math.ceil(low * scale - 1e-9)
+    last = math.floor(high * scale + 1e-9)
     if first > last:
         raise NcError(f"the range {low} to {high} holds no value of {decimals} decimals")
-    return float(round(min(max(round(value * scale), first), last) / scale, decimals))
+    steps = min(max(round(value * scale), first), last)
+    return float(round(steps / scale, decimals))
 
 
 def _highest_spindle_speed(scenario: Scenario) -> float:
+    """Return the spindle speed at the highest cutting speed [rev/min]."""
     return 1000.0 * scenario.machine.cutting_speed_max / (math.pi * scenario.workpiece.diameter)
 
 
@@ -114,7 +138,8 @@ def read(text: str) -> Program:
     """Return the program of a text.
 
     Raises:
-        NcError: the text is not understood, or is not one cut along a bar; names the line and the reason.
+        NcError: the text is not understood, or is not one cut along a bar; names the line and the
+            reason.
     """
     return _program(divide(text, SINUMERIK))
 
@@ -130,49 +155,63 @@ def _program(program: PartProgram) -> Program:
     """Return a part program as one cut: the only move at feed, along Z."""
     done = run(program)
     last = program.parts[program.main][-1]
-    if not any(word.address == "M" and word.value == 30 for word in last.words):
+    if not last.has("M", 30):
         raise NcError(f"line {last.number}: the program must end with M30")
     cut, *others = [move for move in done.moves if move.kind != "rapid"]
-    path, radius = cut.path, cut.path.end[1]
     if others:
         raise NcError(f"line {others[0].line}: the cut must be one block, that of line {cut.line}")
-    if not (
-        cut.kind == "feed"
-        and path.centre is None
-        and path.start[1] == radius
-        and path.end[0] < path.start[0]
-    ):
-        raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
-    if not (
-        cut.constant_cutting_speed and cut.per_revolution and math.isfinite(cut.max_spindle_speed)
-    ):
-        raise NcError(f"line {cut.line}: feed must be under G95 and G96, with LIMS")
-    for move in done.moves[1:]:  # the first comes from anywhere
-        (z, x), (end, end_x) = move.path.start, move.path.end
-        if (
-            move is not cut
-            and min(x, end_x) < radius + RETRACTION - 1e-9
-            and not (z == end and (end_x >= x or z >= 0.0))
-        ):
-            raise NcError(
-                f"line {move.line}: a rapid move along Z must keep to X{2.0 * (radius + RETRACTION)} or beyond"
-            )
+    _check_cut(cut)
+    # The first move comes from anywhere.
+    for move in done.moves[1:]:
+        if move is not cut:
+            _check_retraction(move, cut.path.end.x)
     return Program(
-        _in_resolution("X", 2.0 * radius, LENGTH_DECIMALS, cut),
-        _in_resolution("Z", path.start[0], LENGTH_DECIMALS, cut),
-        _in_resolution("Z", path.end[0], LENGTH_DECIMALS, cut),
-        _in_resolution("LIMS", cut.max_spindle_speed, LIMIT_DECIMALS, cut),
-        _in_resolution("S", cut.speed.value, SPEED_DECIMALS, cut),
-        _in_resolution("F", cut.feed.value, FEED_DECIMALS, cut),
-        done.law,
+        diameter=_in_resolution("X", 2.0 * cut.path.end.x, LENGTH_DECIMALS, cut),
+        start=_in_resolution("Z", cut.path.start.z, LENGTH_DECIMALS, cut),
+        end=_in_resolution("Z", cut.path.end.z, LENGTH_DECIMALS, cut),
+        max_spindle_speed=_in_resolution("LIMS", cut.max_spindle_speed, LIMIT_DECIMALS, cut),
+        cutting_speed=_in_resolution("S", cut.speed.value, SPEED_DECIMALS, cut),
+        feed=_in_resolution("F", cut.feed.value, FEED_DECIMALS, cut),
+        law=done.law,
     )
 
 
+def _check_cut(cut: Move) -> None:
+    """Check that a move is a cut along Z at a constant cutting speed."""
+    path = cut.path
+    is_along_z = path.centre is None and path.start.x == path.end.x
+    if not (cut.kind == "feed" and is_along_z and path.end.z < path.start.z):
+        raise NcError(f"line {cut.line}: feed must go along Z towards the chuck, with G01 Z...")
+    is_limited = math.isfinite(cut.max_spindle_speed)
+    if not (cut.constant_cutting_speed and cut.per_revolution and is_limited):
+        raise NcError(f"line {cut.line}: feed must be under G95 and G96, with LIMS")
+
+
+def _check_retraction(move: Move, radius: float) -> None:
+    """Check that a rapid move keeps away from the bar, whose radius is that of the cut.
+
+    Along X it may leave the bar, or go anywhere before its face.
+    """
+    start = move.path.start
+    end = move.path.end
+    is_away = min(start.x, end.x) >= radius + RETRACTION - 1e-9
+    is_along_x = start.z == end.z and (end.x >= start.x or start.z >= 0.0)
+    if not (is_away or is_along_x):
+        raise NcError(
+            f"line {move.line}: a rapid move along Z must keep to "
+            f"X{2.0 * (radius + RETRACTION)} or beyond"
+        )
+
+
 def _in_resolution(address: str, value: float, decimals: int, move: Move) -> float:
+    """Return a value that a control can hold."""
     if not abs(value - round(value, decimals)) < 1e-9:
-        what = f"{address}{value:g} is finer than the control's resolution"
-        raise NcError(f"line {move.line}: {what}, which is {decimals} decimals")
-    return round(value, decimals) + 0.0  # no -0.0
+        raise NcError(
+            f"line {move.line}: {address}{value:g} is finer than the control's resolution, "
+            f"which is {decimals} decimals"
+        )
+    # The sum with 0 turns -0.0 into 0.0.
+    return round(value, decimals) + 0.0
 
 
 # Write.
@@ -180,37 +219,45 @@ def _in_resolution(address: str, value: float, decimals: int, move: Move) -> flo
 
 def write(program: Program, comments: Iterable[str] = ()) -> str:
     """Return the text of a program: warning, comments, units, and numbered blocks."""
-    lines = [
-        f"; {line}"
-        for text in (WARNING, *comments, UNITS)
-        for line in textwrap.wrap(_plain(text), 100) or [""]
-    ]
-    diameter, across, start, end = (
-        f"{length:.{LENGTH_DECIMALS}f}"
-        for length in (
-            program.diameter,
-            program.diameter + 2.0 * RETRACTION,
-            program.start,
-            program.end,
-        )
-    )
-    set_points = f"S{program.cutting_speed:.{SPEED_DECIMALS}f} F{program.feed:.{FEED_DECIMALS}f}"
-    blocks = (
+    lines = []
+    for comment in (WARNING, *comments, UNITS):
+        # An empty comment is an empty line.
+        for line in textwrap.wrap(_plain(comment), COMMENT_WIDTH) or [""]:
+            lines.append(f"; {line}")
+    for number, block in enumerate(_blocks(program), 1):
+        lines.append(f"N{10 * number} {block}")
+    return "\n".join(lines) + "\n"
+
+
+def _blocks(program: Program) -> list[str]:
+    """Return the blocks of a program, without their numbers."""
+    diameter = _length(program.diameter)
+    away = _length(program.diameter + 2.0 * RETRACTION)
+    start = _length(program.start)
+    end = _length(program.end)
+    speed = f"{program.cutting_speed:.{SPEED_DECIMALS}f}"
+    feed = f"{program.feed:.{FEED_DECIMALS}f}"
+    limit = f"{program.max_spindle_speed:.{LIMIT_DECIMALS}f}"
+    # Blocks are read ahead: STOPRE keeps the first values from being set too early.
+    stop = ["STOPRE"] if program.law.first_values else []
+    return [
         SAFE_START,
         "T1 D1",
-        *(["STOPRE"] if program.law.first_values else []),
+        *stop,
         *program.law.lines,
-        f"G96 {set_points} LIMS={program.max_spindle_speed:.{LIMIT_DECIMALS}f} M03",
-        f"G00 X{across} Z{start}",
+        f"G96 S{speed} F{feed} LIMS={limit} M03",
+        f"G00 X{away} Z{start}",
         f"G00 X{diameter}",
         f"G01 Z{end}",
-        f"G00 X{across}",
+        f"G00 X{away}",
         f"G00 Z{start}",
         "M05",
         "M30",
-    )
-    lines += [f"N{10 * number} {block}" for number, block in enumerate(blocks, 1)]
-    return "\n".join(lines) + "\n"
+    ]
+
+
+def _length(length: float) -> str:
+    return f"{length:.{LENGTH_DECIMALS}f}"
 
 
 def _plain(text: str) -> str:

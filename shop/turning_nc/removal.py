@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.kinds import DRILL, inside_solid, kinds_of
+from turning_nc.kinds import DRILL, ToolKinds
 from turning_nc.metal import Metal, overlaps
 from turning_nc.moves import Move, Moves
 from turning_nc.paths import Point
@@ -72,15 +72,15 @@ def remove(moves: Moves, stock: Any, tools: Mapping[str, str] = {}) -> Removal:
         moves: the moves of the program.
         stock: a polygon.
         tools: kinds of tools by their words, such as ``{"T0303": "inside"}``; for all others see
-            ``kinds_of``.
+            ``ToolKinds``.
 
     Raises:
         NcError: a kind is unknown, a tool is not in the program, or a cycle turns a side on which
             the stock has no metal.
     """
-    kinds = kinds_of(moves, tools)
-    in_solid = inside_solid(moves, kinds, tools, stock)
-    kinds |= dict.fromkeys(in_solid, "outside")
+    moving = ToolKinds(moves, tools)
+    in_solid = moving.without_hole(stock)
+    kinds = moving.by_tool | dict.fromkeys(in_solid, "outside")
     mirrored = _tools_beyond_axis(moves)
     cutting = _Cutting(stock, kinds, mirrored=mirrored, threading=_threading_tools(moves))
     unchecked = set(moves.sides)
