@@ -61,7 +61,7 @@ def _csv_points(path: Path) -> list[Point]:
                 f"{place}: Z must be within {MAX_LENGTH:g} mm, "
                 f"the diameter 0 to {MAX_DIAMETER:g} mm"
             )
-        points.append((z, diameter / 2.0))
+        points.append(Point(z, diameter / 2.0))
     return points
 
 
@@ -101,8 +101,8 @@ def _entity_line(entity: Any, unit: float, path: Path) -> list[Point]:
         points = list(curve.flattening(MAX_CHORD_ERROR))
     except (ValueError, ArithmeticError, ezdxf.DXFError) as error:
         raise NcError(f"{path}: {entity} is no curve: {error}") from None
-    line = [(unit * point.x, unit * point.y) for point in points]
-    if any(max(abs(z), abs(x)) > MAX_LENGTH for z, x in line):
+    line = [Point(unit * point.x, unit * point.y) for point in points]
+    if any(max(abs(point.z), abs(point.x)) > MAX_LENGTH for point in line):
         raise NcError(
             f"{path}: {entity} reaches beyond {MAX_LENGTH:g} mm: is its unit ($INSUNITS) right?"
         )

@@ -213,8 +213,8 @@ class _Cutting:
         if shape is None or math.dist(start, end) < SAME:
             return AIR
         if move.tool in self._mirrored:
-            start = (start[0], -start[1])
-            end = (end[0], -end[1])
+            start = Point(start.z, -start.x)
+            end = Point(end.z, -end.x)
         if move.kind == "rapid":
             # A tool that withdraws to where it came from rubs along each ridge of a shoulder, which
             # would take long to compute.
