@@ -1,4 +1,4 @@
-"""Actors, the form in which trained agents play: PyTorch modules from (observation, memory) to (action, memory)."""
+"""Actors, the form in which trained agents play: PyTorch modules with a memory."""
 
 from typing import Any
 
@@ -10,16 +10,15 @@ from turning_env.scoring.policy import Actions, Observations
 
 
 class Actor(torch.nn.Module):
-    """A module that returns an agent's most likely action; it includes scaling, memory and clipping.
+    """A module that returns an agent's most likely action.
 
-    ``forward(observation, memory)`` takes float32 tensors of shape (num_envs, entries) and (num_envs, memory_size). It returns
-    the action in -1..1 of shape (num_envs, actions) and the memory for the next call. The memory is 0 before an episode's first
-    observation.
+    It includes scaling, memory and clipping. ``forward(observation, memory)`` takes float32 tensors of shape (num_envs, entries) and
+    (num_envs, memory_size). It returns the action in -1..1 of shape (num_envs, actions) and the
+    memory for the next call. The memory is 0 before an episode's first observation.
     """
 
-    memory_size: int = (
-        0  # size of the memory; 0: the action is a function of the present observation
-    )
+    memory_size: int = 0
+    """Size of the memory; 0: the action is a function of the present observation."""
 
     def forward(
         self, observation: torch.Tensor, memory: torch.Tensor
@@ -53,8 +52,11 @@ class ActorPolicy:
         self._memory[torch.from_numpy(mask)] = 0.0
 
     def act(self, observations: Observations) -> Actions:
-        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries); both float32."""
+        """Return actions, shape (num_envs, actions), for observations, shape (num_envs, entries).
+
+        Both are float32.
+        """
         with torch.no_grad():
             action, self._memory = self._actor(torch.from_numpy(observations), self._memory)
-        result: NDArray[Any] = action.numpy()
-        return result
+        actions: NDArray[Any] = action.numpy()
+        return actions

@@ -1,13 +1,16 @@
-"""Plot learning curves: mean return of each algorithm over environment steps, over its training seeds.
+"""Plot learning curves: mean return of each algorithm over environment steps.
 
-    python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out curves.png --level predictive=-75
-    python -m train.curves runs/RoughTurning-v0/rough_turning/*-seed* --out my-agents/learning_curves.json
+    python -m train.curves runs/RoughTurning-v0/*/*-seed* --out curves.png --level predictive=-75
+    python -m train.curves runs/RoughTurning-v0/*/*-seed* --out my-agents/learning_curves.json
     python -m train.curves agents/RoughTurning-v0/rough_turning/learning_curves.json
 
-A line is the mean over an algorithm's training seeds, its band the 95 % bootstrap interval over them. Returns are those of the
-training episodes, in which the agent explores. ``--level`` adds a horizontal line for comparison, such as a controller's return.
-An ``--out`` that ends in .json gets the curves themselves, thinned, a line per training. Such files can be drawn, too, or given
-with run folders, which replace the curves of the same name.
+A line is the mean over an algorithm's training seeds, its band the 95 % bootstrap interval over
+them. Returns are those of the training episodes, in which the agent explores. ``--level`` adds a
+horizontal line for comparison, such as a controller's return.
+
+If ``--out`` ends in .json, the command writes the curves themselves, thinned, one line per
+training. You can draw such files again, and give them with run folders. The curves of run folders
+replace those of the same name.
 """
 
 import argparse
@@ -32,7 +35,8 @@ from turning_env.rendering import plot_style as style
 from turning_env.scoring.policy import ScenarioId
 from turning_env.scoring.statistics import CONFIDENCE, KEY, RESAMPLES
 
-FILE = "learning_curves.json"  # name of the file of learning curves beside agents
+FILE = "learning_curves.json"
+"""Name of the file of learning curves beside agents."""
 POINTS = 100
 _DIGITS = 4  # significant ones, enough to draw
 
@@ -46,31 +50,33 @@ class Training(BaseModel):
 
     first: float  # environment steps of its first value
     last: float
-    mean_return: list[float] = Field(
-        min_length=1
-    )  # mean return [s] at equal distances from first to last
+    mean_return: list[float] = Field(min_length=1)
+    """Mean return [s] at equal distances from first to last."""
 
     @classmethod
     def of(cls, run: Run) -> Self:
-        """Return the learning curve of a run. Raise ValueError if the folder holds none."""
+        """Return the learning curve of a run.
+
+        Raises:
+            ValueError: the folder holds no learning curve.
+        """
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
         steps = [row["steps"] for row in rows]
-        returns = np.interp(
-            np.linspace(steps[0], steps[-1], POINTS), steps, [row["mean_return"] for row in rows]
-        )
+        mean_returns = [row["mean_return"] for row in rows]
+        grid = np.linspace(steps[0], steps[-1], POINTS)
+        thinned = np.interp(grid, steps, mean_returns)
         return cls(
             first=steps[0],
             last=steps[-1],
-            mean_return=[float(f"{value:.{_DIGITS}g}") for value in returns],
+            mean_return=[float(f"{value:.{_DIGITS}g}") for value in thinned],
         )
 
     def at(self, steps: Floats) -> Floats:
         """Return the mean returns [s] at some environment steps."""
-        return np.interp(
-            steps, np.linspace(self.first, self.last, len(self.mean_return)), self.mean_return
-        )
+        grid = np.linspace(self.first, self.last, len(self.mean_return))
+        return np.interp(steps, grid, self.mean_return)
 
 
 class Trainings(BaseModel):
@@ -84,20 +90,28 @@ class Trainings(BaseModel):
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a file. Raise ValueError if it cannot be read, or holds no learning curves."""
+        """Read a file.
+
+        Raises:
+            ValueError: the file cannot be read, or holds no learning curves.
+        """
         try:
             return cls.model_validate_json(path.read_bytes())
         except (OSError, ValidationError) as error:
             raise ValueError(f"{path} holds no learning curves: {error}") from error
 
     def write(self, path: Path) -> None:
-        """Write a file, all of it or nothing: a line per training."""
-        lines = (
-            f"  {json.dumps(label)}: {each.model_dump_json()}"
-            for label, each in sorted(self.trainings.items())
+        """Write a file, all of it or nothing: one line per training."""
+        lines = [
+            f"  {json.dumps(label)}: {training.model_dump_json()}"
+            for label, training in sorted(self.trainings.items())
+        ]
+        text = (
+            "{\n"
+            f' "env_id": {json.dumps(self.env_id)},\n'
+            f' "scenario": {self.scenario.model_dump_json()},\n'
+            ' "trainings": {\n' + ",\n".join(lines) + "\n }\n}\n"
         )
-        head = f' "env_id": {json.dumps(self.env_id)},\n "scenario": {self.scenario.model_dump_json()},\n "trainings": {{\n'
-        text = "{\n" + head + ",\n".join(lines) + "\n }\n}\n"
         replace_file(path, lambda partial: partial.write_text(text, "utf-8"))
 
 
@@ -112,73 +126,99 @@ class Curve(NamedTuple):
 
 
 def read(sources: Sequence[Path], name: str | None = None) -> Trainings:
-    """Return the curves of files and of run folders, which replace those of the same name; ValueError if not comparable.
+    """Return the curves of files and of run folders.
 
-    ``name``: that of the agent of the run folders; None: its algorithm's.
+    The curves of run folders replace those of the same name in files.
+
+    Args:
+        sources: paths of files and of run folders.
+        name: name of the agent of the run folders; None: its algorithm's.
+
+    Raises:
+        ValueError: the trainings are not comparable, or one is given more than once.
     """
-    in_files, in_runs = dict[str, Training](), dict[str, Training]()
+    from_files: dict[str, Training] = {}
+    from_runs: dict[str, Training] = {}
     tasks: dict[tuple[str, ScenarioId], Path] = {}
     runs: dict[str, Run] = {}
     for source in sources:
         if source.suffix == ".json":
-            held, known = Trainings.read(source), in_files
-            task, new = (held.env_id, held.scenario), held.trainings
+            file = Trainings.read(source)
+            task = (file.env_id, file.scenario)
+            _add(from_files, file.trainings)
         else:
-            run, known = Run.read(source), in_runs
+            run = Run.read(source)
             first = runs.setdefault(run.algorithm, run)
             if run.parameters != first.parameters:
                 raise ValueError(
                     f"{first.folder} and {source} are trainings with different hyperparameters"
                 )
-            task, new = (
-                (run.env_id, run.task),
-                {f"{name or run.algorithm}-seed{run.seed}": Training.of(run)},
-            )
+            task = (run.env_id, run.task)
+            label = f"{name or run.algorithm}-seed{run.seed}"
+            _add(from_runs, {label: Training.of(run)})
         tasks.setdefault(task, source)
         if len(tasks) > 1:
-            raise ValueError("{} and {} are trainings on different tasks".format(*tasks.values()))
-        if twice := known.keys() & new:
-            raise ValueError(f"{min(twice)} is given more than once")
-        known.update(new)
-    (env_id, scenario), *_ = tasks
-    return Trainings(env_id=env_id, scenario=scenario, trainings=in_files | in_runs)
+            first_source, other_source = tasks.values()
+            raise ValueError(f"{first_source} and {other_source} are trainings on different tasks")
+    env_id, scenario = next(iter(tasks))
+    return Trainings(env_id=env_id, scenario=scenario, trainings=from_files | from_runs)
+
+
+def _add(trainings: dict[str, Training], more: Mapping[str, Training]) -> None:
+    """Add trainings to others. Raise ValueError if one is there already."""
+    twice = trainings.keys() & more
+    if twice:
+        raise ValueError(f"{min(twice)} is given more than once")
+    trainings.update(more)
 
 
 def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
-    """Return each algorithm's mean curve over the common steps of its trainings, with its bootstrap interval over seeds."""
+    """Return each algorithm's mean curve over the common steps of its trainings.
+
+    Raises:
+        ValueError: the trainings of an algorithm have no steps in common.
+    """
     groups: dict[str, list[Training]] = {}
     for label, training in trainings.items():
         groups.setdefault(label.rpartition("-seed")[0], []).append(training)
-    found = {}
-    for name, group in groups.items():
-        start, end = max(each.first for each in group), min(each.last for each in group)
-        if start > end:
-            raise ValueError(
-                f"the curves of {name} do not overlap: resume the unfinished trainings"
-            )
-        steps, count = np.linspace(start, end, POINTS), len(group)
-        values = np.array([each.at(steps) for each in group])
-        resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
-        weights = np.stack([(resamples == seed).mean(axis=1) for seed in range(count)], axis=1)
-        low, high = np.quantile(
-            weights @ values, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE], axis=0
-        )
-        found[name] = Curve(count, steps, values.mean(axis=0), low, high)
-    return found
+    return {name: _mean_curve(name, group) for name, group in groups.items()}
 
 
-def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
-    """Return a figure with a line per algorithm and per level; call it within ``style.for_print``."""
-    if len(found) > len(style.LINES):
+def _mean_curve(name: str, group: Sequence[Training]) -> Curve:
+    """Return the mean of some trainings, with its bootstrap interval over training seeds."""
+    start = max(training.first for training in group)
+    end = min(training.last for training in group)
+    if start > end:
+        raise ValueError(f"the curves of {name} do not overlap: resume the unfinished trainings")
+    steps = np.linspace(start, end, POINTS)
+    values = np.array([training.at(steps) for training in group])
+
+    # A resample draws as many trainings as there are; its mean weights each by how often it is
+    # drawn.
+    count = len(group)
+    resamples = np.random.default_rng(KEY).integers(count, size=(RESAMPLES, count))
+    weights = np.stack([(resamples == index).mean(axis=1) for index in range(count)], axis=1)
+    tails = [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE]
+    low, high = np.quantile(weights @ values, tails, axis=0)
+    return Curve(seeds=count, steps=steps, mean=values.mean(axis=0), low=low, high=high)
+
+
+def draw(algorithm_curves: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
+    """Return a figure with a line per algorithm and per level; call it within ``style.for_print``.
+
+    Raises:
+        ValueError: there are more algorithms than line styles.
+    """
+    if len(algorithm_curves) > len(style.LINES):
         raise ValueError(
-            f"{len(found)} algorithms do not fit on one figure: at most {len(style.LINES)}"
+            f"{len(algorithm_curves)} algorithms do not fit on one figure: "
+            f"at most {len(style.LINES)}"
         )
     figure = Figure(figsize=(style.DOUBLE, 4.4), layout="constrained")
     axes: Axes = figure.subplots()
-    for (name, curve), (colour, dashes) in zip(
-        found.items(), style.policy_looks(found), strict=True
-    ):
-        seeds = f"{curve.seeds} seed{'s' if curve.seeds > 1 else ''}"
+    looks = style.policy_looks(algorithm_curves)
+    for (name, curve), (colour, dashes) in zip(algorithm_curves.items(), looks, strict=True):
+        seeds = "1 seed" if curve.seeds == 1 else f"{curve.seeds} seeds"
         axes.fill_between(
             curve.steps, curve.low, curve.high, color=colour, alpha=0.2, linewidth=0.0
         )
@@ -187,21 +227,23 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
         axes.axhline(level, color=style.GREY, linewidth=0.8, linestyle=":", zorder=0)
         axes.annotate(
             f"{name} {level:g} s",
-            (0.0, level),
-            (4, 2),
-            ("axes fraction", "data"),
-            "offset points",
+            xy=(0.0, level),
+            xytext=(4, 2),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
             color=style.GREY,
         )
-    # The first returns are far away: linear up to the decade of the final returns, and logarithmic beyond.
-    linear = 10.0 ** math.floor(
-        math.log10(max(*(abs(each.mean[-1]) for each in found.values()), 1e-3))
-    )
+
+    # The first returns are far away: the scale is linear up to the decade of the final returns,
+    # and logarithmic beyond.
+    largest = max(1e-3, *(abs(curve.mean[-1]) for curve in algorithm_curves.values()))
+    linear = 10.0 ** math.floor(math.log10(largest))
     axes.set_yscale("symlog", linthresh=linear, subs=[2, 5])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_ylabel(
-        f"mean return per training episode [s]\n{CONFIDENCE:.0%} interval; linear up to ±{linear:g}, logarithmic beyond"
+        "mean return per training episode [s]\n"
+        f"{CONFIDENCE:.0%} interval; linear up to ±{linear:g}, logarithmic beyond"
     )
     axes.set_xlabel("environment steps")
     axes.xaxis.set_major_formatter(EngFormatter())
@@ -214,7 +256,8 @@ def draw(found: Mapping[str, Curve], levels: Mapping[str, float]) -> Figure:
 def named_level(text: str) -> tuple[str, float]:
     """Return the name and the return [s] of ``NAME=VALUE``."""
     name, separator, value = text.rpartition("=")
-    if not (separator and name and math.isfinite(level := float(value))):
+    level = float(value)
+    if not separator or not name or not math.isfinite(level):
         raise ValueError
     return name, level
 
@@ -223,32 +266,41 @@ def named_level(text: str) -> tuple[str, float]:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m train.curves", **described(__doc__))
-    sources_help = f"folders of trainings on one task, or a file of their curves such as {FILE}"
-    parser.add_argument("sources", nargs="+", type=Path, metavar="RUN_FOLDER", help=sources_help)
-    out_help = "picture to write: PNG, SVG or PDF, by its suffix; or JSON, the curves themselves (default: %(default)s)"
     parser.add_argument(
-        "--out", type=Path, default=Path("docs/learning_curves.png"), metavar="FILE", help=out_help
+        "sources",
+        nargs="+",
+        type=Path,
+        metavar="RUN_FOLDER",
+        help=f"folders of trainings on one task, or a file of their curves such as {FILE}",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("docs/learning_curves.png"),
+        metavar="FILE",
+        help="picture to write: PNG, SVG or PDF, by its suffix; or JSON, the curves themselves "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--name", help="name of the agent of the folders (default: its algorithm's)"
     )
-    level_help = "draw a horizontal line at this return [s]"
     parser.add_argument(
         "--level",
         action="append",
         default=[],
         type=named_level,
         metavar="NAME=VALUE",
-        help=level_help,
+        help="draw a horizontal line at this return [s]",
     )
     parsed = parser.parse_args(arguments)
-    found = read(parsed.sources, parsed.name)
+    trainings = read(parsed.sources, parsed.name)
     if parsed.out.suffix == ".json":
-        found.write(parsed.out)
+        trainings.write(parsed.out)
     else:
         with style.for_print():
-            style.save(draw(curves(found.trainings), dict(parsed.level)), parsed.out)
-    print(f"{parsed.out}: {found.env_id}, {found.scenario.name}")
+            figure = draw(curves(trainings.trainings), dict(parsed.level))
+            style.save(figure, parsed.out)
+    print(f"{parsed.out}: {trainings.env_id}, {trainings.scenario.name}")
     return 0
 
 

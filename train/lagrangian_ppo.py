@@ -2,17 +2,17 @@
 
     python -m train.lagrangian_ppo --seed 0
 
-The reward's overload term is left out. Instead, a second of severe overload costs a multiplier. After each rollout, the
-multiplier rises if the severely overloaded share of cutting time is above its target, and falls if it is below. This is dual
-ascent on the logarithm of the multiplier (Ray, Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement
-learning", section 5.2). The target is a share of ``limits.overload_allowance``. The rest is a margin, because a confidence limit
-decides whether a policy is feasible. The same command resumes an interrupted training, and does nothing if training is finished.
-Files: see ``train/training.py``.
+The reward's overload term is left out. Instead, a second of severe overload costs a multiplier.
+After each rollout, the multiplier rises if the severely overloaded share of cutting time is above
+its target, and falls if it is below. This is dual ascent on the logarithm of the multiplier (Ray,
+Achiam and Amodei 2019, "Benchmarking safe exploration in deep reinforcement learning", section
+5.2). The target is a share of ``limits.overload_allowance``. The rest is a margin, because a
+confidence limit decides whether a policy is feasible. The same command resumes an interrupted
+training, and does nothing if training is finished. Files: see ``train/training.py``.
 """
 
 import math
 import sys
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,10 @@ from turning_env.vector_env import info_at_end_of_step
 
 
 class AllowanceVecEnv(RoughTurningVecEnv):
-    """Environments that charge a multiplier for severe overload; the returns in ``infos`` remain the environment's own."""
+    """Environments that charge a multiplier for severe overload.
+
+    The returns in ``infos`` remain the environment's own.
+    """
 
     multiplier = 1.0
     """Cost of a second of severe overload [s]."""
@@ -42,26 +45,27 @@ class AllowanceVecEnv(RoughTurningVecEnv):
     def training_rewards(
         self, rewards: NDArray[np.float64], infos: dict[str, Any]
     ) -> NDArray[np.float64]:
-        """Return rewards without the price of overload, less the multiplier times the severe overload time."""
-        overload, severe, engaged = (
-            info_at_end_of_step(infos, name)
-            for name in ("reward_overload", "severe_overload_time", "engaged_time")
-        )
-        self._severe_time += float(severe.sum())
-        self._engaged_time += float(engaged.sum())
-        return rewards - overload - self.multiplier * severe
+        """Return rewards that charge the multiplier in place of the price of overload."""
+        overload_reward = info_at_end_of_step(infos, "reward_overload")
+        severe_time = info_at_end_of_step(infos, "severe_overload_time")
+        engaged_time = info_at_end_of_step(infos, "engaged_time")
+        self._severe_time += float(severe_time.sum())
+        self._engaged_time += float(engaged_time.sum())
+        return rewards - overload_reward - self.multiplier * severe_time
 
     def adapt(self, target: float, rate: float) -> None:
-        """Change the multiplier's logarithm by ``rate`` per excess of the severe share over its target [-].
+        """Change the multiplier's logarithm by ``rate`` per excess of the severe share [-].
 
-        It is constant until the first severe overload: if overload is impossible, no price is needed.
+        The multiplier is constant until the first severe overload: if overload is impossible, no
+        price is needed.
         """
         if self._engaged_time > 0.0:
             self.severe_share = self._severe_time / self._engaged_time
             self._has_overloaded |= self.severe_share > 0.0
             if self._has_overloaded:
                 self.multiplier *= math.exp(rate * (self.severe_share - target))
-        self._severe_time = self._engaged_time = 0.0
+        self._severe_time = 0.0
+        self._engaged_time = 0.0
 
 
 class Adaptation(BaseCallback):
@@ -94,6 +98,11 @@ def columns(model: Any) -> dict[str, float]:
     return {"multiplier": model.env.multiplier, "severe_share": model.env.severe_share}
 
 
+def callbacks(run: Run) -> list[BaseCallback]:
+    """Return the callbacks of a training."""
+    return [Adaptation(run)]
+
+
 SEARCH = ppo.SEARCH | {
     "multiplier_rate": FloatDistribution(0.1, 10.0, log=True),
     "share_of_allowance": FloatDistribution(0.5, 1.0),
@@ -107,12 +116,16 @@ ALGORITHM = Algorithm(
     search=SEARCH,
     training_information=("rewards", "overload share"),
     vec_env=AllowanceVecEnv,
-    callbacks=lambda run: [Adaptation(run)],
+    callbacks=callbacks,
     columns=columns,
     families=False,
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,13 +3,12 @@
     python -m train.ppo --seed 0
     python -m train.ppo --env RoughTurning-v0 --scenario forging --seed 1 --total-timesteps 8000000
 
-The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
-(Schulman et al. 2017, arXiv 1707.06347.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files:
+see ``train/training.py``. (Schulman et al. 2017, arXiv 1707.06347.)
 """
 
 import math
 import sys
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,9 +29,10 @@ Tensor = torch.Tensor
 
 
 class LeanPPO(PPO):
-    """Stable-Baselines3's PPO without its Python loops over environments and its statistics of minibatches (docs/peers.md).
+    """Stable-Baselines3's PPO without its Python loops over environments (docs/peers.md).
 
-    Samples of a rollout lie in one tensor, which is shuffled once per epoch.
+    Samples of a rollout lie in one tensor, which is shuffled once per epoch. Statistics are those
+    of the last minibatch.
     """
 
     def collect_rollouts(
@@ -42,7 +42,7 @@ class LeanPPO(PPO):
         rollout_buffer: RolloutBuffer,
         n_rollout_steps: int,
     ) -> bool:
-        """Fill the buffer; the value of its last observation is added to a truncated episode's last reward."""
+        """Fill the buffer with a rollout of ``n_rollout_steps`` steps per environment."""
         policy: Any = self.policy
         rollout_buffer.reset()
         callback.on_rollout_start()
@@ -52,41 +52,57 @@ class LeanPPO(PPO):
                 means, values = self._outputs(torch.from_numpy(observations))
                 actions = means + policy.log_std.exp() * torch.randn_like(means)
                 log_probabilities = log_probability(actions, means, policy.log_std)
-            found: Any = env.step(actions.clamp(-1.0, 1.0).numpy())
-            self._last_obs, rewards, ended, infos = found
+
+            step: Any = env.step(actions.clamp(-1.0, 1.0).numpy())
+            next_observations, rewards, ended, infos = step
             self.num_timesteps += env.num_envs
             callback.on_step()
-            done = np.flatnonzero(ended).tolist()
-            self.ep_info_buffer.extend(infos[i]["episode"] for i in done)  # type: ignore[union-attr]
-            if truncated := [i for i in done if infos[i]["TimeLimit.truncated"]]:
-                last = np.stack([infos[i]["terminal_observation"] for i in truncated])
-                rewards[truncated] += self.gamma * self._values(last).numpy()
-            starts: Any = self._last_episode_starts
+            self._close_episodes(rewards, ended, infos)
+
             rollout_buffer.add(
-                observations, actions.numpy(), rewards, starts, values, log_probabilities
+                obs=observations,
+                action=actions.numpy(),
+                reward=rewards,
+                episode_start=self._last_episode_starts,  # type: ignore[arg-type]
+                value=values,
+                log_prob=log_probabilities,
             )
+            self._last_obs = next_observations
             self._last_episode_starts = ended
         rollout_buffer.compute_returns_and_advantage(self._values(self._last_obs), ended)
         callback.on_rollout_end()
         return True
 
+    def _close_episodes(self, rewards: Any, ended: Any, infos: Any) -> None:
+        """Note the returns of episodes that have ended, and complete the rewards of truncated ones.
+
+        A truncated episode would go on: the value of its last observation is added to its last
+        reward, as its environment's next observation is the first of another episode.
+        """
+        ended_envs = np.flatnonzero(ended).tolist()
+        self.ep_info_buffer.extend(infos[i]["episode"] for i in ended_envs)  # type: ignore[union-attr]
+        truncated = [i for i in ended_envs if infos[i]["TimeLimit.truncated"]]
+        if truncated:
+            last = np.stack([infos[i]["terminal_observation"] for i in truncated])
+            rewards[truncated] += self.gamma * self._values(last).numpy()
+
     def _outputs(self, observations: Tensor) -> tuple[Tensor, Tensor]:
         """Return mean actions, shape (n, actions), and values, shape (n,)."""
         policy: Any = self.policy
         layers = policy.mlp_extractor
-        return policy.action_net(layers.policy_net(observations)), policy.value_net(
-            layers.value_net(observations)
-        ).flatten()
+        means = policy.action_net(layers.policy_net(observations))
+        values = policy.value_net(layers.value_net(observations)).flatten()
+        return means, values
 
     def _values(self, observations: Any) -> Tensor:
         with torch.no_grad():
             return self._outputs(torch.from_numpy(observations))[1]
 
-    def train(self) -> None:
-        """Update the policy with the buffer."""
-        policy: Any = self.policy
-        self._update_learning_rate(policy.optimizer)
-        clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
+    def _samples(self) -> Tensor:
+        """Return the rollout's samples, shape (n, entries + actions + 3).
+
+        Columns: observation, action, log probability of the action, advantage, return.
+        """
         buffer = self.rollout_buffer
         columns = [
             buffer.observations,
@@ -95,53 +111,70 @@ class LeanPPO(PPO):
             buffer.advantages,
             buffer.returns,
         ]
-        samples: Any = torch.cat(
-            [
-                torch.from_numpy(each).reshape(buffer.buffer_size * buffer.n_envs, -1)
-                for each in columns
-            ],
-            dim=1,
-        )
-        entries = buffer.observations.shape[-1]
+        count = buffer.buffer_size * buffer.n_envs
+        return torch.cat([torch.from_numpy(column).reshape(count, -1) for column in columns], dim=1)
+
+    def train(self) -> None:
+        """Update the policy with the buffer."""
+        policy: Any = self.policy
+        self._update_learning_rate(policy.optimizer)
+        clip_range = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
+        samples: Any = self._samples()
+        entries = self.rollout_buffer.observations.shape[-1]
         for _ in range(self.n_epochs):
             for batch in samples[torch.randperm(len(samples))].split(self.batch_size):
-                observations, actions = batch[:, :entries], batch[:, entries:-3]
-                before, advantages, returns = batch[:, -3:].unbind(dim=1)
+                observations = batch[:, :entries]
+                actions = batch[:, entries:-3]
+                old_log_probabilities, advantages, returns = batch[:, -3:].unbind(dim=1)
                 advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+
                 means, values = self._outputs(observations)
-                log_ratio = log_probability(actions, means, policy.log_std) - before
+                log_probabilities = log_probability(actions, means, policy.log_std)
+                log_ratio = log_probabilities - old_log_probabilities
                 ratio = log_ratio.exp()
-                policy_loss = -torch.min(
-                    advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)
-                ).mean()
+
+                # Clipped surrogate objective, equation 7 of the paper.
+                clipped_ratio = ratio.clamp(1.0 - clip_range, 1.0 + clip_range)
+                policy_loss = -torch.min(advantages * ratio, advantages * clipped_ratio).mean()
                 value_loss = torch.nn.functional.mse_loss(values, returns)
-                loss = (
-                    policy_loss + self.vf_coef * value_loss - self.ent_coef * policy.log_std.sum()
-                )
+                # The entropy of a normal distribution is its log deviation plus a constant.
+                entropy = policy.log_std.sum()
+                loss = policy_loss + self.vf_coef * value_loss - self.ent_coef * entropy
+
                 policy.optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(policy.parameters(), self.max_grad_norm)
                 policy.optimizer.step()
         self._n_updates += self.n_epochs
-        for name, value in (
-            ("policy_gradient_loss", policy_loss),
-            ("value_loss", value_loss),
-            ("approx_kl", (ratio - 1.0 - log_ratio).mean()),
-            ("clip_fraction", ((ratio - 1.0).abs() > clip).float().mean()),
-            ("std", policy.log_std.exp().mean()),
-        ):
-            self.logger.record(f"train/{name}", value.item())
+
+        # Estimator of the Kullback-Leibler divergence: http://joschu.net/blog/kl-approx.html.
+        approx_kl = (ratio - 1.0 - log_ratio).mean()
+        clip_fraction = ((ratio - 1.0).abs() > clip_range).float().mean()
+        self.logger.record("train/policy_gradient_loss", policy_loss.item())
+        self.logger.record("train/value_loss", value_loss.item())
+        self.logger.record("train/approx_kl", approx_kl.item())
+        self.logger.record("train/clip_fraction", clip_fraction.item())
+        self.logger.record("train/std", policy.log_std.exp().mean().item())
+
+
+def log_probability(actions: Tensor, means: Tensor, log_deviations: Tensor) -> Tensor:
+    """Return the logarithms of normal probability densities of actions, shape (n,)."""
+    squares = ((actions - means) * torch.exp(-log_deviations)).square().sum(dim=1)
+    return -0.5 * squares - log_deviations.sum() - 0.5 * actions.shape[1] * math.log(2.0 * math.pi)
 
 
 class FirstEntries(torch.nn.Linear):
     """A layer that sees the first entries of its input alone."""
 
-    def forward(self, input: Tensor) -> Tensor:
+    def forward(self, input: Tensor) -> Tensor:  # noqa: A002 - the name in torch.nn.Linear
         return super().forward(input[..., : self.in_features])
 
 
 class AsymmetricPolicy(ActorCriticPolicy):
-    """Networks whose actor does not see the last ``hidden`` entries of observations (Pinto et al. 2018, arXiv 1710.06542)."""
+    """Networks whose actor does not see the last ``hidden`` entries of observations.
+
+    The critic sees all of them (Pinto et al. 2018, arXiv 1710.06542).
+    """
 
     def __init__(self, *arguments: Any, hidden: int, **options: Any) -> None:
         self.hidden = hidden
@@ -153,17 +186,13 @@ class AsymmetricPolicy(ActorCriticPolicy):
         layers[0] = FirstEntries(layers[0].in_features - self.hidden, layers[0].out_features)
 
 
-def log_probability(actions: Tensor, means: Tensor, log_deviations: Tensor) -> Tensor:
-    """Return the logarithms of normal probability densities of actions, shape (n,)."""
-    squares = ((actions - means) * torch.exp(-log_deviations)).square().sum(dim=1)
-    return -0.5 * squares - log_deviations.sum() - 0.5 * actions.shape[1] * math.log(2.0 * math.pi)
-
-
 def settings(run: Run) -> dict[str, Any]:
-    """Return a run's hyperparameters under Stable-Baselines3's names, for all variants of PPO."""
+    """Return the arguments of Stable-Baselines3's PPO for a run; its variants share them."""
     p = run.parameters
     return {
-        "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
+        "learning_rate": LinearSchedule(
+            start=p["learning_rate"], end=p["final_learning_rate"], end_fraction=1.0
+        ),
         "n_steps": p["n_steps"],
         "batch_size": p["batch_size"],
         "n_epochs": p["n_epochs"],
@@ -179,6 +208,7 @@ def settings(run: Run) -> dict[str, Any]:
             "log_std_init": p["log_std_init"],
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
+        # With fewer, the mean return would be that of some environments alone.
         "stats_window_size": max(100, p["num_envs"]),
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
@@ -188,14 +218,15 @@ def settings(run: Run) -> dict[str, Any]:
 
 def new_model(run: Run, vec_env: VecEnv) -> LeanPPO:
     """Return an untrained model."""
-    values, asymmetric = settings(run), run.parameters.get("asymmetric") is True
-    if asymmetric:
-        values["policy_kwargs"]["hidden"] = vec_env.get_attr("hidden")[0]
-    return LeanPPO(AsymmetricPolicy if asymmetric else ActorCriticPolicy, vec_env, **values)
+    arguments = settings(run)
+    if run.parameters.get("asymmetric") is not True:
+        return LeanPPO(ActorCriticPolicy, vec_env, **arguments)
+    arguments["policy_kwargs"]["hidden"] = vec_env.get_attr("hidden")[0]
+    return LeanPPO(AsymmetricPolicy, vec_env, **arguments)
 
 
 def network(policy: Any) -> Feedforward:
-    """Return the agent of a trained policy."""
+    """Return the agent of a trained policy: its mean action."""
     return Feedforward(policy.mlp_extractor.policy_net, policy.action_net)
 
 
@@ -215,7 +246,11 @@ ALGORITHM = Algorithm(
     training_information=("rewards",),
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,13 +1,13 @@
-"""Train an agent with recurrent PPO, whose LSTM remembers earlier observations, for one training seed.
+"""Train an agent with recurrent PPO, whose LSTM remembers earlier observations.
 
     python -m train.recurrent_ppo --seed 0
 
-The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
-(Hochreiter and Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 1707.06347.)
+One command trains for one training seed. The same command resumes an interrupted training, and
+does nothing if training is finished. Files: see ``train/training.py``. (Hochreiter and
+Schmidhuber 1997, doi 10.1162/neco.1997.9.8.1735; Schulman et al. 2017, arXiv 1707.06347.)
 """
 
 import sys
-from functools import partial
 
 import torch
 from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
@@ -22,7 +22,10 @@ from train.training import Algorithm, command_line
 
 
 class RecurrentActor(Actor):
-    """An LSTM of one layer followed by layers; the memory holds its hidden state and its cell state side by side."""
+    """An LSTM of one layer, followed by layers.
+
+    The memory holds the LSTM's hidden state and its cell state side by side.
+    """
 
     def __init__(self, policy: RecurrentActorCriticPolicy) -> None:
         super().__init__()
@@ -33,22 +36,20 @@ class RecurrentActor(Actor):
     def forward(
         self, observation: torch.Tensor, memory: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        # The LSTM expects a time axis in front of the observations and a layer axis in front of the states.
+        # The LSTM expects a time axis in front of observations, and a layer axis before states.
         hidden, cell = (state.contiguous() for state in memory.unsqueeze(0).chunk(2, dim=2))
         output, (hidden, cell) = self.lstm(observation.unsqueeze(0), (hidden, cell))
-        return self.layers(output.squeeze(0)).clamp(-1.0, 1.0), torch.cat(
-            (hidden, cell), dim=2
-        ).squeeze(0)
+        action = self.layers(output.squeeze(0)).clamp(-1.0, 1.0)
+        return action, torch.cat((hidden, cell), dim=2).squeeze(0)
 
 
 def new_model(run: Run, vec_env: VecEnv) -> RecurrentPPO:
     """Return an untrained model."""
-    p, values = run.parameters, settings(run)
-    values["policy_kwargs"] |= {
-        "lstm_hidden_size": p["lstm_hidden_size"],
-        "enable_critic_lstm": p["enable_critic_lstm"],
-    }
-    return RecurrentPPO("MlpLstmPolicy", vec_env, **values)
+    p = run.parameters
+    arguments = settings(run)
+    arguments["policy_kwargs"]["lstm_hidden_size"] = p["lstm_hidden_size"]
+    arguments["policy_kwargs"]["enable_critic_lstm"] = p["enable_critic_lstm"]
+    return RecurrentPPO("MlpLstmPolicy", vec_env, **arguments)
 
 
 SEARCH = {
@@ -65,10 +66,15 @@ ALGORITHM = Algorithm(
     network=RecurrentActor,
     search=SEARCH,
     training_information=("rewards",),
+    # The states of the LSTMs at the end of the last rollout, from which the next one goes on.
     extra_state=("_last_lstm_states",),
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""A training run: its settings and its files."""
+"""A training run: its settings and its files. It leaves the training itself to ``training.py``."""
 
 import csv
 import json
@@ -16,9 +16,11 @@ from turning_env.scenario.section import names_instead
 from turning_env.scoring.policy import ScenarioId
 
 HYPERPARAMETERS = Path(__file__).parent / "hyperparameters"
+ALGORITHMS = tuple(sorted(path.stem for path in HYPERPARAMETERS.glob("*.toml")))
+"""Names of the algorithms: each has a hyperparameter file, and a Python file of the same name."""
 CURVE_COLUMNS = ("steps", "wall_time", "mean_return")
-"""Columns of a learning curve: environment steps; seconds of training without interruptions; mean return [s] of the last 100
-episodes, in which the agent explores. An algorithm may add columns of its own."""
+"""Columns of a learning curve: environment steps; seconds of training without interruptions; mean
+return [s] of the last 100 episodes, in which the agent explores. An algorithm may add columns."""
 TERMS = {
     "belief": False,
     "position": False,
@@ -51,14 +53,15 @@ OLD_NAMES = {
     "target_rate": "tau",
     "value_coefficient": "vf_coef",
 }
-"""Names of hyperparameters in older agent files, cards and runs, with their present names: Stable-Baselines3's."""
+"""Names of hyperparameters in older agent files, cards and runs, with their present names."""
 
 
 def current_names(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of a training under their present names."""
     current = {}
     for name, value in parameters.items():
-        # A number called "memory" was the size of a replay buffer; analytic_gradient has a switch of that name.
+        # A number called "memory" was the size of a replay buffer; analytic_gradient has a switch
+        # of that name.
         is_switch = name == "memory" and isinstance(value, bool)
         current[name if is_switch else OLD_NAMES.get(name, name)] = value
     return current
@@ -69,16 +72,27 @@ def _tables(algorithm: str) -> dict[str, dict[str, Any]]:
 
 
 def hyperparameters(algorithm: str, env_id: str) -> dict[str, Any]:
-    """Return an algorithm's hyperparameters for an id: the defaults of its file, updated with the id's table."""
+    """Return an algorithm's hyperparameters for an id.
+
+    They are the defaults of its file, updated with the id's table.
+    """
     tables = _tables(algorithm)
     return tables["default"] | tables.get(env_id, {})
 
 
 def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
-    """Parse hyperparameters ``KEY=VALUE``; ValueError if the algorithm's file has no such, or one of another type."""
+    """Parse hyperparameters ``KEY=VALUE``, also under their older names.
+
+    Raises:
+        ValueError: the algorithm's file has no such hyperparameter, or one of another type.
+    """
     tables = _tables(algorithm)
     default = tables.pop("default")
-    examples = {name: value for table in tables.values() for name, value in table.items()} | default
+    examples: dict[str, Any] = {}
+    for table in tables.values():
+        examples |= table
+    examples |= default
+
     values = {}
     for setting in settings:
         name, _, text = (part.strip() for part in setting.partition("="))
@@ -96,29 +110,37 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
 
 
 def _typed(name: str, value: Any, example: Any) -> Any:
-    """Return a value with the type of an example; a negative value is allowed only if the example is negative."""
+    """Return a value with the type of an example.
+
+    A negative value is allowed only if the example is negative.
+    """
     if isinstance(example, list) and isinstance(value, list):
-        return [_typed(name, each, min(example)) for each in value]
+        return [_typed(name, entry, min(example)) for entry in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large
+    is_right = type(value) is type(example)
     is_number = isinstance(example, int | float)
-    if type(value) is not type(example) or (
-        is_number and not (math.isfinite(value) and (value >= 0 or example < 0))
-    ):
-        least = " of 0 or more" if is_number and example >= 0 else ""
+    if is_right and is_number:
+        is_right = math.isfinite(value) and (value >= 0 or example < 0)
+    if not is_right:
+        range_text = " of 0 or more" if is_number and example >= 0 else ""
         raise ValueError(
-            f"{name} is {value!r}, but must be a {type(example).__name__}{least}, such as {example!r}"
+            f"{name} is {value!r}, but must be a {type(example).__name__}{range_text}, "
+            f"such as {example!r}"
         )
     return value
 
 
 def trained_on(env_id: str, source: str | None) -> Scenario | Family:
-    """Return the scenario, or with the family's id the family, of a preset's name or a TOML file; None: the id's own."""
-    return (
-        Family.load(source or "shop")
-        if env_id == FAMILY_ID
-        else Scenario.load(source or IDS[env_id])
-    )
+    """Return the scenario, or with the family's id the family, on which to train.
+
+    Args:
+        env_id: environment id.
+        source: name of a preset, or a TOML file; None: the id's own.
+    """
+    if env_id == FAMILY_ID:
+        return Family.load(source or "shop")
+    return Scenario.load(source or IDS[env_id])
 
 
 def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
@@ -126,20 +148,23 @@ def family_of(env_id: str, parameters: Mapping[str, Any]) -> Family | None:
     return Family.load(parameters["family"]) if env_id == FAMILY_ID else None
 
 
-def _described(source: Scenario | Family) -> tuple[Scenario, dict[str, Any]]:
-    """Return a run's scenario, and the parameters that name a family and the nominal model's numbers in its observations."""
+def _scenario_of(source: Scenario | Family) -> Scenario:
+    """Return a run's scenario; of a family, that of its first training job."""
+    return source.job(0).scenario if isinstance(source, Family) else source
+
+
+def _family_parameters(source: Scenario | Family) -> dict[str, Any]:
+    """Return the parameters that state a family, and the numbers of nominal models it shows."""
     if not isinstance(source, Family):
-        return source, {}
-    return source.job(0).scenario, {
-        "family": source.portable(),
-        "context": {"names": list(source.context_names)},
-    }
+        return {}
+    return {"family": source.portable(), "context": {"names": list(source.context_names)}}
 
 
 def warn_of_pickle(path: Path) -> None:
-    """Warn on standard error that loading a pickle can run code."""
+    """Print a warning to stderr that loading a pickle can run code."""
     print(
-        f"warning: {path} is a pickle, which can run code: load only what you have trained yourself",
+        f"warning: {path} is a pickle, which can run code: "
+        "load only what you have trained yourself",
         file=sys.stderr,
     )
 
@@ -150,12 +175,13 @@ class Run:
 
     algorithm: str
     env_id: str
-    scenario: Scenario  # scenario; for a family, its first training job
+    scenario: Scenario
+    """The scenario of the training; for a family, that of its first training job."""
     seed: int
-    parameters: dict[
-        str, Any
-    ]  # the algorithm's hyperparameters; for a family also its values and the names of its context
-    command: str  # the command line that started it
+    parameters: dict[str, Any]
+    """The algorithm's hyperparameters; for a family also its values and its context's names."""
+    command: str
+    """The command line that started it."""
     folder: Path
 
     @classmethod
@@ -169,17 +195,19 @@ class Run:
         command: str,
         given: dict[str, Any],
     ) -> "Run":
-        """Return a run in its own folder below ``runs``, with the hyperparameter file's values updated with those given."""
-        folder = runs / env_id / scenario.name / f"{algorithm}-seed{seed}"
-        job, family = _described(scenario)
+        """Return a run in its own folder below ``runs``.
+
+        Its hyperparameters are those of the hyperparameter file, updated with those given.
+        """
+        defaults = hyperparameters(algorithm, env_id)
         return cls(
-            algorithm,
-            env_id,
-            job,
-            seed,
-            hyperparameters(algorithm, env_id) | given | family,
-            command,
-            folder,
+            algorithm=algorithm,
+            env_id=env_id,
+            scenario=_scenario_of(scenario),
+            seed=seed,
+            parameters=defaults | given | _family_parameters(scenario),
+            command=command,
+            folder=runs / env_id / scenario.name / f"{algorithm}-seed{seed}",
         )
 
     @classmethod
@@ -187,19 +215,28 @@ class Run:
         cls, algorithm: str, env_id: str, scenario: Scenario | Family, steps: int, command: str
     ) -> "Run":
         """Return a run that stands for a training by other programs, without a folder."""
-        job, family = _described(scenario)
-        return cls(algorithm, env_id, job, 0, {"total_timesteps": steps} | family, command, Path())
+        return cls(
+            algorithm=algorithm,
+            env_id=env_id,
+            scenario=_scenario_of(scenario),
+            seed=0,
+            parameters={"total_timesteps": steps} | _family_parameters(scenario),
+            command=command,
+            folder=Path(),
+        )
 
     @classmethod
     def read(cls, folder: Path) -> "Run":
-        """Return the run that a folder holds. Raise ValueError if the folder holds no run, or its description cannot be read."""
+        """Return the run that a folder holds.
+
+        Raises:
+            ValueError: the folder holds no run, or its description cannot be read.
+        """
         path = folder / "run.json"
         if not path.is_file():
-            hint = (
-                ": train.export makes an agent file of a model of Stable-Baselines3"
-                if folder.suffix == ".zip"
-                else ""
-            )
+            hint = ""
+            if folder.suffix == ".zip":
+                hint = ": train.export makes an agent file of a model of Stable-Baselines3"
             raise ValueError(f"{folder} holds no training run: there is no run.json{hint}")
         try:
             values = json.loads(path.read_text("utf-8"))
@@ -217,8 +254,8 @@ class Run:
     @property
     def task(self) -> ScenarioId:
         """Identity of the scenario or family of the training."""
-        trained = self.family or self.scenario
-        return ScenarioId(name=trained.name, digest=trained.digest())
+        source = self.family or self.scenario
+        return ScenarioId(name=source.name, digest=source.digest())
 
     @property
     def checkpoint(self) -> Path:
@@ -227,7 +264,7 @@ class Run:
 
     @property
     def policy(self) -> Path:
-        """The finished agent."""
+        """Path of the finished agent."""
         return self.folder / "policy.zip"
 
     @property
@@ -237,18 +274,28 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Name of the agent: its algorithm's, followed by the scenario's if it was trained on one that is not the id's own."""
-        own = trained_on(self.env_id, None).digest() == self.task.digest
-        return self.algorithm if own else f"{self.algorithm}_{self.task.name}"
+        """Name of the agent: its algorithm's.
+
+        The scenario's name follows unless it is the id's own scenario.
+        """
+        own_task = trained_on(self.env_id, None)
+        if own_task.digest() == self.task.digest:
+            return self.algorithm
+        return f"{self.algorithm}_{self.task.name}"
 
     def read_learning_curve(self) -> list[dict[str, float]]:
-        """Return the rows of the learning curve in order of time; ValueError if there is none, or a damaged one."""
+        """Return the rows of the learning curve in order of time.
+
+        Raises:
+            ValueError: there is no learning curve, or a damaged one.
+        """
         path = self.learning_curve
         if not path.is_file():
-            raise ValueError(f"{self.folder} holds no {path.name}: train it anew")
+            raise ValueError(f"{self.folder} holds no {path.name}: train again")
         with path.open(encoding="utf-8", newline="") as file:
             reader = csv.DictReader(file)
-            if missing := set(CURVE_COLUMNS) - set(reader.fieldnames or ()):
+            missing = set(CURVE_COLUMNS) - set(reader.fieldnames or ())
+            if missing:
                 raise ValueError(f"{path} lacks the column {', '.join(sorted(missing))}")
             try:
                 return [{name: float(value) for name, value in row.items()} for row in reader]
@@ -256,17 +303,21 @@ class Run:
                 raise ValueError(f"{path} holds a row that is not numbers: {error}") from error
 
     def begin(self) -> None:
-        """Make the folder and write ``run.json``; ValueError if it holds a run with other settings."""
-        if (self.folder / "run.json").exists():
-            found = Run.read(self.folder)
-            if (found.scenario, found.parameters) != (self.scenario, self.parameters):
+        """Make the folder and write ``run.json``.
+
+        Raises:
+            ValueError: the folder holds a run with other settings.
+        """
+        path = self.folder / "run.json"
+        if path.exists():
+            present = Run.read(self.folder)
+            if present.scenario != self.scenario or present.parameters != self.parameters:
                 raise ValueError(
-                    f"{self.folder} holds a training with other settings: delete it, or choose other --runs"
+                    f"{self.folder} holds a training with other settings: "
+                    "delete it, or choose other --runs"
                 )
             return
         values = vars(self) | {"scenario": self.scenario.model_dump()}
         del values["folder"]
-        replace_file(
-            self.folder / "run.json",
-            lambda path: path.write_text(json.dumps(values, indent=1), "utf-8"),
-        )
+        text = json.dumps(values, indent=1)
+        replace_file(path, lambda partial: partial.write_text(text, "utf-8"))

@@ -2,13 +2,13 @@
 
     python -m train.sac --seed 0
 
-After each step of all environments, batches are sampled from the replay buffer. The same command resumes an interrupted training,
-and does nothing if training is finished. Files: see ``train/training.py``. (Haarnoja et al. 2018, arXiv 1812.05905.)
+After each step of all environments, batches are sampled from the replay buffer. The same command
+resumes an interrupted training, and does nothing if training is finished. Files: see
+``train/training.py``. (Haarnoja et al. 2018, arXiv 1812.05905.)
 """
 
 import math
 import sys
-from functools import partial
 from typing import Any
 
 import torch
@@ -23,10 +23,13 @@ from train.training import ACTIVATIONS, Algorithm, command_line
 
 
 def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
-    """Return a run's hyperparameters under Stable-Baselines3's names, for SAC and TQC."""
+    """Return the arguments of Stable-Baselines3's SAC and TQC for a run."""
     p = run.parameters
+    actions = math.prod(vec_env.action_space.shape or ())
     return {
-        "learning_rate": LinearSchedule(p["learning_rate"], p["final_learning_rate"], 1.0),
+        "learning_rate": LinearSchedule(
+            start=p["learning_rate"], end=p["final_learning_rate"], end_fraction=1.0
+        ),
         "buffer_size": p["buffer_size"],
         "learning_starts": p["learning_starts"],
         "batch_size": p["batch_size"],
@@ -34,9 +37,9 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
         "gamma": p["gamma"],
         "train_freq": 1,
         "gradient_steps": p["gradient_steps"],
+        # "auto": the coefficient is learned, so that the policy's entropy approaches its target.
         "ent_coef": f"auto_{p['initial_ent_coef']}",
-        "target_entropy": p["target_entropy_per_action"]
-        * math.prod(vec_env.action_space.shape or ()),
+        "target_entropy": p["target_entropy_per_action"] * actions,
         "policy_kwargs": {
             "net_arch": p["net_arch"],
             "activation_fn": ACTIVATIONS[p["activation_fn"]],
@@ -71,11 +74,16 @@ ALGORITHM = Algorithm(
     network=network,
     search=SEARCH,
     training_information=("rewards",),
+    # Stable-Baselines3 does not save the replay buffer, without which a training cannot go on.
     extra_state=("replay_buffer",),
     log_interval=100,
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,13 +1,13 @@
-"""Train an agent with TQC (SAC with distributional critics whose highest quantiles are dropped) for one training seed.
+"""Train an agent with TQC for one training seed.
 
     python -m train.tqc --seed 0
 
-The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
-(Kuznetsov et al. 2020, arXiv 2005.04269.)
+TQC is SAC with distributional critics, whose highest quantiles are dropped. The same command
+resumes an interrupted training, and does nothing if training is finished. Files: see
+``train/training.py``. (Kuznetsov et al. 2020, arXiv 2005.04269.)
 """
 
 import sys
-from functools import partial
 
 from optuna.distributions import FloatDistribution, IntDistribution
 from sb3_contrib import TQC
@@ -20,14 +20,12 @@ from train.training import Algorithm, command_line
 
 def new_model(run: Run, vec_env: VecEnv) -> TQC:
     """Return an untrained model."""
-    p, values = run.parameters, settings(run, vec_env)
-    values["policy_kwargs"] |= {"n_critics": p["n_critics"], "n_quantiles": p["n_quantiles"]}
-    return TQC(
-        "MlpPolicy",
-        vec_env,
-        top_quantiles_to_drop_per_net=p["top_quantiles_to_drop_per_net"],
-        **values,
-    )
+    p = run.parameters
+    arguments = settings(run, vec_env)
+    arguments["top_quantiles_to_drop_per_net"] = p["top_quantiles_to_drop_per_net"]
+    arguments["policy_kwargs"]["n_critics"] = p["n_critics"]
+    arguments["policy_kwargs"]["n_quantiles"] = p["n_quantiles"]
+    return TQC("MlpPolicy", vec_env, **arguments)
 
 
 SEARCH = {
@@ -48,7 +46,11 @@ ALGORITHM = Algorithm(
     log_interval=100,
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,8 +1,9 @@
 """The inputs of a training beside observations, as an agent's file states them.
 
-An algorithm declares its inputs in its own file (``Algorithm.training_information``). Two terms of a training change them
-(``train/terms.py``). The file of a trained agent states the result among its parameters, as ``training_information``.
-Leaderboards rank agents by it: this module leaves the classes to them.
+An algorithm declares its inputs in its own file (``Algorithm.training_information``). Two terms of
+a training change them (``train/terms.py``). The file of a trained agent states the result among
+its parameters, as ``training_information``. Leaderboards rank agents in classes by their inputs;
+this module leaves the classes to them.
 """
 
 import re
@@ -42,8 +43,8 @@ def with_terms(inputs: Iterable[str], parameters: Mapping[str, Any]) -> tuple[st
 
     Args:
         inputs: the inputs that the training's algorithm declares.
-        parameters: of these, ``asymmetric`` shows the hidden state to a critic. ``life_price`` decides whether the training
-            has a price of edge life; without it, the algorithm decides.
+        parameters: of these, ``asymmetric`` shows the hidden state to a critic. ``life_price``
+            decides whether the training has a price of edge life; without it, the algorithm does.
     """
     given = set(inputs)
     if parameters.get("asymmetric") is True:
@@ -59,11 +60,14 @@ def with_terms(inputs: Iterable[str], parameters: Mapping[str, Any]) -> tuple[st
 def training_information(
     parameters: Mapping[str, Any], command: str | None
 ) -> frozenset[str] | None:
-    """Return the inputs of an agent's training, names in ``TRAINING_INPUTS``; None if its file does not state them.
+    """Return the inputs of an agent's training, or None if its file does not state them.
+
+    The inputs are names in ``TRAINING_INPUTS``.
 
     Args:
         parameters: the parameters in the agent's file. ``training_information`` states the inputs.
-        command: the command of the training. It names the algorithm of files that do not state the inputs.
+        command: the command of the training. In files that do not state the inputs, it names the
+            algorithm.
     """
     if "training_information" in parameters:
         stated = parameters["training_information"]

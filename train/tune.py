@@ -1,17 +1,20 @@
-"""Tune an algorithm's hyperparameters on tuning seeds, and print the best as a table for its hyperparameter file.
+"""Tune an algorithm's hyperparameters, and print the best as a table for its hyperparameter file.
 
     python -m train.tune --algorithm sac --trials 20 --total-timesteps 500000
     python -m train.tune --algorithm ppo --env RoughTurning-Family-v0 --trials 20 --set belief=true
 
-A trial trains one agent per training seed, and plays all of them on the same tuning seeds; on a family, on all jobs of its split
-``validation``. The best mean return wins among the feasible trials (at the leaderboard's confidence limit), or among all if none
-is feasible. The first trial takes the values of the hyperparameter file and of ``--set``. A tree-structured Parzen estimator
-chooses the others within the ranges that the algorithm's Python file declares (``SEARCH``).
+A trial trains one agent per training seed, and plays all of them on the same tuning seeds; on a
+family, on all jobs of its split ``validation``. The best mean return wins among the feasible trials
+(at the leaderboard's confidence limit), or among all if none is feasible. The first trial takes the
+values of the hyperparameter file and of ``--set``. A tree-structured Parzen estimator chooses the
+others within the ranges that the algorithm's Python file declares (``SEARCH``).
 
-Trials are kept in ``RUNS/tuning``. The same command resumes an interrupted study; with a larger ``--trials``, it extends the
-study. With ``--scheduler``, the workers of a Dask cluster train (docs/scaling.md).
+Trials are kept in ``RUNS/tuning``. The same command resumes an interrupted study; with a larger
+``--trials``, it extends the study. With ``--scheduler``, the workers of a Dask cluster train
+(docs/scaling.md).
 
-The command prints the table; copy it to the hyperparameter file yourself, with a comment on each value.
+The command prints the table; copy it to the hyperparameter file yourself, with a comment on each
+value.
 """
 
 import argparse
@@ -28,15 +31,24 @@ import tomli_w
 from tqdm import tqdm
 
 from baselines.tune import Played, Trial, trials
-from train.run import Run, hyperparameters, overrides, trained_on
+from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
 from turning_env import Family, Scenario
 from turning_env.console import described, exits
 from turning_env.files import digest_of, file_lock
 from turning_env.scoring.workers import Workers, cluster, processes
 
-ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
-NUM_EPISODES = 64  # number of tuning seeds that each agent plays; of a family, it plays all jobs for validation
+NUM_EPISODES = 64
+"""Number of tuning seeds that each agent plays; on a family, it plays all jobs for validation."""
+STARTUP_TRIALS = 5
+"""Number of trials at random before the estimator chooses."""
+MAX_OPTIONS = {
+    "trials": 100_000,
+    "seeds": SEEDS,
+    "total_timesteps": 10**12,
+    "workers": 1000,
+}
+"""Largest values of options; the smallest is 1."""
 
 
 @dataclass(frozen=True)
@@ -49,34 +61,39 @@ class Task:
     total_timesteps: int  # environment steps of each training
     seeds: int  # trainings per trial, with the training seeds 0, 1, ...
     runs: Path
-    overrides: dict[str, Any] = field(
-        default_factory=dict
-    )  # hyperparameters of all trials in place of the file's
+    overrides: dict[str, Any] = field(default_factory=dict)
+    """Hyperparameters of all trials in place of the file's."""
 
     @property
-    def known(self) -> dict[str, Any]:
-        """Hyperparameters of the first trial. The others differ from it in those that are searched."""
-        return (
-            hyperparameters(self.algorithm, self.env_id)
-            | self.overrides
-            | {"total_timesteps": self.total_timesteps}
-        )
+    def first_setting(self) -> dict[str, Any]:
+        """Hyperparameters of the first trial.
+
+        The others differ from it in those that are searched.
+        """
+        defaults = hyperparameters(self.algorithm, self.env_id)
+        return defaults | self.overrides | {"total_timesteps": self.total_timesteps}
 
     @property
     def name(self) -> str:
         """Name of the study: a digest of everything that its trials have in common."""
         searched = algorithm_of(self.algorithm).search
-        fixed = {name: value for name, value in self.known.items() if name not in searched}
-        return digest_of(
-            [self.algorithm, self.env_id, self.scenario.digest(), fixed, self.seeds, NUM_EPISODES]
-        )[:16]
+        fixed = {name: value for name, value in self.first_setting.items() if name not in searched}
+        common = [
+            self.algorithm,
+            self.env_id,
+            self.scenario.digest(),
+            fixed,
+            self.seeds,
+            NUM_EPISODES,
+        ]
+        return digest_of(common)[:16]
 
     @property
     def allowance(self) -> float:
         """Allowance of severe overload [-]."""
-        scenario = (
-            self.scenario if isinstance(self.scenario, Scenario) else self.scenario.job(0).scenario
-        )
+        scenario = self.scenario
+        if isinstance(scenario, Family):
+            scenario = scenario.job(0).scenario
         return scenario.limits.overload_allowance
 
     @property
@@ -86,20 +103,48 @@ class Task:
 
 
 def evaluate(task: Task, setting: dict[str, Any]) -> Played:
-    """Train with a setting and play the agents; a training may fail, for example because it diverges."""
+    """Train with a setting and play the agents.
+
+    A training may fail, for example because it diverges.
+    """
     algorithm = algorithm_of(task.algorithm)
     runs = task.folder / digest_of([task.name, setting])[:16]
-    command = f"a trial of python -m train.tune --algorithm {task.algorithm}"
     episodes = []
     for seed in range(task.seeds):
         run = Run.plan(
-            task.algorithm, task.env_id, task.scenario, seed, runs, command, task.known | setting
+            algorithm=task.algorithm,
+            env_id=task.env_id,
+            scenario=task.scenario,
+            seed=seed,
+            runs=runs,
+            command=f"a trial of python -m train.tune --algorithm {task.algorithm}",
+            given=task.first_setting | setting,
         )
         try:
-            episodes.append(play_agent(train(run, algorithm, wait=True).parent, NUM_EPISODES))
+            folder = train(run, algorithm, wait=True).parent
+            episodes.append(play_agent(folder, NUM_EPISODES))
         except ValueError as error:
-            return Played(-math.inf, 1.0, 1.0, 0, str(error))
+            return Played(
+                mean_return=-math.inf,
+                severe_share=1.0,
+                severe_limit=1.0,
+                steps=0,
+                failed=str(error),
+            )
     return Played.of(*episodes)
+
+
+def _report(number: int, trial: Trial) -> str:
+    """Return a line on a trial that has ended."""
+    played = trial.played
+    if played.failed:
+        outcome = f"failed: {played.failed}"
+    else:
+        outcome = (
+            f"mean return {played.mean_return:.1f} s, severely overloaded "
+            f"for at most {100 * played.severe_limit:.2f} % of cutting time"
+        )
+    return f"trial {number}: {outcome}, with {trial.setting}"
 
 
 def search(
@@ -109,44 +154,50 @@ def search(
     parallel: int = 1,
     evaluate: Callable[[Task, dict[str, Any]], Played] = evaluate,
 ) -> tuple[int, Trial]:
-    """Return number and trial of the best, after resuming or extending a study to ``count`` trials; ValueError if all failed."""
-    log, ranges = task.folder / f".{task.name}.log", algorithm_of(task.algorithm).search
-    first = {name: task.known[name] for name in ranges}
+    """Resume or extend a study to ``count`` trials; return number and trial of the best.
+
+    Args:
+        task: what to tune.
+        count: number of trials of the study, with those that have ended before.
+        over: workers that evaluate trials; None: this process.
+        parallel: number of trials at the same time.
+        evaluate: function that returns the result of a setting.
+
+    Raises:
+        ValueError: all trials failed.
+    """
+    ranges = algorithm_of(task.algorithm).search
+    first_setting = task.first_setting
+    log = task.folder / f".{task.name}.log"
     ended: list[Trial] = []
     with file_lock(log):
-        found = trials(
+        ending_trials = trials(
             ranges,
-            first,
-            count,
-            log,
-            [],
-            task.allowance,
-            partial(evaluate, task),
-            over,
-            parallel,
-            n_startup_trials=5,
+            {name: first_setting[name] for name in ranges},
+            count=count,
+            log=log,
+            task=[],
+            allowance=task.allowance,
+            play=partial(evaluate, task),
+            over=over,
+            parallel=parallel,
+            n_startup_trials=STARTUP_TRIALS,
         )
-        for trial in tqdm(found, f"tuning {task.algorithm}", count, unit="trial", disable=None):
-            played = trial.played
-            share = (
-                f"severely overloaded for at most {100 * played.severe_limit:.2f} % of cutting time"
-            )
-            said = (
-                f"failed: {played.failed}"
-                if played.failed
-                else f"mean return {played.mean_return:.1f} s, {share}"
-            )
-            tqdm.write(f"trial {len(ended)}: {said}, with {trial.setting}", sys.stderr)
+        progress = tqdm(
+            ending_trials, f"tuning {task.algorithm}", total=count, unit="trial", disable=None
+        )
+        for trial in progress:
+            tqdm.write(_report(len(ended), trial), sys.stderr)
             ended.append(trial)
-    number, best = max(enumerate(ended), key=lambda each: each[1].merit(task.allowance))
-    if best.played.failed:
+
+    # The first of equals wins.
+    best = max(range(len(ended)), key=lambda number: ended[number].merit(task.allowance))
+    if ended[best].played.failed:
         raise ValueError(f"all {count} trials failed")
-    return number, best
+    return best, ended[best]
 
 
-@exits(ValueError, interrupted="interrupted: run the same command again to go on")
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m train.tune", **described(__doc__))
     parser.add_argument("--algorithm", required=True, choices=ALGORITHMS, help="algorithm to tune")
     add_task(parser)
@@ -161,8 +212,14 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="N",
         help="environment steps per training (default: from the hyperparameter file)",
     )
-    set_help = "set a hyperparameter of every trial, or that of the first if it is searched; repeat the option to set several"
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=set_help)
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a hyperparameter of every trial, or that of the first if it is searched; "
+        "repeat the option to set several",
+    )
     parser.add_argument(
         "--workers", type=int, default=1, help="number of trials in parallel (default: 1)"
     )
@@ -171,32 +228,42 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="URL",
         help="train on the workers of a Dask cluster, such as tcp://host:8786",
     )
+    return parser
+
+
+@exits(ValueError, interrupted="interrupted: run the same command again to go on")
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    if arguments is None:
+        arguments = sys.argv[1:]
+    parser = _parser()
     parsed = parser.parse_args(arguments)
-    for name, largest in (
-        ("trials", 100_000),
-        ("seeds", SEEDS),
-        ("total_timesteps", 10**12),
-        ("workers", 1000),
-    ):
+    for name, largest in MAX_OPTIONS.items():
         value = getattr(parsed, name)
         if value is not None and not 1 <= value <= largest:
-            parser.error(f"--{name.replace('_', '-')} is {value}, but must be 1 to {largest}")
-    command = "python -m train.tune " + shlex.join(sys.argv[1:] if arguments is None else arguments)
-    scenario = trained_on(parsed.env, parsed.scenario)
-    known = hyperparameters(parsed.algorithm, parsed.env)
-    steps = parsed.total_timesteps or known["total_timesteps"]
-    given = overrides(parsed.algorithm, parsed.set)
-    task = Task(parsed.algorithm, parsed.env, scenario, steps, parsed.seeds, parsed.runs, given)
-    task.folder.mkdir(
-        parents=True, exist_ok=True
-    )  # find out whether it can be written before workers start
-    with cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers) as over:
-        number, best = search(task, parsed.trials, over, parsed.workers)
-    feasible, mean_return = best.merit(task.allowance)
-    print(f"# {command}")
-    print(
-        f"# trial {number}: mean return {mean_return:.1f} s, {'' if feasible else 'not '}feasible"
+            option = name.replace("_", "-")
+            parser.error(f"--{option} is {value}, but must be 1 to {largest}")
+
+    defaults = hyperparameters(parsed.algorithm, parsed.env)
+    task = Task(
+        algorithm=parsed.algorithm,
+        env_id=parsed.env,
+        scenario=trained_on(parsed.env, parsed.scenario),
+        total_timesteps=parsed.total_timesteps or defaults["total_timesteps"],
+        seeds=parsed.seeds,
+        runs=parsed.runs,
+        overrides=overrides(parsed.algorithm, parsed.set),
     )
+    # Find out whether the folder can be written before workers start.
+    task.folder.mkdir(parents=True, exist_ok=True)
+    workers = cluster(parsed.scheduler) if parsed.scheduler else processes(parsed.workers)
+    with workers as over:
+        number, best = search(task, parsed.trials, over=over, parallel=parsed.workers)
+
+    feasible, mean_return = best.merit(task.allowance)
+    verdict = "feasible" if feasible else "not feasible"
+    print(f"# python -m train.tune {shlex.join(arguments)}")
+    print(f"# trial {number}: mean return {mean_return:.1f} s, {verdict}")
     print(tomli_w.dumps({parsed.env: best.setting}), end="")
     return 0
 

@@ -100,7 +100,7 @@ def test_a_damaged_run_says_which_file(tmp_path: Path) -> None:
     run.checkpoint.write_bytes(b"no archive")
     with pytest.raises(
         ValueError,
-        match=rf"{run.checkpoint} cannot be read: .*; delete it to begin the training anew",
+        match=rf"{run.checkpoint} cannot be read: .*; delete it to train from the start",
     ):
         train(run, algorithm)
     for content in ("{}", "[]", "[" * 100_000):
