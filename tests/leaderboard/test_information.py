@@ -9,7 +9,7 @@ from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
 from train.agents import agent_file
-from train.terms import DistanceTracker
+from train.agent_inputs import DistanceTracker
 from turning_env import Scenario
 
 SCENARIO = Scenario.load("rough_turning")

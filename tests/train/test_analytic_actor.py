@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from train.agent_inputs import DistanceTracker
 from train.analytic_actor import TargetCommands
-from train.terms import DistanceTracker
 from turning_env import RoughTurningVectorEnv, Scenario, read
 from turning_env.action import towards
 

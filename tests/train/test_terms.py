@@ -10,8 +10,9 @@ from gymnasium.vector import AutoresetMode
 from tests.train.small import SCENARIO, small_run
 from tests.turning_env.playing import changed
 from train import analytic_gradient, export, ppo
+from train.agent_inputs import HiddenStateWrapper
 from train.agents import agent_file, onnx_policy
-from train.terms import HiddenObservation, ShapedVecEnv
+from train.life_price import LifePriceVecEnv
 from train.training import train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv
 
@@ -28,7 +29,7 @@ FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
 @pytest.mark.parametrize("life_price", ["end", "marginal"])
 def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
     ours, single = (
-        ShapedVecEnv(life_price, MIXED, NUM_ENVS, 0.5),
+        LifePriceVecEnv(life_price, MIXED, NUM_ENVS, 0.5),
         RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"),
     )
     ours.seed(5)
@@ -65,7 +66,7 @@ def test_hyperparameters_that_no_model_can_have_are_named(tmp_path: Path) -> Non
 
 
 def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
-    env = HiddenObservation(RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"), MIXED)
+    env = HiddenStateWrapper(RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"), MIXED)
     env.reset(seed=5)
     ended = 0
     for _ in range(300):
@@ -80,7 +81,7 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
             )
     assert ended >= NUM_ENVS
     jobs = FamilyVectorEnv(2, FAMILY, autoreset_mode=AutoresetMode.SAME_STEP)
-    first, second = HiddenObservation(jobs, MIXED).reset(seed=[3, 4])[0][:, -10:]
+    first, second = HiddenStateWrapper(jobs, MIXED).reset(seed=[3, 4])[0][:, -10:]
     assert (first != second).all()
 
 
