@@ -2,19 +2,20 @@
 
     python -m train.analytic_gradient --seed 0
 
-The agent has a memory (a GRU) and sees observations only. Its teacher is privileged: it evaluates the machining models at the
-hidden state (``train/model_gain.py``). After every few steps, the teacher returns the gradient of those steps' gain with respect
-to the agent's commands. Backpropagation carries the gradient through the agent's memory to its observations. There is no value
-function, and no exploration is needed. The gradient is exact, except that it assumes the same hidden state at neighbouring
-positions along the bar.
+The agent has a memory (a GRU) and sees observations only. Its teacher is privileged: it evaluates
+the machining models at the hidden state (``train/model_gain.py``). After every few steps, the
+teacher returns the gradient of those steps' gain with respect to the agent's commands.
+Backpropagation carries the gradient through the agent's memory to its observations. There is no
+value function, and no exploration is needed. The gradient is exact, except that it assumes the same
+hidden state at neighbouring positions along the bar.
 
-The same command resumes an interrupted training, and does nothing if training is finished. Files: see ``train/training.py``.
-(Gradients of a differentiable model: Freeman et al. 2021, arXiv 2106.13281; privileged teacher: Chen et al. 2020,
-arXiv 1912.12294; GRU: Cho et al. 2014, arXiv 1406.1078.)
+The same command resumes an interrupted training, and does nothing if training is finished. Files:
+see ``train/training.py``. (Gradients of a differentiable model: Freeman et al. 2021, arXiv
+2106.13281; privileged teacher: Chen et al. 2020, arXiv 1912.12294; GRU: Cho et al. 2014, arXiv
+1406.1078.)
 """
 
 import sys
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
@@ -30,7 +31,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from train.actor import Actor
 from train.analytic_actor import ACTUAL, GruActor, TargetCommands
-from train.model_gain import FIELDS, FORCE, USED_LIFE, ModelGain, Truth, flat_prices
+from train.model_gain import HIDDEN_STATE, HiddenSteps, ModelGain, Truth, flat_prices
 from train.run import Run
 from train.training import Algorithm, command_line
 from turning_env import Scenario
@@ -40,59 +41,78 @@ from turning_env.vector_env import info_at_end_of_step
 Tensor = torch.Tensor
 
 
-class Rollout(NamedTuple):
-    """Observations and hidden states of all steps; fields of shape (steps, num_envs, ...)."""
-
-    memory: Tensor  # memory before the first step, shape (num_envs, memory_size)
-    begins: Tensor  # 1 at the first step of an episode
-    observations: Tensor
-    hidden: list[NDArray[Any]]  # arguments of Truth after the scenario; their last axis is num_envs
-
-
 class HindsightVecEnv(RoughTurningVecEnv):
-    """Environments that keep the hidden states of the last step for a teacher; the agent never sees them."""
+    """Environments that keep the hidden states of the last step for a teacher.
 
-    before: NDArray[np.float64]  # FIELDS at the start of the step, shape (len(FIELDS), num_envs)
-    after: NDArray[np.float64]
-    """``FIELDS`` at the step's end, same shape; if the edge was changed in the step, those of the fresh edge."""
-    changed: NDArray[np.bool_]  # whether the edge was changed in the step, shape (num_envs,)
-    failed: NDArray[
-        np.bool_
-    ]  # whether it was changed because it was worn out or broken, shape (num_envs,)
+    The agent never sees them.
+    """
+
+    last_step: HiddenSteps
+    """Hidden states of the last step, shape (num_envs,)."""
 
     def reset(self) -> NDArray[np.float32]:
-        """Return first observations: the tool is in the air before the first bar, with a fresh edge."""
+        """Return first observations.
+
+        The tool is in the air before the first bar, and its edge is fresh.
+        """
         observations = super().reset()
-        self._now = np.zeros((len(FIELDS), self.num_envs))
+        self._state = np.zeros(self.num_envs, HIDDEN_STATE)
         return observations
 
     def training_rewards(
         self, rewards: NDArray[np.float64], infos: dict[str, Any]
     ) -> NDArray[np.float64]:
         """Keep the hidden states, and return the rewards unchanged."""
-        commands_changes = self.vector_env.unwrapped.scenario.control.edge_changes == "commanded"
-        self.before = self._now
-        self.after = np.stack([info_at_end_of_step(infos, name) for name in FIELDS])
-        stopped, cut, engaged = (
-            info_at_end_of_step(infos, name)
-            for name in ("stopped_time", "cutting_time", "engaged_time")
-        )
-        self.changed = (stopped > 0.0) & (
-            60.0 * cut <= engaged * (1.0 + 1e-6)
-        )  # tangled chips also stop the machine
-        self.failed = self.changed & ~(commands_changes & (self._actions[:, -1] > 0.0))
-        self.after[FORCE] = borne = np.maximum(
-            self.after[FORCE], np.where(self.changed, 0.0, self.before[FORCE])
-        )
-        self._now = np.stack(
-            [infos[name] for name in FIELDS]
-        )  # after an episode's end, of the next one; edges in use go on
-        self._now[FORCE] = np.where(self._now[USED_LIFE] > 0.0, borne, 0.0)
+        before = self._state
+        after = np.empty(self.num_envs, HIDDEN_STATE)
+        state = np.empty(self.num_envs, HIDDEN_STATE)
+        for name in HIDDEN_STATE.names or ():
+            after[name] = info_at_end_of_step(infos, name)
+            # After an episode's end, that of the next one; edges in use go on.
+            state[name] = infos[name]
+
+        changed = self._changed(infos)
+        failed = changed & ~self._asked_for_change()
+        force_before = np.where(changed, 0.0, before["thrust_force"])
+        borne_force = np.maximum(after["thrust_force"], force_before)
+        after["thrust_force"] = borne_force
+        state["thrust_force"] = np.where(state["used_life"] > 0.0, borne_force, 0.0)
+        self.last_step = HiddenSteps(before=before, after=after, changed=changed, failed=failed)
+        self._state = state
         return rewards
+
+    def _changed(self, infos: dict[str, Any]) -> NDArray[np.bool_]:
+        """Return whether the edge was changed in the step."""
+        stopped_time = info_at_end_of_step(infos, "stopped_time")
+        cutting_time = info_at_end_of_step(infos, "cutting_time")  # of the edge [min]
+        engaged_time = info_at_end_of_step(infos, "engaged_time")  # in the step [s]
+        # Tangled chips also stop the machine. An edge of this step has cut no longer than it.
+        is_fresh = 60.0 * cutting_time <= engaged_time * (1.0 + 1e-6)
+        changed: NDArray[np.bool_] = (stopped_time > 0.0) & is_fresh
+        return changed
+
+    def _asked_for_change(self) -> NDArray[np.bool_]:
+        """Return whether the agent asked for a change of the edge."""
+        scenario = self.vector_env.unwrapped.scenario
+        if scenario.control.edge_changes != "commanded":
+            return np.zeros(self.num_envs, np.bool_)
+        return self._actions[:, -1] > 0.0
+
+
+class Rollout(NamedTuple):
+    """A rollout; its fields have shape (steps, num_envs, ...) unless they say otherwise."""
+
+    memory: Tensor  # memory before the first step, shape (num_envs, memory_size)
+    begins: Tensor  # 1 at the first step of an episode, else 0
+    observations: Tensor
+    hidden: HiddenSteps
 
 
 class AnalyticGradient(BaseAlgorithm):
-    """The algorithm as a subclass of Stable-Baselines3's base class, which saves models, logs and runs callbacks."""
+    """The algorithm, as a subclass of Stable-Baselines3's base class.
+
+    The base class saves models, logs and runs callbacks.
+    """
 
     policy: Any
     env: Any
@@ -111,9 +131,15 @@ class AnalyticGradient(BaseAlgorithm):
     ) -> None:
         """Take hyperparameters as ``settings``, and further ``options`` of the base class."""
         super().__init__(
-            policy, env, learning_rate, support_multi_env=True, monitor_wrapper=False, **options
-        )  # type: ignore[arg-type]
-        self.scenario, self.settings = scenario, settings
+            policy,  # type: ignore[arg-type]
+            env,
+            learning_rate,
+            support_multi_env=True,
+            monitor_wrapper=False,
+            **options,
+        )
+        self.scenario = scenario
+        self.settings = settings
         if _init_setup_model:
             self._setup_model()
 
@@ -121,8 +147,9 @@ class AnalyticGradient(BaseAlgorithm):
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         entries = self.observation_space.shape[0]  # type: ignore[index]
-        settings = self.settings
-        self.policy = GruActor(self.scenario, entries, settings.cells, settings.memory)
+        self.policy = GruActor(
+            self.scenario, entries, cells=self.settings.cells, memory=self.settings.memory
+        )
         self.policy.optimizer = torch.optim.Adam(self.policy.parameters(), lr=self.lr_schedule(1.0))
 
     def _excluded_save_params(self) -> list[str]:
@@ -141,21 +168,20 @@ class AnalyticGradient(BaseAlgorithm):
         progress_bar: bool = False,
     ) -> Self:
         """Collect rollouts and learn from them for ``total_timesteps`` environment steps."""
-        self.gain = ModelGain(
-            self.scenario,
-            flat_prices(self.scenario) if self.settings.life_price == "flat" else None,
-        )
+        is_flat = self.settings.life_price == "flat"
+        prices = flat_prices(self.scenario) if is_flat else None
+        self.gain = ModelGain(self.scenario, prices)
         if reset_num_timesteps:
             self.memory = torch.zeros(self.n_envs, self.policy.memory_size)
-        total, callbacks = self._setup_learn(
+        total_timesteps, callbacks = self._setup_learn(
             total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
         )
         callbacks.on_training_start(locals(), globals())
-        while self.num_timesteps < total:
+        while self.num_timesteps < total_timesteps:
             callbacks.on_rollout_start()
             rollout = self.collect(callbacks)
             callbacks.on_rollout_end()
-            self._update_current_progress_remaining(self.num_timesteps, total)
+            self._update_current_progress_remaining(self.num_timesteps, total_timesteps)
             self._update_learning_rate(self.policy.optimizer)
             self.logger.record("train/gain", self.train(rollout))
             self.logger.dump(self.num_timesteps)
@@ -164,55 +190,66 @@ class AnalyticGradient(BaseAlgorithm):
 
     def collect(self, callbacks: BaseCallback) -> Rollout:
         """Play a rollout with the agent."""
-        start, steps = self.memory, []
+        start_memory = self.memory
+        begins_of_steps = []
+        observations_of_steps = []
+        hidden_of_steps = []
         for _ in range(self.settings.n_steps):
-            seen, begins = (
-                torch.from_numpy(self._last_obs),
-                torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1),
-            )
+            observations = torch.from_numpy(self._last_obs)
+            begins = torch.from_numpy(self._last_episode_starts).float().unsqueeze(-1)
             with torch.no_grad():
-                actions, self.memory = self.policy(seen, self.memory * (1.0 - begins))
+                actions, self.memory = self.policy(observations, self.memory * (1.0 - begins))
             actions = actions + self.settings.exploration * torch.randn_like(actions)
-            observations, _, ended, infos = self.env.step(actions.clamp(-1.0, 1.0).numpy())
-            steps.append(
-                (begins, seen, self.env.before, self.env.after, self.env.changed, self.env.failed)
-            )
-            self._last_obs, self._last_episode_starts = observations, ended
+            step = self.env.step(actions.clamp(-1.0, 1.0).numpy())
+            self._last_obs, _, self._last_episode_starts, infos = step
+
+            begins_of_steps.append(begins)
+            observations_of_steps.append(observations)
+            hidden_of_steps.append(self.env.last_step)
             self.num_timesteps += self.n_envs
-            self._update_info_buffer(infos, ended)
+            self._update_info_buffer(infos, self._last_episode_starts)
             callbacks.on_step()
-        begun, observed, *hidden = zip(*steps, strict=True)
         return Rollout(
-            start, torch.stack(begun), torch.stack(observed), [np.stack(each) for each in hidden]
+            memory=start_memory,
+            begins=torch.stack(begins_of_steps),
+            observations=torch.stack(observations_of_steps),
+            hidden=HiddenSteps.stacked(hidden_of_steps),
         )
 
     def train(self, rollout: Rollout) -> float:
         """Learn from a rollout; return its mean gain per step [s]."""
+        settings = self.settings
+        optimizer = self.policy.optimizer
         gains = []
-        for _ in range(self.settings.n_epochs):
-            for envs in torch.randperm(self.n_envs).split(self.settings.batch_envs):  # type: ignore[no-untyped-call]
+        for _ in range(settings.n_epochs):
+            batches = torch.randperm(self.n_envs).split(settings.batch_envs)  # type: ignore[no-untyped-call]
+            for envs in batches:
                 gain = self.mean_gain(rollout, envs)
-                self.policy.optimizer.zero_grad()
+                optimizer.zero_grad()
                 (-gain).backward()  # type: ignore[no-untyped-call]
-                torch.nn.utils.clip_grad_norm_(
-                    self.policy.parameters(), self.settings.max_grad_norm
-                )
-                self.policy.optimizer.step()
+                torch.nn.utils.clip_grad_norm_(self.policy.parameters(), settings.max_grad_norm)
+                optimizer.step()
                 gains.append(gain.item())
         return float(np.mean(gains))
 
     def mean_gain(self, rollout: Rollout, envs: Tensor) -> Tensor:
-        """Return the mean gain per step [s] of some environments in a rollout, as a function of the agent's parameters."""
-        observations = rollout.observations[:, envs]
-        truth = Truth(self.scenario, *(each[..., envs.numpy()] for each in rollout.hidden))
-        unbounded = self.policy.unroll(observations, rollout.memory[envs], rollout.begins[:, envs])
-        target = self.policy.bounded(unbounded)
+        """Return the mean gain per step [s] of some environments in a rollout.
+
+        It is a function of the agent's parameters. Targets that saturate cost
+        ``saturation_price`` times their square, before they are squashed.
+        """
         commands = self.policy.commands
-        speed, feed = commands.speed_and_feed(observations, ACTUAL)
-        log_speed, log_feed = commands.commanded(target, observations)
-        gain: Tensor
-        gain, going_on = self.gain(log_speed, log_feed, speed, feed, truth)
+        observations = rollout.observations[:, envs]
+        truth = Truth(self.scenario, rollout.hidden.of(envs.numpy()))
+        unbounded = self.policy.unroll(
+            observations, cells=rollout.memory[envs], begins=rollout.begins[:, envs]
+        )
+        target = self.policy.bounded(unbounded)
+        actual = commands.speed_and_feed(observations, ACTUAL)
+        log_commanded = commands.commanded(target, observations)
+        gain, going_on = self.gain(log_commanded, actual, truth)
         if commands.changes_edges:
+            # A step with a change gains nothing by its speed and feed.
             gain = gain * (1.0 - truth.changed)
             gain = gain + self.gain.edge_change_gain(target[..., -1], going_on)
         saturation = unbounded[..., : commands.targets].square().sum(dim=-1)
@@ -223,20 +260,35 @@ class AnalyticGradient(BaseAlgorithm):
 def new_model(run: Run, vec_env: VecEnv) -> AnalyticGradient:
     """Return an untrained model."""
     assert isinstance(vec_env, HindsightVecEnv)
-    settings = SimpleNamespace(
-        **{"saturation_price": 0.0} | run.parameters
-    )  # only some tasks have that price
+    # Only some tasks have a price of saturation.
+    settings = SimpleNamespace(**({"saturation_price": 0.0} | run.parameters))
     if settings.life_price not in ("marginal", "flat"):
         raise ValueError(f"life_price is {settings.life_price!r}, but must be marginal or flat")
+    learning_rate = LinearSchedule(
+        start=settings.learning_rate, end=settings.final_learning_rate, end_fraction=1.0
+    )
     return AnalyticGradient(
         GruActor,
         vec_env,
-        LinearSchedule(settings.learning_rate, settings.final_learning_rate, 1.0),
-        run.scenario,
-        settings,
+        learning_rate=learning_rate,
+        scenario=run.scenario,
+        settings=settings,
         tensorboard_log=str(run.folder / "tensorboard"),
         seed=run.seed,
     )
+
+
+def network(policy: GruActor) -> GruActor:
+    """Return the agent of a trained policy: the policy itself."""
+    return policy
+
+
+def plays(scenario: Scenario) -> bool:
+    """Return whether the teacher has a model of the scenario's reward.
+
+    Its aim must be removal of metal, with the feed set in every step.
+    """
+    return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
 
 
 SEARCH = {
@@ -245,25 +297,23 @@ SEARCH = {
     "cells": CategoricalDistribution([32, 64, 128]),
 }
 
-
-def plays(scenario: Scenario) -> bool:
-    """Return whether the teacher has a model of the scenario's reward: removal of metal, with the feed set in every step."""
-    return scenario.control.action in TargetCommands.ACTIONS and scenario.control.aim == "removal"
-
-
 ALGORITHM = Algorithm(
     name="analytic_gradient",
     model=AnalyticGradient,
     new_model=new_model,
-    network=lambda policy: policy,
+    network=network,
     search=SEARCH,
-    training_information=("model gradients", "true states", "geometry", "life price", "spreads"),
+    training_information=("model gradients", "true states", "life price", "spreads", "geometry"),
     vec_env=HindsightVecEnv,
     plays=plays,
     families=False,
 )
 
-main = partial(command_line, ALGORITHM)
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    return command_line(ALGORITHM, __doc__, arguments)
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,21 +1,28 @@
-"""The teacher of the analytic-gradient agent: the gain of a step as a differentiable function of its commands.
+"""The teacher of the analytic-gradient agent: the gain of a step as a function of its commands.
 
-The tool must travel all bars, and metal is paid by volume. So an agent can only gain by reducing its cost per distance:
+The tool must travel all bars, and metal is paid by volume. So an agent can only gain by reducing
+its cost per distance:
 
     (time + price of overload * excess + p(D) * life used) / distance,
 
-where p(D) is the price of the edge's life by dynamic programming (``baselines/models/edge_value.py``). It replaces the flat price
-in the reward; over a whole edge, the two differ by a constant. After a step, the simulator reveals the hidden depth, hardness and
-wear to the teacher (``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the step's cost
-with respect to speed and feed. A force above all that the edge has borne is charged the expected cost of breaking an edge of
-unknown strength.
-(Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat charge: potential-based
-shaping, Ng et al. 1999. The combination is this project's.)
+where p(D) is the price of the edge's life by dynamic programming
+(``baselines/models/edge_value.py``). It replaces the flat price in the reward; over a whole edge,
+the two differ by a constant.
+
+After a step, the simulator reveals the hidden depth, hardness and wear to the teacher
+(``HindsightVecEnv``). Machinability models and the drives' lags then give the gradient of the
+step's cost with respect to speed and feed. A force above all that the edge has borne is charged the
+expected cost of breaking an edge of unknown strength.
+
+(Analytic gradients through a known model: Freeman et al. 2021, arXiv 2106.13281; the replaced flat
+charge: potential-based shaping, Ng et al. 1999. The combination is this project's.)
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -23,73 +30,128 @@ from numpy.typing import NDArray
 from torch.nn.functional import softplus
 
 from baselines.optimiser import USED_LIVES, Worth, worth
+from train.analytic_actor import SpeedAndFeed
 from turning_env import Scenario
 from turning_env.scenario.power_law import POWER_LAW_RECORD, PowerLaw, log_response
 
 Tensor = torch.Tensor
-Array = NDArray[np.float64]
 
-FIELDS = ("path", "depth_of_cut", "hardness", "used_life", "thrust_force")
-"""Hidden quantities at the start and the end of every step, in the units of ``info``; depth, hardness and force are 0 in air. The
-force is the highest one at the end of a step of the same edge."""
-USED_LIFE, FORCE = FIELDS.index("used_life"), FIELDS.index("thrust_force")
-POINTS = 5  # number of points in time at which a step's costs are evaluated
+HIDDEN_STATE = np.dtype(
+    [
+        ("path", np.float64),
+        ("depth_of_cut", np.float64),
+        ("hardness", np.float64),
+        ("used_life", np.float64),
+        ("thrust_force", np.float64),
+    ]
+)
+"""Hidden quantities at the start or the end of a step, in the units of ``info``. Depth, hardness
+and force are 0 in air. The force is the highest at the end of any step of the same edge."""
+POINTS = 5
+"""Number of points in time at which a step's costs are evaluated."""
 WINDOW_EDGE = 0.05
-"""Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost of tangled chips. The cost is
-a step there, so its gradient is 0; this line has one."""
-MIN_LOAD = 1e-3  # smallest force over its limit, and probability to survive [-]
-MIN_USED_LIFE = 1e-6  # used life of a fresh edge [-]: the laws are not defined at 0
+"""Logarithm of the feed beyond the chip breaker's window at which the teacher charges the full cost
+of tangled chips. The cost is a step there, so its gradient is 0; this line has one."""
+MIN_LOAD = 1e-3
+"""Smallest force over its limit, and smallest probability to survive [-]."""
+MIN_USED_LIFE = 1e-6
+"""Used life of a fresh edge [-]: the laws are not defined at 0."""
+
+
+@dataclass(frozen=True)
+class HiddenSteps:
+    """What the simulator reveals after steps; arrays have shape (..., num_envs)."""
+
+    before: NDArray[np.void]
+    """``HIDDEN_STATE`` at the start."""
+    after: NDArray[np.void]
+    """``HIDDEN_STATE`` at the end; if the edge was changed in the step, that of the fresh edge."""
+    changed: NDArray[np.bool_]
+    """Whether the edge was changed in the step."""
+    failed: NDArray[np.bool_]
+    """Whether it was changed because it was worn out or broken."""
+
+    @classmethod
+    def stacked(cls, steps: "Sequence[HiddenSteps]") -> Self:
+        """Return successive steps as one, with a first axis of steps."""
+        return cls(
+            before=np.stack([step.before for step in steps]),
+            after=np.stack([step.after for step in steps]),
+            changed=np.stack([step.changed for step in steps]),
+            failed=np.stack([step.failed for step in steps]),
+        )
+
+    def of(self, envs: NDArray[np.int64]) -> "HiddenSteps":
+        """Return the steps of some environments."""
+        return HiddenSteps(
+            before=self.before[..., envs],
+            after=self.after[..., envs],
+            changed=self.changed[..., envs],
+            failed=self.failed[..., envs],
+        )
 
 
 class Truth:
-    """Interpolated hidden states at ``POINTS`` points of each step; fields have shape (steps, num_envs, POINTS)."""
+    """Hidden states at ``POINTS`` points of each step, interpolated.
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        before: Array,
-        after: Array,
-        changed: NDArray[np.bool_],
-        failed: NDArray[np.bool_],
-    ) -> None:
-        """Interpolate the records of a ``HindsightVecEnv`` of the scenario.
+    Fields have shape (steps, num_envs, POINTS) unless they say otherwise.
+    """
 
-        ``before`` and ``after`` are ``FIELDS`` at the starts and ends of steps, shape (steps, len(FIELDS), num_envs). The edge
-        was changed where ``changed``, because it was worn out or broken where also ``failed``, shape (steps, num_envs).
-        """
+    log_depth: Tensor  # [log mm]
+    log_hardness: Tensor  # [-]
+    used_life: Tensor  # [-]
+    borne_force: Tensor  # highest force before the step [N], shape (steps, num_envs, 1)
+    cutting: Tensor  # 0 or 1
+    changed: Tensor  # 0 or 1, shape (steps, num_envs)
+    failed: Tensor  # 0 or 1, shape (steps, num_envs)
+
+    def __init__(self, scenario: Scenario, steps: HiddenSteps) -> None:
+        """Interpolate steps, shape (steps, num_envs), of a ``HindsightVecEnv`` of the scenario."""
         work = scenario.workpiece
         pitch = work.bar_length + work.approach
         share = (torch.arange(POINTS, dtype=torch.float64) + 0.5) / POINTS
-        states = torch.as_tensor(before).unsqueeze(-1), torch.as_tensor(after).unsqueeze(-1)
-        ends = {name: (states[0][:, i], states[1][:, i]) for i, name in enumerate(FIELDS)}
-        begun_anew = torch.as_tensor(changed).unsqueeze(-1)
-        start, end = ends["path"]
-        path = start + (end - start) * share
+        changed = torch.as_tensor(steps.changed).unsqueeze(-1)
+        start_path = _field(steps.before, "path")
+        end_path = _field(steps.after, "path")
+        path = start_path + (end_path - start_path) * share
         bar = torch.floor(path / pitch)
-        # A field is known at a step's end in the metal of the same bar; between two such ends it is interpolated.
-        weights = [
-            torch.where((depth > 0.0) & (torch.floor(at / pitch) == bar), near + 1e-3, 0.0)
-            for depth, at, near in zip(
-                ends["depth_of_cut"], (start, end), (1.0 - share, share), strict=True
-            )
-        ]
-        total = weights[0] + weights[1]
-        cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~begun_anew
+
+        # A field is known at a step's end in the metal of the same bar. Between two such ends it is
+        # interpolated; a known end counts a little even where the other end is.
+        start_depth = _field(steps.before, "depth_of_cut")
+        end_depth = _field(steps.after, "depth_of_cut")
+        start_known = (start_depth > 0.0) & (torch.floor(start_path / pitch) == bar)
+        end_known = (end_depth > 0.0) & (torch.floor(end_path / pitch) == bar)
+        start_weight = torch.where(start_known, 1.0 - share + 1e-3, 0.0)
+        end_weight = torch.where(end_known, share + 1e-3, 0.0)
+        total = start_weight + end_weight
+        divisor = torch.where(total > 0.0, total, 1.0)
+        cutting = (path - pitch * bar >= work.approach) & (total > 0.0) & ~changed
 
         def log_field(name: str, in_air: float) -> Tensor:
-            first, last = ends[name]
-            mean = (weights[0] * first + weights[1] * last) / torch.where(total > 0.0, total, 1.0)
-            return torch.where(cutting, mean, in_air).log().float()
+            weighted = start_weight * _field(steps.before, name) + end_weight * _field(
+                steps.after, name
+            )
+            return torch.where(cutting, weighted / divisor, in_air).log().float()
 
-        first, last = ends["used_life"]
-        last = torch.where(begun_anew, first, last)  # of the edge that was in use at the start
-        self.log_depth = log_field("depth_of_cut", work.depth_of_cut)  # [log mm]
-        self.log_hardness = log_field("hardness", 1.0)  # [-]
-        self.used_life = (first + (last - first) * share).clamp(MIN_USED_LIFE, 1.0).float()  # [-]
-        self.borne_force = ends["thrust_force"][0].float()  # [N], shape (steps, num_envs, 1)
-        self.cutting = cutting.float()  # 0 or 1
-        self.changed = torch.as_tensor(changed).float()  # 0 or 1, shape (steps, num_envs)
-        self.failed = torch.as_tensor(failed).float()  # 0 or 1, likewise
+        life_before = _field(steps.before, "used_life")
+        life_after = _field(steps.after, "used_life")
+        # Life after a change is that of the fresh edge; take the edge in use at the start.
+        life_after = torch.where(changed, life_before, life_after)
+        used_life = life_before + (life_after - life_before) * share
+
+        self.log_depth = log_field("depth_of_cut", in_air=work.depth_of_cut)
+        self.log_hardness = log_field("hardness", in_air=1.0)
+        self.used_life = used_life.clamp(MIN_USED_LIFE, 1.0).float()
+        self.borne_force = _field(steps.before, "thrust_force").float()
+        self.cutting = cutting.float()
+        self.changed = torch.as_tensor(steps.changed).float()
+        self.failed = torch.as_tensor(steps.failed).float()
+
+
+def _field(states: NDArray[np.void], name: str) -> Tensor:
+    """Return a field of hidden states, shape (steps, num_envs, 1)."""
+    return torch.as_tensor(np.ascontiguousarray(states[name])).unsqueeze(-1)
 
 
 def edge_price(scenario: Scenario) -> float:
@@ -103,102 +165,139 @@ def flat_prices(scenario: Scenario) -> Worth:
     return prices._replace(life=np.full(len(USED_LIVES), edge_price(scenario)))
 
 
-class ModelGain:
-    """The gain of steps as a function of the commanded cutting speeds and feeds on the true scenario, if the aim is removal.
+def prices_of(scenario: Scenario) -> Worth:
+    """Return the prices of time and life by which a scenario's teacher charges."""
+    # If the job ends before the edge, its life has the flat price.
+    job_ends_first = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
+    return flat_prices(scenario) if job_ends_first else worth(scenario)
 
-    ``prices`` of life are at evenly spaced used shares up to 1; None: the scenario's.
+
+class StepGain(NamedTuple):
+    """What steps gain, shape (steps, num_envs)."""
+
+    gain: Tensor
+    """Gain of each step [s], up to a constant."""
+    going_on: Tensor
+    """Earnings of going on with the edge for the step [s], without a gradient."""
+
+
+class ModelGain:
+    """The gain of steps as a function of their commands on the true scenario.
+
+    The scenario's aim is removal.
     """
 
     def __init__(self, scenario: Scenario, prices: Worth | None = None) -> None:
-        self._scenario = scenario
-        material, limits, economics, tool = (
-            scenario.material,
-            scenario.limits,
-            scenario.economics,
-            scenario.tool,
-        )
-        share = (np.arange(POINTS) + 0.5) / POINTS
-        self._left = []
-        for lag in (scenario.machine.spindle_time_constant, scenario.machine.feed_time_constant):
-            lags = max(lag, 1e-9) / scenario.control.interval
-            self._left.append((_tensor(np.exp(-share / lags)), _tensor(np.exp(-1.0 / lags))))
+        """Take the numbers of a scenario.
+
+        Args:
+            scenario: the true scenario.
+            prices: prices of life at evenly spaced used lives up to 1; None: the scenario's.
+        """
+        material = scenario.material
+        limits = scenario.limits
+        economics = scenario.economics
+        tool = scenario.tool
+        self._interval = scenario.control.interval  # [s]
+        self._spindle = _Drive(scenario.machine.spindle_time_constant, self._interval)
+        self._feed_drive = _Drive(scenario.machine.feed_time_constant, self._interval)
+
         self._force = _Law(material.thrust_force, math.log(limits.thrust_force))
         self._power = _Law(material.power, math.log(limits.power))
         self._wear = _Law(material.wear, math.log(tool.wear_criterion))
-        self._idle = _tensor(
-            scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
-        )
+        self._log_criterion = _tensor(np.log(tool.wear_criterion))
+        self._life_exponent = _tensor(material.wear.time)
+        # Idle power over the limit, per cutting speed: torque times revolutions.
+        idle = scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter * limits.power)
+        self._idle = _tensor(idle)
         self._base_speed = _tensor(max(scenario.base_cutting_speed, 1e-9))
-        self._log_criterion, self._life_exponent = (
-            _tensor(np.log(tool.wear_criterion)),
-            _tensor(material.wear.time),
-        )
-        self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
+
         self._force_limit = _tensor(limits.thrust_force)
+        self._log_strength = _tensor(np.log(tool.edge_strength / limits.thrust_force))
         self._strength_spread = _tensor(max(tool.edge_strength_spread, 1e-3))
-        self._reference = _tensor(economics.reference_removal_rate)
+        self._edge_price = _tensor(edge_price(scenario))
+        self._downtime = 60.0 * economics.breakage_downtime  # [s]
+
         if prices is None:
-            job_ends_first = scenario.workpiece.bars > 0 and scenario.control.edge_changes == "end"
-            prices = flat_prices(scenario) if job_ends_first else worth(scenario)
+            prices = prices_of(scenario)
         self._time_price = _tensor(prices.time)
-        self._prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
-        self._stop = _tensor(60.0 * economics.unplanned_stop * prices.time)
-        self._edge_price, self._downtime = (
-            _tensor(edge_price(scenario)),
-            60.0 * economics.breakage_downtime,
-        )
-        self._chips_tangle = scenario.swarf.tangle_rate > 0.0
-        self._tangle_cost = _tensor(
-            scenario.swarf.tangle_rate * scenario.swarf.tangle_time * prices.time
-        )
-        self._log_feeds = [_tensor(np.log(max(end, 1e-9))) for end in scenario.feed_range]
+        # Before the first used life, the price is constant.
+        self._life_prices = _tensor(np.concatenate([prices.life[:1], prices.life]))
+        self._overload_price = economics.overload_price
+        self._stop_cost = _tensor(60.0 * economics.unplanned_stop * prices.time)
+        self._reference_rate = _tensor(economics.reference_removal_rate)
 
-    def __call__(
-        self, log_speed: Tensor, log_feed: Tensor, speed: Tensor, feed: Tensor, truth: Truth
-    ) -> tuple[Tensor, Tensor]:
-        """Return each step's gain [s], up to a constant, and the earnings of going on with the edge [s], without a gradient.
+        swarf = scenario.swarf
+        self._chips_tangle = swarf.tangle_rate > 0.0
+        self._tangle_cost = _tensor(swarf.tangle_rate * swarf.tangle_time * prices.time)
+        self._log_feed_range = [_tensor(np.log(max(feed, 1e-9))) for feed in scenario.feed_range]
 
-        All have shape (steps, num_envs): the logarithms of commanded cutting speed [m/min] and feed [mm/rev], and the actual ones
-        at the step's start. For a changed edge, the earnings assume a nominal bar.
+    def __call__(self, log_commanded: SpeedAndFeed, actual: SpeedAndFeed, truth: Truth) -> StepGain:
+        """Return the gain of each step, and the earnings of going on with the edge.
+
+        For a changed edge, the earnings assume a nominal bar.
+
+        Args:
+            log_commanded: logarithms of commanded cutting speed and feed, shape (steps, num_envs).
+            actual: cutting speed and feed at the steps' starts, likewise.
+            truth: hidden states of the steps.
         """
-        scenario = self._scenario
-        speeds, feeds = (
-            self._follow(log_speed.exp(), speed, 0),
-            self._follow(log_feed.exp(), feed, 1),
-        )
-        logs = speeds.log(), feeds.log(), truth.log_depth
+        # Gradients are summed in the reverse order of these lines: a change of their order changes
+        # the last bits of a training.
+        speeds = self._spindle.follow(log_commanded.speed.exp(), actual.speed)
+        feeds = self._feed_drive.follow(log_commanded.feed.exp(), actual.feed)
+        log_speeds = speeds.log()
+        log_feeds = feeds.log()
         log_wear = self._log_criterion + self._life_exponent * truth.used_life.log()
-        log_force = self._force(*logs, log_wear, truth.log_hardness)
-        power = self._power(*logs, log_wear, truth.log_hardness).exp() + self._idle * speeds
+        factors = (log_speeds, log_feeds, truth.log_depth)
+
+        # Loads over their limits, and the price of their excess.
+        log_force = self._force(*factors, log_wear, truth.log_hardness)
+        cutting_power = self._power(*factors, log_wear, truth.log_hardness).exp()
+        power = cutting_power + self._idle * speeds
+        # Below its base speed, the spindle has less power.
         power = power / (speeds / self._base_speed).clamp(max=1.0)
         excess = torch.relu(log_force.exp() - 1.0) + torch.relu(power - 1.0)
-        life_rate = (
-            self._wear(*logs, 0.0, truth.log_hardness) / self._life_exponent
-        ).exp() / 60.0  # [1/s]
-        overload = scenario.economics.overload_price * excess
-        price = self.price(truth.used_life)
-        cost = self._time_price + truth.cutting * (overload + price * life_rate)
-        if self._chips_tangle:
-            low, high = self._log_feeds
-            outside = torch.relu(low - logs[1]) + torch.relu(logs[1] - high)
-            cost = cost + truth.cutting * self._tangle_cost * outside / WINDOW_EDGE
-        velocity = (speeds * feeds).mean(dim=-1)
-        interval = scenario.control.interval
-        # The distance is fixed: at higher velocity it takes less time.
-        gain: Tensor = -interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
-        borne = self._breaks((truth.borne_force / self._force_limit).clamp(min=MIN_LOAD).log())
-        risk = torch.relu(self._breaks(log_force) - borne) / (1.0 - borne).clamp(min=MIN_LOAD)
-        lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
-        gain = gain - (truth.cutting * risk * lost).amax(dim=-1)
-        metal = speeds * feeds * truth.log_depth.exp() / self._reference
-        # While life has a price, metal earns on average that price plus the cost of time and overload.
-        earned = torch.where(price > 0.0, price * life_rate, metal - overload - self._time_price)
-        going_on = interval * (
-            torch.maximum(truth.cutting, truth.changed.unsqueeze(-1)) * earned
-        ).mean(dim=-1)
-        return gain, torch.where(truth.failed > 0.0, -self._stop, going_on).detach()
 
-    def _breaks(self, log_force: Tensor) -> Tensor:
+        # The law of wear gives W = criterion * (t / life)^g, so life is used at the rate 1 / life.
+        log_wear_in_a_minute = self._wear(*factors, 0.0, truth.log_hardness)
+        life_rate = (log_wear_in_a_minute / self._life_exponent).exp() / 60.0  # [1/s]
+        overload = self._overload_price * excess
+        life_price = self.price(truth.used_life)
+        cost = self._time_price + truth.cutting * (overload + life_price * life_rate)
+        if self._chips_tangle:
+            low, high = self._log_feed_range
+            outside = torch.relu(low - log_feeds) + torch.relu(log_feeds - high)
+            cost = cost + truth.cutting * self._tangle_cost * outside / WINDOW_EDGE
+
+        # The distance is fixed: at higher velocity it takes less time.
+        velocity = (speeds * feeds).mean(dim=-1)
+        gain = -self._interval * cost.mean(dim=-1) * (velocity.detach() / velocity)
+        gain = gain - self._breakage_cost(log_force, truth)
+
+        # While life has a price, metal earns on average that price plus the cost of time and
+        # overload.
+        metal = speeds * feeds * truth.log_depth.exp() / self._reference_rate
+        profit = metal - overload - self._time_price
+        earned = torch.where(life_price > 0.0, life_price * life_rate, profit)
+        counts = torch.maximum(truth.cutting, truth.changed.unsqueeze(-1))
+        going_on = self._interval * (counts * earned).mean(dim=-1)
+        going_on = torch.where(truth.failed > 0.0, -self._stop_cost, going_on)
+        return StepGain(gain=gain, going_on=going_on.detach())
+
+    def _breakage_cost(self, log_force: Tensor, truth: Truth) -> Tensor:
+        """Return the expected cost of breaking the edge in each step [s].
+
+        The edge is stronger than the highest force that it has borne.
+        """
+        log_borne_force = (truth.borne_force / self._force_limit).clamp(min=MIN_LOAD).log()
+        borne = self._break_probability(log_borne_force)
+        more = torch.relu(self._break_probability(log_force) - borne)
+        risk = more / (1.0 - borne).clamp(min=MIN_LOAD)
+        lost = self._downtime + self._edge_price * (1.0 - truth.used_life)
+        return (truth.cutting * risk * lost).amax(dim=-1)
+
+    def _break_probability(self, log_force: Tensor) -> Tensor:
         """Return the probability that an edge breaks at a force over its limit."""
         probability: Tensor = torch.special.ndtr(
             (log_force - self._log_strength) / self._strength_spread
@@ -206,41 +305,50 @@ class ModelGain:
         return probability
 
     def edge_change_gain(self, score: Tensor, going_on: Tensor) -> Tensor:
-        """Return an objective whose maximum makes ``score`` positive if the edge should be changed; all (steps, num_envs).
+        """Return an objective whose maximum makes ``score`` positive if the edge should be changed.
 
-        It is best to change an edge as soon as one more step with it has negative expected earnings (optimal stopping in the
-        monotone case, Chow and Robbins 1961). The earnings ``going_on`` [s] of that step are uncertain in advance. A logistic
-        loss weighted by them is least if ``score`` has the opposite sign of their expectation.
+        It is best to change an edge as soon as one more step with it has negative expected earnings
+        (optimal stopping in the monotone case, Chow and Robbins 1961). The earnings ``going_on``
+        [s] of that step are uncertain in advance. A logistic loss weighted by them is least if
+        ``score`` has the opposite sign of their expectation. All have shape (steps, num_envs).
         """
         return -(torch.relu(going_on) * softplus(score) + torch.relu(-going_on) * softplus(-score))
 
     def price(self, used_life: Tensor) -> Tensor:
         """Return the price p(D) of a whole life [s] at used lives D [-]."""
-        last = self._prices.shape[-1] - 1
+        last = self._life_prices.shape[-1] - 1
         position = used_life.clamp(0.0, 1.0) * last
         node = position.floor().clamp(max=last - 1)
         low = node.long()
-        return torch.lerp(self._prices[low], self._prices[low + 1], position - node)
+        return torch.lerp(self._life_prices[low], self._life_prices[low + 1], position - node)
 
-    def _follow(self, commanded: Tensor, actual: Tensor, drive: int) -> Tensor:
-        """Return the actual values at the points of every step, shape (steps, num_envs, POINTS), for one drive's commands.
 
-        ``actual`` is measured at the starts of the steps. The gradient passes from step to step, because a lagging drive carries
-        a command beyond its own step.
+class _Drive:
+    """A drive, which approaches its commands exponentially."""
+
+    def __init__(self, lag: float, interval: float) -> None:
+        """Take the drive's time constant and the control interval [s]."""
+        share = (np.arange(POINTS) + 0.5) / POINTS
+        lag_in_intervals = max(lag, 1e-9) / interval
+        # Shares of a deviation that are left at the points of a step, and at its end.
+        self._left_at_points = _tensor(np.exp(-share / lag_in_intervals))
+        self._left_at_end = _tensor(np.exp(-1.0 / lag_in_intervals))
+
+    def follow(self, commanded: Tensor, actual: Tensor) -> Tensor:
+        """Return the actual values at the points of steps, shape (steps, num_envs, POINTS).
+
+        ``actual`` is measured at the starts of the steps. The gradient passes from step to step,
+        because a lagging drive carries a command beyond its own step.
         """
-        at_points, at_end = self._left[drive]
         carried = torch.zeros_like(actual[0])
         values = []
         for command, measured in zip(commanded, actual, strict=True):
             deviation = measured + carried - command
-            values.append(command.unsqueeze(-1) + deviation.unsqueeze(-1) * at_points)
-            end = command + deviation * at_end
+            values.append(command.unsqueeze(-1) + deviation.unsqueeze(-1) * self._left_at_points)
+            end = command + deviation * self._left_at_end
+            # Its value is 0: the next step's start is measured. Only its gradient is carried.
             carried = end - end.detach()
         return torch.stack(values)
-
-
-def _tensor(value: Any) -> Tensor:
-    return torch.as_tensor(value, dtype=torch.float32)
 
 
 class _Law:
@@ -259,6 +367,17 @@ class _Law:
         log_wear: Any,
         log_hardness: Tensor,
     ) -> Tensor:
-        factors = (log_speed, log_feed, log_depth, 0.0, log_wear, log_hardness)
-        response: Tensor = log_response(self._law, *factors)  # type: ignore[no-untyped-call]
+        response: Tensor = log_response(  # type: ignore[no-untyped-call]
+            self._law,
+            log_cutting_speed=log_speed,
+            log_feed=log_feed,
+            log_depth_of_cut=log_depth,
+            log_time=0.0,
+            log_wear=log_wear,
+            log_hardness=log_hardness,
+        )
         return response
+
+
+def _tensor(value: Any) -> Tensor:
+    return torch.as_tensor(value, dtype=torch.float32)
