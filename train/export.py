@@ -1,12 +1,14 @@
-"""Export trained agents as ONNX files, which play without PyTorch: see ``train/agents/agent_file.py``.
+"""Export trained agents as ONNX files, which play without PyTorch.
 
     python -m train.export runs/RoughTurning-v0/rough_turning/ppo-seed0 --out my-agents
     python -m train.export my_model.zip --env RoughTurning-v0 --name mine --out my-agents
     python -m train.export my_model.zip --statistics vec_normalize.pkl --out my-agents
     python -m train.export my_network.onnx --scenario my_mill.toml --seed 1 --out my-agents
 
-An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has saved; or a network in ONNX.
-A file is written only if it acts as the agent does, on observations sampled from the observation space and on those of episodes.
+An agent is the folder of a training run, or any file in it; a model that Stable-Baselines3 has
+saved; or a network in ONNX. A file is written only if it acts as the agent does, on observations
+sampled from the observation space and on those of episodes. See ``train/agents/agent_file.py`` for
+what a file holds.
 """
 
 import argparse
@@ -21,22 +23,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.belief import VectorBeliefObservation
 from train.actor import Actor, ActorPolicy
 from train.agents import agent_file
-from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, Metadata, Space
+from train.agents.agent_file import FORMAT, NAME, ONNX_SUFFIX, AgentFile, Metadata, Space
 from train.agents.network import tried
 from train.agents.to_onnx import ModuleActor, adopted, sb3_actor, to_onnx
-from train.run import HYPERPARAMETERS, Run, family_of, trained_on
+from train.run import ALGORITHMS, Run, family_of, trained_on
 from train.training import load_actor, stating_information
-from turning_env import FAMILY_ID, IDS, Scenario
+from turning_env import FAMILY_ID, IDS, Family, Scenario
 from turning_env.console import described, exits
 from turning_env.family_env import vector_env
 from turning_env.files import replace_file
@@ -44,14 +47,33 @@ from turning_env.scoring.onnx_session import OnnxPolicy
 from turning_env.scoring.policy import Policy
 from turning_env.scoring.seeds import tuning_seeds
 
-NUM_ENVS, STEPS = (
-    50,
-    100,
-)  # numbers of environments and steps in each of the two comparisons of agent and file
-MAX_DIFFERENCE = 2e-5  # largest difference between an agent's action and its file's in episodes: rounding in single precision
+# Numbers of environments and steps in each of the two comparisons of agent and file.
+NUM_ENVS = 50
+STEPS = 100
+MAX_DIFFERENCE = 2e-5
+"""Largest difference between an agent's action and its file's in episodes: rounding in single
+precision."""
 MAX_SAMPLED_DIFFERENCE = 1e-3
-"""Likewise on observations sampled from the observation space: no lathe has such, and a search on them may stop elsewhere."""
+"""Likewise on observations sampled from the observation space: no lathe has such observations, and
+a search on them may stop elsewhere."""
 _VERSIONS = ("rough-turning", "torch", "onnx", "onnxscript")
+
+
+class Differences(NamedTuple):
+    """Largest differences between the actions of an agent and of its file."""
+
+    sampled: float  # on observations sampled from the observation space
+    played: float  # on those of episodes
+
+    @property
+    def largest(self) -> float:
+        """The larger of the two."""
+        return max(self.sampled, self.played)
+
+    @property
+    def are_small(self) -> bool:
+        """Whether the file acts as the agent does; not with NaN."""
+        return self.played <= MAX_DIFFERENCE and self.sampled <= MAX_SAMPLED_DIFFERENCE
 
 
 @dataclass(frozen=True)
@@ -59,54 +81,73 @@ class _Agent:
     """An agent to export."""
 
     source: str
-    about: Metadata
+    metadata: Metadata
     actor: Actor | None  # the actor; None: the source is itself a network in ONNX
+
+    @property
+    def file_name(self) -> str:
+        return f"{self.metadata.label}{ONNX_SUFFIX}"
 
     def write(self, path: Path) -> dict[str, Any]:
         """Write the agent's file; see ``export``."""
         torch.set_num_threads(1)
         try:
-            with torch.no_grad():
-                content = (
-                    adopted(Path(self.source), self.about)
-                    if self.actor is None
-                    else to_onnx(self.actor, self.about)
-                )
-            file = agent_file.checked(content)
-            entries, actions = (
-                len(space.low)
-                for space in (file.metadata.observation_space, file.metadata.action_space)
-            )
-            session = tried(content, entries, actions, file.memory_size)
-            policy = OnnxPolicy(session, file.memory_size, NUM_ENVS)
-            sampled, difference = 0.0, 0.0
-            if self.actor:
-                env = _environments(file.metadata)
-                sampled, difference = largest_differences(
-                    ActorPolicy(self.actor, NUM_ENVS), policy, file.metadata, env
-                )
-            if not (difference <= MAX_DIFFERENCE and sampled <= MAX_SAMPLED_DIFFERENCE):
-                raise ValueError(f"its file acts otherwise, by up to {max(sampled, difference):g}")
+            file = self._file()
+            differences = self._differences(file)
+            if not differences.are_small:
+                raise ValueError(f"its file acts otherwise, by up to {differences.largest:g}")
         except ValueError as error:
             raise ValueError(f"{self.source} cannot be exported: {error}") from error
-        replace_file(path, lambda partial: partial.write_bytes(content))
+        replace_file(path, lambda partial: partial.write_bytes(file.content))
         return {
             "path": str(path),
             "digest": file.digest,
-            "size": len(content),
+            "size": len(file.content),
             "observations": 2 * NUM_ENVS * STEPS,
-            "largest_difference": max(sampled, difference),
+            "largest_difference": differences.largest,
         }
+
+    def _file(self) -> AgentFile:
+        with torch.no_grad():
+            if self.actor is None:
+                content = adopted(Path(self.source), self.metadata)
+            else:
+                content = to_onnx(self.actor, self.metadata)
+        return agent_file.checked(content)
+
+    def _differences(self, file: AgentFile) -> Differences:
+        """Try the file, and compare it with the agent; a network in ONNX is the file itself."""
+        session = tried(
+            file.content,
+            entries=len(file.metadata.observation_space.low),
+            actions=len(file.metadata.action_space.low),
+            memory_size=file.memory_size,
+        )
+        if self.actor is None:
+            return Differences(sampled=0.0, played=0.0)
+        return largest_differences(
+            ActorPolicy(self.actor, NUM_ENVS),
+            OnnxPolicy(session, file.memory_size, NUM_ENVS),
+            metadata=file.metadata,
+            env=_environments(file.metadata),
+        )
 
 
 def export(folder: Path, out: Path, name: str | None = None) -> dict[str, Any]:
-    """Write the finished agent of one of your own runs to the folder ``out``; the file's name states agent and training seed.
+    """Write the finished agent of one of your own runs to the folder ``out``.
 
-    Return ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file, the ``largest_difference`` of its actions from the
-    agent's, and the number of compared ``observations``. ValueError says why there is no file, OSError that none can be written.
+    The file's name states agent and training seed.
+
+    Returns:
+        ``path``, ``digest`` (SHA-256) and ``size`` [bytes] of the file, the ``largest_difference``
+        of its actions from the agent's, and the number of compared ``observations``.
+
+    Raises:
+        ValueError: there can be no file.
+        OSError: no file can be written.
     """
     agent = _of_run(folder, name)
-    return agent.write(out / f"{agent.about.label}{ONNX_SUFFIX}")
+    return agent.write(out / agent.file_name)
 
 
 def export_torch(
@@ -119,10 +160,12 @@ def export_torch(
     seed: int | None = None,
     trained_steps: int = 0,
 ) -> dict[str, Any]:
-    """Write an agent's file for a PyTorch module from observations (n, entries) to actions (n, actions) in -1..1.
+    """Write an agent's file for a PyTorch module.
 
-    Actions beyond -1..1 are clipped. A module with an attribute ``memory_size`` is recurrent: it takes observations and a memory
-    (n, memory_size), which is 0 before an episode's first observation, and returns actions and the next memory.
+    The module takes observations (n, entries) and returns actions (n, actions); actions beyond
+    -1..1 are clipped. A module with an attribute ``memory_size`` is recurrent: it also takes a
+    memory (n, memory_size), which is 0 before an episode's first observation, and also returns the
+    next memory.
 
     Args:
         module: the trained module.
@@ -130,23 +173,25 @@ def export_torch(
         env_id: the environment on which it was trained.
         scenario: the scenario on which it was trained; None: the id's own.
         name: the agent's name on leaderboards; None: the file's name.
-        seed: training seed; agents of one name with several seeds are one policy. None: the seed in a file name such as
-            ``me-seed3.onnx``, else 0.
+        seed: training seed; agents of one name with several seeds are one policy. None: the seed in
+            a file name such as ``me-seed3.onnx``, else 0.
         trained_steps: environment steps of the training.
 
     Returns:
         The same as ``export``; raises the same errors.
     """
+    path = Path(path)
     actor = module if isinstance(module, Actor) else ModuleActor(module)
-    source = (
-        scenario
-        if isinstance(scenario, Scenario)
-        else trained_on(env_id, None if scenario is None else os.fspath(scenario))
+    source: Scenario | Family
+    if isinstance(scenario, Scenario):
+        source = scenario
+    else:
+        source = trained_on(env_id, None if scenario is None else os.fspath(scenario))
+    run = Run.elsewhere(
+        "torch", env_id, scenario=source, steps=trained_steps, command="train.export.export_torch"
     )
-    run = Run.elsewhere("torch", env_id, source, trained_steps, "train.export.export_torch")
-    return _Agent(type(module).__name__, _foreign(run, Path(path), name, seed), actor).write(
-        Path(path)
-    )
+    agent = _Agent(type(module).__name__, _foreign_metadata(run, path, name=name, seed=seed), actor)
+    return agent.write(path)
 
 
 def _of_run(folder: Path, name: str | None) -> _Agent:
@@ -158,39 +203,52 @@ def _of_run(folder: Path, name: str | None) -> _Agent:
 def _of_file(
     path: Path, run: Run, name: str | None, seed: int | None, statistics: Path | None
 ) -> _Agent:
-    """Return the agent of a model of Stable-Baselines3 or a network in ONNX, trained on the environment of a run."""
+    """Return the agent of a model of Stable-Baselines3 or a network in ONNX.
+
+    It was trained on the environment of a run.
+    """
     if path.suffix == ONNX_SUFFIX:
         if statistics is not None:
             raise ValueError(
-                f"--statistics is for .zip files of Stable-Baselines3, but {path} is a network in ONNX"
+                f"--statistics is for .zip files of Stable-Baselines3, "
+                f"but {path} is a network in ONNX"
             )
-        return _Agent(str(path), _foreign(run, path, name, seed), None)
+        return _Agent(str(path), _foreign_metadata(run, path, name=name, seed=seed), actor=None)
     try:
-        trained, actor = sb3_actor(path, run, statistics)
+        trained_run, actor = sb3_actor(path, run, statistics)
     except ValueError as error:
         raise ValueError(f"{path} {error}") from error
-    return _Agent(str(path), _foreign(trained, path, name, seed), actor)
+    return _Agent(str(path), _foreign_metadata(trained_run, path, name=name, seed=seed), actor)
 
 
-def _foreign(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
-    """Return the metadata of an agent that was trained elsewhere; without a name, it gets its file's name."""
-    plain = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
-    plain = re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
-    stem, _, number = (
-        plain.rpartition("-seed") if re.search(r"-seed\d{1,9}$", plain) else (plain, "", "0")
-    )
-    taken = (HYPERPARAMETERS / f"{stem}.toml").exists()  # by an agent that ships
-    run = replace(run, seed=int(number) if seed is None else seed)
-    return metadata(run, name or (f"my_{stem}" if taken else stem or "agent"))
+def _foreign_metadata(run: Run, path: Path, name: str | None, seed: int | None) -> Metadata:
+    """Return the metadata of an agent that was trained elsewhere.
+
+    Without a name, it gets its file's name; without a seed, the seed in the file's name.
+    """
+    ascii_stem = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
+    stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", ascii_stem).lstrip(".-")
+    seed_in_name = 0
+    match = re.search(r"-seed(\d{1,9})$", stem)
+    if match:
+        stem = stem[: match.start()]
+        seed_in_name = int(match[1])
+    if not name:
+        # The name of an algorithm is that of an agent that ships.
+        name = f"my_{stem}" if stem in ALGORITHMS else stem
+    return metadata(replace(run, seed=seed_in_name if seed is None else seed), name or "agent")
 
 
 def metadata(run: Run, name: str | None = None) -> Metadata:
-    """Return the metadata of the file of a run's agent. Raise ValueError if the name is not allowed."""
+    """Return the metadata of the file of a run's agent. Raise ValueError if the name is no good."""
     name = name or run.name
     if not re.fullmatch(NAME, name):
         raise ValueError(
-            f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, the first no . or -"
+            f"the name is {name!r}, but must be at most 128 letters, digits, _, . or -, "
+            "the first no . or -"
         )
+    observation_space = agent_file.seen_space(run.env_id, run.scenario, run.parameters)
+    action_space = agent_file.acting_space(run.scenario, run.parameters)
     return Metadata(
         format=FORMAT,
         algorithm=run.algorithm,
@@ -198,80 +256,92 @@ def metadata(run: Run, name: str | None = None) -> Metadata:
         seed=run.seed,
         env_id=run.env_id,
         scenario=run.scenario,
-        observation_space=Space.of(agent_file.seen_space(run.env_id, run.scenario, run.parameters)),
-        action_space=Space.of(agent_file.acting_space(run.scenario, run.parameters)),
+        observation_space=Space.of(observation_space),
+        action_space=Space.of(action_space),
         parameters=run.parameters,
         trained_steps=run.parameters["total_timesteps"],
-        command=re.sub(
-            r" --runs[ =]('[^']*'|\S+)", "", run.command
-        ),  # without a folder of this machine
-        versions={name: version(name) for name in _VERSIONS},
+        # Without a folder of this machine.
+        command=re.sub(r" --runs[ =]('[^']*'|\S+)", "", run.command),
+        versions={package: version(package) for package in _VERSIONS},
     )
 
 
-def _environments(about: Metadata) -> Any:
-    """Return ``NUM_ENVS`` environments like those of an agent's training; a guide's are compared on features alone."""
-    if about.parameters.get("guide") is True:
+def _environments(metadata: Metadata) -> Any:
+    """Return ``NUM_ENVS`` environments like those of an agent's training.
+
+    Return None for a guide, which is compared on features alone.
+    """
+    if metadata.parameters.get("guide") is True:
         return None
-    env = vector_env(
-        family_of(about.env_id, about.parameters) or about.scenario,
-        NUM_ENVS,
-        AutoresetMode.SAME_STEP,
-    )
-    return VectorBeliefObservation(env) if about.parameters.get("belief") is True else env
+    source = family_of(metadata.env_id, metadata.parameters) or metadata.scenario
+    env = vector_env(source, NUM_ENVS, AutoresetMode.SAME_STEP)
+    has_belief = metadata.parameters.get("belief") is True
+    return VectorBeliefObservation(env) if has_belief else env
 
 
 def largest_differences(
-    original: Policy, policy: Policy, about: Metadata, env: Any
-) -> tuple[float, float]:
-    """Return the largest differences between the actions of two policies of ``NUM_ENVS`` environments.
+    original: Policy, policy: Policy, metadata: Metadata, env: Any
+) -> Differences:
+    """Return the largest differences between the actions of two policies.
 
-    Both see the same observations and keep their own memories. The first difference is on observations sampled from the
-    observation space, the second in episodes on tuning seeds in which the original acts, if there are environments.
+    Both see the same observations in ``NUM_ENVS`` environments and keep their own memories. In
+    episodes on tuning seeds the original acts; without environments (None) there are no episodes.
     """
+    sampled = _sampled_difference(original, policy, metadata.observation_space)
+    played = 0.0 if env is None else _played_difference(original, policy, env)
+    return Differences(sampled=sampled, played=played)
+
+
+def _sampled_difference(original: Policy, policy: Policy, space: Space) -> float:
     rng = np.random.default_rng(0)
-    space, observations = about.observation_space, np.zeros(0, np.float32)
-    if env is not None:
-        observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
-    largest = [0.0, 0.0]
-    for played in (False, True) if env is not None else (False,):
-        begins = np.ones(NUM_ENVS, np.bool_)
-        for _ in range(STEPS):
-            seen = (
-                observations
-                if played
-                else rng.uniform(space.low, space.high, (NUM_ENVS, len(space.low))).astype(
-                    np.float32
-                )
-            )
-            original.reset(begins)
-            policy.reset(begins)
-            mine, its = original.act(seen), policy.act(seen)
-            if not np.isfinite(its).all():
-                return math.inf, math.inf
-            largest[played] = max(largest[played], float(np.max(np.abs(mine - its))))
-            begins = np.zeros(NUM_ENVS, np.bool_)
-            if played:
-                observations, _, terminated, truncated, _ = env.step(mine)
-                begins = terminated | truncated
-    return largest[0], largest[1]
+    shape = (NUM_ENVS, len(space.low))
+    starts = np.ones(NUM_ENVS, np.bool_)
+    largest = 0.0
+    for _ in range(STEPS):
+        observations = rng.uniform(space.low, space.high, shape).astype(np.float32)
+        original.reset(starts)
+        policy.reset(starts)
+        difference = _difference(original.act(observations), policy.act(observations))
+        largest = max(largest, difference)
+        starts = np.zeros(NUM_ENVS, np.bool_)
+    return largest
+
+
+def _played_difference(original: Policy, policy: Policy, env: Any) -> float:
+    observations, _ = env.reset(seed=tuning_seeds(NUM_ENVS))
+    starts = np.ones(NUM_ENVS, np.bool_)
+    largest = 0.0
+    for _ in range(STEPS):
+        original.reset(starts)
+        policy.reset(starts)
+        actions = original.act(observations)
+        largest = max(largest, _difference(actions, policy.act(observations)))
+        observations, _, terminated, truncated, _ = env.step(actions)
+        starts = terminated | truncated
+    return largest
+
+
+def _difference(expected: NDArray[np.float32], actions: NDArray[np.float32]) -> float:
+    """Return the largest difference between actions; infinite if some are not finite."""
+    if not np.isfinite(actions).all():
+        return math.inf
+    return float(np.max(np.abs(expected - actions)))
 
 
 def _sources(path: Path) -> list[Path]:
-    """Return the run folders that a path names (a run, a file in it, or a folder of several runs), or the path itself."""
+    """Return the run folders that a path names, or the path itself.
+
+    The path may be a run, a file in it, or a folder of several runs.
+    """
     if (path.parent / "run.json").exists() and path.is_file():
         return [path.parent]
-    below = sorted(found.parent for found in path.glob("*/run.json"))
-    return [path] if (path / "run.json").exists() or not below else below
+    if (path / "run.json").exists():
+        return [path]
+    runs_below = sorted(description.parent for description in path.glob("*/run.json"))
+    return runs_below or [path]
 
 
-@exits(
-    ValueError,
-    interrupted="interrupted: the files named above are complete; the same command writes all again",
-)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m train.export", **described(__doc__))
     parser.add_argument(
         "agents",
@@ -283,8 +353,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--out", required=True, type=Path, metavar="FOLDER", help="folder to write the files to"
     )
-    name_help = "the agent's name on leaderboards (default: the algorithm, with the scenario unless that is the id's own)"
-    parser.add_argument("--name", help=name_help)
+    parser.add_argument(
+        "--name",
+        help="the agent's name on leaderboards "
+        "(default: the algorithm, with the scenario unless that is the id's own)",
+    )
     parser.add_argument("--json", action="store_true", help="print one line of JSON per file")
     files = parser.add_argument_group(
         "agents from .zip and .onnx files, which do not state how they were trained"
@@ -301,46 +374,85 @@ def main(arguments: Sequence[str] | None = None) -> int:
         type=int,
         help="training seed (default: the one in a name such as me-seed3.zip, else 0)",
     )
-    statistics_help = "statistics of the VecNormalize of a .zip's training, written by its save: a pickle, so only your own"
-    files.add_argument("--statistics", type=Path, metavar="FILE", help=statistics_help)
+    files.add_argument(
+        "--statistics",
+        type=Path,
+        metavar="FILE",
+        help="statistics of the VecNormalize of a .zip's training, written by its save: "
+        "a pickle, so only your own",
+    )
+    return parser
+
+
+def _agent(path: Path, elsewhere: Run, parsed: argparse.Namespace) -> _Agent:
+    """Return the agent of a path.
+
+    ``elsewhere`` is a run that stands for the training of files that do not state theirs.
+    """
+    if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
+        return _of_file(
+            path, elsewhere, name=parsed.name, seed=parsed.seed, statistics=parsed.statistics
+        )
+    if not path.is_dir():
+        raise ValueError(
+            f"{path} holds no agent: "
+            f"give a folder of training runs, or a .zip or {ONNX_SUFFIX} file"
+        )
+    agent = _of_run(path, parsed.name)
+    for option in ("env", "scenario", "seed", "statistics"):
+        if getattr(parsed, option) is not None:
+            raise ValueError(
+                f"--{option} is for .zip and .onnx files, "
+                f"but {path} is a training run, which has its own"
+            )
+    return agent
+
+
+@exits(
+    ValueError,
+    interrupted="interrupted: the files named above are complete; "
+    "the same command writes all again",
+)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    if arguments is None:
+        arguments = sys.argv[1:]
+    parser = _parser()
     parsed = parser.parse_args(arguments)
     if parsed.seed is not None and parsed.seed < 0:
         parser.error(f"--seed is {parsed.seed}, but must be 0 or more")
+
     env_id = parsed.env or "RoughTurning-v0"
-    command = f"python -m train.export {shlex.join(arguments)}"
-    elsewhere = Run.elsewhere("onnx", env_id, trained_on(env_id, parsed.scenario), 0, command)
+    elsewhere = Run.elsewhere(
+        "onnx",
+        env_id,
+        scenario=trained_on(env_id, parsed.scenario),
+        steps=0,
+        command=f"python -m train.export {shlex.join(arguments)}",
+    )
     agents: dict[Path, _Agent] = {}
-    for path in (source for given in parsed.agents for source in _sources(given)):
-        if path.suffix in (".zip", ONNX_SUFFIX) and path.is_file():
-            agent = _of_file(path, elsewhere, parsed.name, parsed.seed, parsed.statistics)
-        elif not path.is_dir():
-            raise ValueError(
-                f"{path} holds no agent: give a folder of training runs, or a .zip or {ONNX_SUFFIX} file"
-            )
-        else:
-            agent = _of_run(path, parsed.name)
-            if given := [
-                name
-                for name in ("env", "scenario", "seed", "statistics")
-                if getattr(parsed, name) is not None
-            ]:
+    for given in parsed.agents:
+        for path in _sources(given):
+            agent = _agent(path, elsewhere, parsed)
+            target = parsed.out / agent.file_name
+            if target in agents:
                 raise ValueError(
-                    f"--{given[0]} is for .zip and .onnx files, but {path} is a training run, which has its own"
+                    f"{agents[target].source} and {agent.source} would both be {target}: "
+                    "export them under other names"
                 )
-        target = parsed.out / f"{agent.about.label}{ONNX_SUFFIX}"
-        if target in agents:
-            raise ValueError(
-                f"{agents[target].source} and {agent.source} would both be {target}: export them under other names"
-            )
-        agents[target] = agent
+            agents[target] = agent
+
     for target, agent in tqdm(agents.items(), unit="agent", disable=None, leave=False):
         exported = agent.write(target)
-        line = f"largest difference {exported['largest_difference']:.1e} on {exported['observations']} observations"
-        tqdm.write(
-            json.dumps(exported)
-            if parsed.json
-            else f"{exported['path']}: {exported['size']} bytes, {line}"
-        )
+        if parsed.json:
+            line = json.dumps(exported)
+        else:
+            line = (
+                f"{exported['path']}: {exported['size']} bytes, "
+                f"largest difference {exported['largest_difference']:.1e} "
+                f"on {exported['observations']} observations"
+            )
+        tqdm.write(line)
     return 0
 
 
