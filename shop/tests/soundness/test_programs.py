@@ -1,7 +1,8 @@
-"""A part program is played, with finite numbers, or refused with the command's own error, whatever it holds."""
+"""Whatever a part program holds, it is played with finite numbers or refused with an NcError."""
 
 import json
 import math
+from dataclasses import asdict
 from random import Random
 from typing import Any
 
@@ -28,27 +29,29 @@ from turning_env import Scenario
 SCENARIO = Scenario.load("rough_turning")
 
 
-def attempt(text: str, stock: str | None, kind: str | None, go_on: bool, adapted: bool) -> Any:
+def attempt(
+    text: str, stock: str | None, kind: str | None, go_on: bool, adapted: bool
+) -> list[Any] | None:
     """Return the rows and totals of a program; None if it is refused."""
     try:
         moves = run(divide(text), Reading(go_on=go_on))
         tools = {} if kind is None else {moves.moves[0].tool: kind}
-        removal = remove(
-            moves, read_stock(stock) if stock else guessed_stock(moves, tools)[0], tools
-        )
+        polygon = read_stock(stock) if stock else guessed_stock(moves, tools)[0]
+        removal = remove(moves, polygon, tools)
         situation = Situation(SCENARIO, Machine(), moves, removal)
         played = play(situation, change_wear(situation))
         blocks = rows(situation, played)
         results = [
-            blocks,
-            vars(summary(situation, played)),
+            [asdict(row) for row in blocks],
+            asdict(summary(situation, played)),
             beyond(situation, played),
             implausible(situation, played),
+            table(situation, blocks),
+            findings(blocks),
         ]
-        results += [table(situation, blocks), findings(blocks)]
         if adapted:
             after = adapt(situation)
-            results.append(vars(summary(after.situation, after.played)))
+            results.append(asdict(summary(after.situation, after.played)))
     except NcError:
         return None
     return results
@@ -59,8 +62,8 @@ def assert_finite(value: Any) -> None:
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list | tuple):
-        for each in value:
-            assert_finite(each)
+        for item in value:
+            assert_finite(item)
     elif isinstance(value, float):
         assert math.isfinite(value)
 

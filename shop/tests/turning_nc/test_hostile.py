@@ -189,7 +189,7 @@ def test_a_dwell_of_years_and_a_slow_feed_have_finite_times() -> None:
     situation = Situation(SCENARIO, Machine(), made, removal)
     played = play(situation, change_wear(situation))
     assert math.isfinite(played.time.sum())
-    assert all(math.isfinite(row["used_life"]) for row in rows(situation, played))
+    assert all(math.isfinite(row.used_life) for row in rows(situation, played))
 
 
 BLANKS = " " * (MAX_CHARACTERS - 50)

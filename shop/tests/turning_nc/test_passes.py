@@ -43,7 +43,7 @@ def test_a_contour_that_ends_low_is_roughed_level_by_level() -> None:
     situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
     table = rows(situation, play(situation, change_wear(situation)))
     assert (
-        max(row["depth"] for row in table) < 1.3
+        max(row.depth for row in table) < 1.3
     )  # 1 mm, and what a slope of 27 degrees leaves beside it
     assert removal.rapids == {}
     long_cuts = [
