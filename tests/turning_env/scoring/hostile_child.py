@@ -1,4 +1,7 @@
-"""A process of a network that attacks, as it could after a fault in ONNX Runtime; see ``test_sandbox.py``."""
+"""A process of a network that attacks, as it could after a fault in ONNX Runtime.
+
+See ``test_sandbox.py``.
+"""
 
 import ctypes
 import json
@@ -112,7 +115,10 @@ ATTEMPTS: dict[str, Callable[[], Any]] = {
 
 
 class Attacker:
-    """A network whose file names the folder in which it tries everything; its outline says what came of each attempt."""
+    """A network whose file names the folder in which it tries everything.
+
+    Its outline has the outcome of each attempt.
+    """
 
     def read(self, content: bytes) -> Outline:
         global HERE

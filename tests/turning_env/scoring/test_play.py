@@ -1,12 +1,16 @@
+"""Episodes that are played in a batch."""
+
+from typing import Any
+
 import numpy as np
 import pytest
 
-from turning_env import RoughTurningEnv, Scenario
+from tests.turning_env.playing import changed
+from turning_env import RoughTurningEnv
 from turning_env.scoring.play import EPISODE_FIELDS, LAST, SUMS, play
 
-SHORT = Scenario.load("rough_turning").model_copy(
-    update={"tool": Scenario().tool.model_copy(update={"wear_criterion": 0.13})}
-)
+SHORT = changed("rough_turning", tool={"wear_criterion": 0.13})
+SEEDS = [5, 900, 17]
 
 
 class Wavy:
@@ -23,31 +27,32 @@ class Wavy:
         return np.stack([np.sin(self.age), np.cos(self.age)], axis=1).astype(np.float32)
 
 
+def infos_of_episode(seed: int) -> list[dict[str, Any]]:
+    """Play an episode in a single environment; return the infos of its steps, with rewards."""
+    env = RoughTurningEnv(SHORT)
+    policy = Wavy(1)
+    policy.reset(np.ones(1, np.bool_))
+    observation, _ = env.reset(seed=seed)
+    infos: list[dict[str, Any]] = []
+    ended = False
+    while not ended:
+        action = policy.act(observation[np.newaxis])[0]
+        observation, reward, terminated, truncated, info = env.step(action)
+        infos.append(info | {"reward": reward, "truncated": truncated})
+        ended = terminated or truncated
+    return infos
+
+
 def test_every_sum_is_that_of_the_single_environment() -> None:
-    seeds = [5, 900, 17]
-    episodes = play(Wavy, SHORT, seeds)
+    episodes = play(Wavy, SHORT, SEEDS)
     assert set(episodes) == set(EPISODE_FIELDS)
-    for index, seed in enumerate(seeds):
-        env, policy = RoughTurningEnv(SHORT), Wavy(1)
-        observation, info = env.reset(seed=seed)
-        policy.reset(np.ones(1, np.bool_))
-        infos, rewards, ended = [], [], False
-        while not ended:
-            observation, reward, terminated, truncated, info = env.step(
-                policy.act(observation[np.newaxis])[0]
-            )
-            infos.append(info)
-            rewards.append(reward)
-            ended = terminated or truncated
-        assert episodes["return"][index] == pytest.approx(sum(rewards), rel=1e-12)
-        assert episodes["steps"][index] == len(rewards)
-        for name in SUMS:
-            assert episodes[name][index] == pytest.approx(
-                sum(info[name] for info in infos), rel=1e-12
-            )
-        assert episodes["excess"][index] == pytest.approx(
-            sum(info["cost"] * info["time"] for info in infos), rel=1e-12
-        )
-        for name in LAST:
-            assert episodes[name][index] == info[name]
-        assert episodes["truncated"][index] == truncated
+    for index, seed in enumerate(SEEDS):
+        infos = infos_of_episode(seed)
+        expected = {name: sum(info[name] for info in infos) for name in SUMS}
+        expected["return"] = sum(info["reward"] for info in infos)
+        expected["excess"] = sum(info["cost"] * info["time"] for info in infos)
+        for name, value in expected.items():
+            assert episodes[name][index] == pytest.approx(value, rel=1e-12), name
+        assert episodes["steps"][index] == len(infos)
+        for name in (*LAST, "truncated"):
+            assert episodes[name][index] == infos[-1][name], name

@@ -36,20 +36,18 @@ class Observed(Sandbox):
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return what came of each attempt; all in one process, as each is held back."""
+    """Return the outcome of each attempt; all in one process, as each is held back."""
     folder = tmp_path_factory.mktemp("attacked")
     (folder / "sibling").write_text("a rival's file")
     (folder / "folder").mkdir()
     before = (folder / "sibling").stat()
-    found = Observed(str(folder).encode()).outcomes
+    outcomes = Observed(str(folder).encode()).outcomes
     assert sorted(path.name for path in folder.iterdir()) == ["folder", "sibling"]
     after = (folder / "sibling").stat()
-    assert (after.st_mode, after.st_size, after.st_mtime) == (
-        before.st_mode,
-        before.st_size,
-        before.st_mtime,
-    )
-    return found
+    assert after.st_mode == before.st_mode
+    assert after.st_size == before.st_size
+    assert after.st_mtime == before.st_mtime
+    return outcomes
 
 
 @linux
@@ -77,11 +75,12 @@ def test_descriptors_that_were_left_open_are_closed(tmp_path: Path) -> None:
     assert (tmp_path / "open").read_bytes() == b""
 
 
-def test_what_is_missing_of_the_protection_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_protection_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     program = """
 import socket, struct
 wire = socket.socket(fileno=0)
-wire.sendall(struct.pack("<cQ", b"M", 15) + b"limits,Landlock" + struct.pack("<cQ", b"E", 7) + b"refused")
+wire.sendall(struct.pack("<cQ", b"M", 15) + b"limits,Landlock")
+wire.sendall(struct.pack("<cQ", b"E", 7) + b"refused")
 wire.recv(100)
 """
     with pytest.raises(AgentFileError, match="refused"):
@@ -91,23 +90,22 @@ wire.recv(100)
     assert "seccomp missing" in said
 
 
-VALUES = {"observation": ["n", 11], "action": ["n", 2]}
-
-
 def written(
     folder: Path, body: str, graphs: dict[str, onnx.GraphProto] | None = None, **weights: object
 ) -> Path:
-    """Write a file of nodes from ``observation`` to ``action``, and return its path; ``graphs``: bodies of its loops."""
-    given = f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}"
-    nodes = onnx.parser.parse_graph(given).node
+    """Write a file of nodes from ``observation`` to ``action``, and return its path.
+
+    ``graphs`` are the bodies of its loops, by their outputs.
+    """
+    text = f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}"
+    nodes = onnx.parser.parse_graph(text).node
     for node in nodes:
         if graphs and node.op_type == "Loop":
             node.attribute.append(helper.make_attribute("body", graphs[node.output[0]]))
-    inputs, outputs = (
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, VALUES[name]) for name in VALUES
-    )
-    held = [numpy_helper.from_array(np.asarray(array), name) for name, array in weights.items()]
-    graph = helper.make_graph(nodes, "network", [inputs], [outputs], held)
+    observation = helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", 11])
+    action = helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", 2])
+    tensors = [numpy_helper.from_array(np.asarray(array), name) for name, array in weights.items()]
+    graph = helper.make_graph(nodes, "network", [observation], [action], tensors)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
     path = folder / "agent.onnx"
     path.write_bytes(model.SerializeToString())
@@ -130,19 +128,20 @@ def test_a_plain_network_plays(tmp_path: Path) -> None:
 
 def endless(folder: Path) -> Path:
     """Write a network with a loop that never ends, and return its path."""
-    count = helper.make_tensor_value_info("count", TensorProto.INT64, [])
-    going, on = (
-        helper.make_tensor_value_info(name, TensorProto.BOOL, []) for name in ("going", "on")
-    )
-    value, after = (
-        helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 2])
-        for name in ("value", "after")
-    )
+    inputs = [
+        helper.make_tensor_value_info("count", TensorProto.INT64, []),
+        helper.make_tensor_value_info("going", TensorProto.BOOL, []),
+        helper.make_tensor_value_info("value", TensorProto.FLOAT, ["n", 2]),
+    ]
+    outputs = [
+        helper.make_tensor_value_info("on", TensorProto.BOOL, []),
+        helper.make_tensor_value_info("after", TensorProto.FLOAT, ["n", 2]),
+    ]
     nodes = [
         helper.make_node("Identity", ["going"], ["on"]),
         helper.make_node("Identity", ["value"], ["after"]),
     ]
-    body = helper.make_graph(nodes, "body", [count, going, value], [on, after])
+    body = helper.make_graph(nodes, "body", inputs, outputs)
     return written(
         folder,
         FIRST + "action = Loop(, yes, first)",
@@ -176,7 +175,8 @@ def test_the_command_stops_a_loop_without_end(
 def test_a_network_that_takes_too_much_memory_is_stopped(tmp_path: Path) -> None:
     body = (
         FIRST
-        + "huge = Expand(half, shape) sum = ReduceSum <keepdims = 0> (huge) action = Mul(first, sum)"
+        + "huge = Expand(half, shape) sum = ReduceSum <keepdims = 0> (huge) "
+        + "action = Mul(first, sum)"
     )
     path = written(
         tmp_path, body, half=np.float32([0.5]), shape=np.array([1_250_000_000]), **PLACES
@@ -192,7 +192,8 @@ def test_a_network_cannot_read_a_sibling(
     factors = np.full((1, 64), 1.0, np.float32)
     body = (
         FIRST
-        + "product = Mul(first, one) sum = ReduceMax <keepdims = 0> (factors) action = Mul(product, sum)"
+        + "product = Mul(first, one) sum = ReduceMax <keepdims = 0> (factors) "
+        + "action = Mul(product, sum)"
     )
     path = written(tmp_path, body, one=np.float32([1.0]), factors=factors, **PLACES)
     location = "weights"
@@ -210,18 +211,13 @@ def test_a_network_cannot_read_a_sibling(
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"", "cannot be run"),
-        (b"\x08\x07garbage" * 50, "cannot be run"),
-        (b"PK\x03\x04", "cannot be run"),
-    ],
+    "content",
+    [b"", b"\x08\x07garbage" * 50, b"PK\x03\x04"],
+    ids=["empty", "garbage", "zip"],
 )
-def test_garbage_is_refused_with_the_file_and_the_reason(
-    content: bytes, reason: str, tmp_path: Path
-) -> None:
+def test_a_file_that_is_no_network_is_refused_by_its_name(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "agent.onnx").write_bytes(content)
-    with pytest.raises(AgentFileError, match=rf"agent\.onnx: {reason}"):
+    with pytest.raises(AgentFileError, match=r"agent\.onnx: cannot be run"):
         sandbox.load(tmp_path / "agent.onnx")
 
 

@@ -1,7 +1,8 @@
-"""The score of whatever a user has that acts."""
+"""The score of every kind of policy that a user may have."""
 
 import json
 import lzma
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,18 +21,31 @@ from turning_env import FAMILY_ID, Scenario
 from turning_env.__main__ import main
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scenario.family import families
-from turning_env.scoring.score import FOLDER, Score, compare, score, shipped
+from turning_env.scoring.score import FOLDER, PolicyResult, Score, compare, score, shipped
+from turning_env.scoring.statistics import Estimate
 
 ROOT = Path(__file__).parents[3]
-AGENTS = ROOT / "agents" / "RoughTurning-v0" / "rough_turning"
-OVERRIDE, PAPER = (
-    "RoughTurning-Override-v1",
-    "RoughTurning-Paper-v0",
-)  # an episode of the latter has few steps
+OVERRIDE = "RoughTurning-Override-v1"
+PAPER = "RoughTurning-Paper-v0"  # an episode has few steps
 
 
 def full_feed(observations: Any) -> Any:
     return np.full((len(observations), 2), 0.1, np.float32)
+
+
+def named(name: str, policies: Sequence[Any]) -> Any:
+    """Return the one with a name among results or comparisons."""
+    (policy,) = (policy for policy in policies if policy.name == name)
+    return policy
+
+
+def episodes_of(result: PolicyResult) -> dict[str, Any]:
+    """Return the episodes of a rule's result."""
+    return {
+        "return": result.returns[0],
+        "severe_overload_time": result.severe[0],
+        "engaged_time": result.engaged[0],
+    }
 
 
 class Counting:
@@ -41,7 +55,8 @@ class Counting:
         self.steps = np.zeros(0)
 
     def reset(self, mask: Any) -> None:
-        self.steps = np.where(mask, 0.0, self.steps if len(self.steps) else np.zeros(len(mask)))
+        steps = self.steps if len(self.steps) else np.zeros(len(mask))
+        self.steps = np.where(mask, 0.0, steps)
 
     def act(self, observations: Any) -> Any:
         self.steps += 1
@@ -59,9 +74,10 @@ def expected() -> Score:
 
 
 def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
-    made = contents(ROOT / "leaderboard" / "results")
-    assert {path: lzma.decompress(path.read_bytes()).decode() for path in made} == made
-    assert {path.name for path in FOLDER.iterdir()} == {path.name for path in made}
+    expected = contents(ROOT / "leaderboard" / "results")
+    assert {path.name for path in FOLDER.iterdir()} == {path.name for path in expected}
+    for path, content in expected.items():
+        assert lzma.decompress(path.read_bytes()).decode() == content, path.name
 
 
 @pytest.mark.parametrize(
@@ -70,71 +86,84 @@ def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
     ids=["class", "object", "torch", "name"],
 )
 def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
-    assert (
-        score(policy, PAPER, seeds=4).episodes["return"].tolist()
-        == expected.episodes["return"].tolist()
-    )
+    played = score(policy, PAPER, seeds=4)
+    assert played.episodes["return"].tolist() == expected.episodes["return"].tolist()
 
 
 def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
-    found = score(AGENTS.parents[1] / OVERRIDE / "override" / "ppo-seed0.onnx", OVERRIDE, seeds=8)
-    ppo = next(each for each in shipped(OVERRIDE) if each.name == "ppo")
-    assert found.episodes["return"] == pytest.approx(ppo.returns[0, :8], abs=0.02)
+    agent = ROOT / "agents" / OVERRIDE / "override" / "ppo-seed0.onnx"
+    played = score(agent, OVERRIDE, seeds=8)
+    ppo = named("ppo", shipped(OVERRIDE))
+    assert played.episodes["return"] == pytest.approx(ppo.returns[0, :8], abs=0.02)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_a_family_is_scored_on_unseen_jobs(family: str) -> None:
-    """Observations hold the nominal model's numbers, and the policy `idle` gets the return that ships."""
+    """Observations hold the nominal model's numbers; `idle` gets the return that ships."""
+    idle = spec("idle", Scenario.load("shift")).make(3)
     shapes = set()
 
-    def idle(observations: Any) -> Any:
+    def act(observations: Any) -> Any:
         shapes.add(observations.shape)
-        return idling.act(observations)
+        return idle.act(observations)
 
-    (ships,) = (each for each in shipped(f"{FAMILY_ID}-{family}") if each.name == "idle")
-    idling = spec("idle", Scenario.load("shift")).make(3)
-    found = score(idle, FAMILY_ID, seeds=3, family=family)
-    assert shapes == {(3, gymnasium.make(FAMILY_ID, family=family).observation_space.shape[0])}  # type: ignore[index]
-    np.testing.assert_allclose(found.episodes["return"], ships.returns[0, :3], atol=0.01)
+    played = score(act, FAMILY_ID, seeds=3, family=family)
+    space = gymnasium.make(FAMILY_ID, family=family).observation_space
+    assert shapes == {(3, *space.shape)}  # type: ignore[misc]
+    result = named("idle", shipped(f"{FAMILY_ID}-{family}"))
+    np.testing.assert_allclose(played.episodes["return"], result.returns[0, :3], atol=0.01)
 
 
 def test_the_same_episodes_are_no_better_and_no_worse() -> None:
+    name = "rescaled_grid_search"
     others = shipped("RoughTurning-v0", 16)
-    rule = next(each for each in others if each.name == "rescaled_grid_search")
-    episodes = {
-        "return": rule.returns[0],
-        "severe_overload_time": rule.severe[0],
-        "engaged_time": rule.engaged[0],
-    }
-    found = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
-    (same,) = (each for each in found.comparisons if each.name == "rescaled_grid_search")
-    assert (same.ahead.value, same.ahead.low, same.ahead.high) == (0.0, 0.0, 0.0)
-    assert same.mean_return == found.mean_return
-    assert same.feasible == found.feasible
-    ranked = [each.name for each in found.comparisons if each.kind != "oracle"]
-    assert ranked[found.rank - 1] == "rescaled_grid_search"
-    assert found.ranked == len(ranked) + 1
-    assert str(found).startswith(f"rank {found.rank} of {found.ranked}, return ")
+    episodes = episodes_of(named(name, others))
+    scored = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
+    same = named(name, scored.comparisons)
+    assert same.ahead == Estimate(0.0, 0.0, 0.0)
+    assert same.mean_return == scored.mean_return
+    assert same.feasible == scored.feasible
+    ranked = [other.name for other in scored.comparisons if other.kind != "oracle"]
+    assert ranked[scored.rank - 1] == name
+    assert scored.ranked == len(ranked) + 1
+    assert str(scored).startswith(f"rank {scored.rank} of {scored.ranked}, return ")
+
+
+def test_the_table_has_a_line_for_each_policy_in_the_order_of_ranks(expected: Score) -> None:
+    header, *lines = expected.table().splitlines()
+    assert header.split()[:3] == ["rank", "policy", "return"]
+    assert len(lines) == len(expected.comparisons) + 1
+    for rank, line in enumerate(lines[: expected.ranked], start=1):
+        assert line.split()[0] == str(rank)
+    assert "-> this policy" in lines[expected.rank - 1]
 
 
 @pytest.mark.parametrize(
-    ("policy", "env_id", "seeds", "error", "told"),
+    ("policy", "error", "message"),
     [
-        (full_feed, "RoughTurning-v1", None, ValueError, "RoughTurning-v0"),
-        (full_feed, OVERRIDE, 1, ValueError, "2 to 64"),
-        (3, OVERRIDE, 2, TypeError, "int"),
-        ("missing.onnx", OVERRIDE, 2, FileNotFoundError, "missing.onnx"),
-        (str(ROOT / "README.md"), OVERRIDE, 2, ValueError, "README.md"),
-        (f"{__name__}:absent", OVERRIDE, 2, ValueError, "absent"),
-        (full_feed, OVERRIDE, 2, ValueError, "shape"),
+        pytest.param(3, TypeError, "int", id="a number"),
+        pytest.param("missing.onnx", FileNotFoundError, "missing.onnx", id="a missing file"),
+        pytest.param(str(ROOT / "README.md"), ValueError, "README.md", id="no network"),
+        pytest.param(f"{__name__}:absent", ValueError, "absent", id="a missing name"),
+        pytest.param(full_feed, ValueError, "shape", id="actions of another task"),
     ],
 )
-def test_what_cannot_be_scored_is_said(
-    policy: Any, env_id: str, seeds: int | None, error: type[Exception], told: str
+def test_a_policy_that_cannot_play_is_refused(
+    policy: Any, error: type[Exception], message: str
 ) -> None:
-    with pytest.raises(error, match=told):
-        score(policy, env_id, seeds)
+    with pytest.raises(error, match=message):
+        score(policy, OVERRIDE, seeds=2)
+
+
+def test_an_id_without_results_is_refused() -> None:
+    with pytest.raises(ValueError, match="RoughTurning-v0"):
+        score(full_feed, "RoughTurning-v1")
+
+
+def test_a_number_of_seeds_that_the_leaderboard_has_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="2 to 64"):
+        score(full_feed, OVERRIDE, seeds=1)
 
 
 def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
@@ -148,41 +177,34 @@ def test_agents_of_the_published_simulation_are_not_ranked_and_the_score_warns(
 ) -> None:
     assert expected.warning is not None
     assert "warning: " in str(expected)
-    scenario = Scenario.load("paper")
     gaming = replace(
         shipped(PAPER, 4)[0], name="gaming", kind="agent", returns=np.full((1, 4), 647.0)
     )
-    found = compare(PAPER, expected.episodes, scenario, [*shipped(PAPER, 4), gaming])
-    assert (found.rank, found.ranked) == (expected.rank, expected.ranked)
-    assert next(each.unranked for each in found.comparisons if each.name == "gaming") is not None
-    assert "not ranked" in next(line for line in found.table().splitlines() if " gaming " in line)
+    others = [*shipped(PAPER, 4), gaming]
+    scored = compare(PAPER, expected.episodes, Scenario.load("paper"), others)
+    assert scored.rank == expected.rank
+    assert scored.ranked == expected.ranked
+    assert named("gaming", scored.comparisons).unranked is not None
+    (line,) = (line for line in scored.table().splitlines() if " gaming " in line)
+    assert line.endswith("not ranked")
 
 
-def test_small_returns_have_decimals_and_the_load_is_told_whole() -> None:
+def test_small_returns_have_decimals() -> None:
     others = shipped(OVERRIDE, 64)
-    rule = next(each for each in others if each.name == "omative")
-    fields = {
-        "return": rule.returns[0] + 0.1,
-        "severe_overload_time": rule.severe[0],
-        "engaged_time": rule.engaged[0],
-    }
-    found = compare(OVERRIDE, fields, Scenario.load("override"), others)
-    ahead = next(each for each in found.comparisons if each.name == "modified_fuzzy_override").ahead
-    assert f"{ahead.value:+.2f} s" in found.table()
-    assert f"{found.severe_share:.2%}" in found.load()
+    episodes = episodes_of(named("omative", others))
+    episodes["return"] = episodes["return"] + 0.1
+    scored = compare(OVERRIDE, episodes, Scenario.load("override"), others)
+    ahead = named("modified_fuzzy_override", scored.comparisons).ahead
+    assert f"{ahead.value:+.2f} s" in scored.table()
+    assert f"{scored.severe_share:.2%}" in scored.load()
 
 
 def test_the_share_of_severe_overload_is_called_severe() -> None:
     others = shipped("RoughTurning-v0", 16)
-    rule = next(each for each in others if each.name == "grid_search")
-    fields = {
-        "return": rule.returns[0],
-        "severe_overload_time": rule.severe[0],
-        "engaged_time": rule.engaged[0],
-    }
-    found = compare("RoughTurning-v0", fields, Scenario.load("rough_turning"), others)
-    assert found.feasibility == "infeasible"
-    assert f"{found.severe_share:.1%} of cutting time in severe overload" in str(found)
+    episodes = episodes_of(named("grid_search", others))
+    scored = compare("RoughTurning-v0", episodes, Scenario.load("rough_turning"), others)
+    assert scored.feasibility == "infeasible"
+    assert f"{scored.severe_share:.1%} of cutting time in severe overload" in str(scored)
 
 
 def learned(env: Any, **options: Any) -> PPO:
@@ -191,26 +213,31 @@ def learned(env: Any, **options: Any) -> PPO:
     ).learn(32)
 
 
+def returns_of(policy: Any) -> list[float]:
+    """Return the returns of a policy on the first seeds of a task."""
+    returns: list[float] = score(policy, PAPER, seeds=4).episodes["return"].tolist()
+    return returns
+
+
 def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: Path) -> None:
     env = VecNormalize(RoughTurningVecEnv("paper", 2))
     model = learned(env)
-    expected = score(
-        lambda seen: model.predict(env.normalize_obs(seen), deterministic=True)[0], PAPER, seeds=4
-    )
-    plain = score(lambda seen: model.predict(seen, deterministic=True)[0], PAPER, seeds=4)
-    found = score(model, PAPER, seeds=4).episodes["return"].tolist()
-    assert found == expected.episodes["return"].tolist() != plain.episodes["return"].tolist()
+
+    def normalised(observations: Any) -> Any:
+        return model.predict(env.normalize_obs(observations), deterministic=True)[0]
+
+    def plain(observations: Any) -> Any:
+        return model.predict(observations, deterministic=True)[0]
+
+    returns = returns_of(model)
+    assert returns == returns_of(normalised)
+    assert returns != returns_of(plain)
     model.save(tmp_path / "mine.zip")
     with pytest.raises(ValueError, match="VecNormalize, whose statistics its file does not hold"):
-        score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
+        returns_of(PPO.load(tmp_path / "mine.zip"))
     env.save(str(tmp_path / "statistics.pkl"))
-    again = VecNormalize.load(str(tmp_path / "statistics.pkl"), RoughTurningVecEnv("paper", 2))
-    assert (
-        score(PPO.load(tmp_path / "mine.zip", env=again), PAPER, seeds=4)
-        .episodes["return"]
-        .tolist()
-        == found
-    )
+    loaded = VecNormalize.load(str(tmp_path / "statistics.pkl"), RoughTurningVecEnv("paper", 2))
+    assert returns_of(PPO.load(tmp_path / "mine.zip", env=loaded)) == returns
 
 
 class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
@@ -220,28 +247,44 @@ class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
         return 0.5 * observation
 
 
+def stacked_frames() -> Any:
+    return VecFrameStack(RoughTurningVecEnv("paper", 2), 4)
+
+
+def normalised_in_each_environment() -> Any:
+    return DummyVecEnv([lambda: NormalizeObservation(gymnasium.make(PAPER))])
+
+
+def halved() -> Any:
+    return DummyVecEnv([lambda: Halved(gymnasium.make(PAPER))])
+
+
 @pytest.mark.parametrize(
-    ("env", "told"),
+    ("make_env", "message"),
     [
-        (lambda: VecFrameStack(RoughTurningVecEnv("paper", 2), 4), "44 entries"),
-        (
-            lambda: DummyVecEnv([lambda: NormalizeObservation(gymnasium.make(PAPER))]),
-            "NormalizeObservation",
-        ),
-        (lambda: DummyVecEnv([lambda: Halved(gymnasium.make(PAPER))]), "Halved"),
+        (stacked_frames, "44 entries"),
+        (normalised_in_each_environment, "NormalizeObservation"),
+        (halved, "Halved"),
     ],
-    ids=["frames", "normalised", "halved"],
 )
 def test_a_model_behind_a_wrapper_that_changes_observations_is_refused(
-    env: Any, told: str, tmp_path: Path
+    make_env: Any, message: str
 ) -> None:
-    model = PPO("MlpPolicy", env(), device="cpu")
-    with pytest.raises(ValueError, match=told):
+    model = PPO("MlpPolicy", make_env(), device="cpu")
+    with pytest.raises(ValueError, match=message):
         score(model, PAPER, seeds=4)
-    if told != "Halved":  # the file of a model holds the space alone
-        model.save(tmp_path / "mine.zip")
-        with pytest.raises(ValueError, match=told):
-            score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
+
+
+@pytest.mark.parametrize(
+    ("make_env", "message"),
+    [(stacked_frames, "44 entries"), (normalised_in_each_environment, "NormalizeObservation")],
+)
+def test_the_file_of_a_model_with_another_space_is_refused(
+    make_env: Any, message: str, tmp_path: Path
+) -> None:
+    PPO("MlpPolicy", make_env(), device="cpu").save(tmp_path / "mine.zip")
+    with pytest.raises(ValueError, match=message):
+        score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
 
 
 def test_the_command_prints_the_rank(expected: Score, capsys: pytest.CaptureFixture[str]) -> None:

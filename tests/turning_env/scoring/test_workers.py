@@ -35,12 +35,12 @@ def interrupted(number: int) -> int:
 
 @pytest.mark.slow
 def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> None:
-    factor, mark = 3, tmp_path / "process"  # they travel with the function
+    factor = 3  # travels with the function
+    mark = tmp_path / "process"
     expected = [(str(number), 3 * number) for number in range(5)]
     with workers.workers(1, None) as here:
-        assert (
-            list(spread(here, lambda number: factor * number, PIECES)) == expected
-        )  # in this process, in order
+        # In this process, in order.
+        assert list(spread(here, lambda number: factor * number, PIECES)) == expected
     with processes(1) as over:
         assert dict(spread(over, lambda number: factor * number, PIECES)) == dict(expected)
         with pytest.raises(LookupError, match="no 4"):
@@ -51,23 +51,17 @@ def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> Non
             time.sleep(0.01)
     with pytest.raises(ProcessLookupError):
         os.kill(int(mark.read_text()), 0)
-    with (
-        pytest.raises(
-            WorkersError, match=r"a process ended: .*run the same command again to go on"
-        ),
-        processes(1) as over,
-    ):
+    message = r"a process ended: .*run the same command again to go on"
+    with pytest.raises(WorkersError, match=message), processes(1) as over:
         list(spread(over, die, [("dies", 0)]))
 
 
 @pytest.mark.slow
 def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = metadata.version("numpy")
+    message = rf"other results: it has .*numpy {metadata.version('numpy')} instead of 1\.0"
     with processes(1) as over:
         monkeypatch.setattr(metadata, "version", lambda name: "1.0")
-        with pytest.raises(
-            WorkersError, match=rf"other results: it has .*numpy {here} instead of 1\.0"
-        ):
+        with pytest.raises(WorkersError, match=message):
             list(spread(over, abs, PIECES))
 
 
