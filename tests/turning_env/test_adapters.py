@@ -1,5 +1,7 @@
 """The batch behind other libraries' interfaces gives what single environments give."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from stable_baselines3.common.monitor import Monitor
@@ -14,8 +16,30 @@ from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"time_limit": 0.2}})
 
 
+NUM_ENVS = 5
+SCALE = 0.5  # of rewards
+STEPS = 60
+
+
+def single_environment(scenario: Scenario | Family) -> Monitor:
+    """Return an environment with the wrapper of Stable-Baselines3 that sums up episodes."""
+    if isinstance(scenario, Family):
+        return Monitor(FamilyEnv(scenario))
+    return Monitor(RoughTurningEnv(scenario))
+
+
+def assert_same_info(info: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Assert that the infos of an environment whose episode has ended agree."""
+    np.testing.assert_array_equal(info["terminal_observation"], expected["terminal_observation"])
+    assert info["TimeLimit.truncated"] == expected["TimeLimit.truncated"]
+    # Returns are not scaled.
+    returned = expected["episode"]["r"]
+    assert info["episode"]["r"] == pytest.approx(returned, rel=1e-5, abs=1e-5)
+    assert info["episode"]["l"] == expected["episode"]["l"]
+
+
 @pytest.mark.parametrize(
-    ("scenario", "kinds"),
+    ("scenario", "kinds_of_end"),
     [
         pytest.param(SHORT, {True, False}, id="rough_turning"),
         pytest.param(
@@ -33,47 +57,31 @@ SHORT = Scenario.model_validate({"tool": {"edge_strength": 900.0}, "control": {"
         pytest.param(Family.load(BRIEF), {True}, id="family"),
     ],
 )
-def test_it_says_what_stable_baselines_own_vec_env_says(
-    scenario: Scenario | Family, kinds: set[bool]
+def test_it_agrees_with_the_vector_environment_of_stable_baselines3(
+    scenario: Scenario | Family, kinds_of_end: set[bool]
 ) -> None:
-    num_envs, scale = 5, 0.5
-    ours = RoughTurningVecEnv(scenario, num_envs, scale)
-    theirs = DummyVecEnv(
-        [
-            lambda: Monitor(
-                FamilyEnv(scenario) if isinstance(scenario, Family) else RoughTurningEnv(scenario)
-            )
-        ]
-        * num_envs
-    )
-    size = (ours.action_space.shape or (0,))[0]
-    ours.seed(40)
-    theirs.seed(40)
-    np.testing.assert_array_equal(ours.reset(), theirs.reset())
-    ends = {True: 0, False: 0}
-    for step in range(60):
-        actions = np.sin(np.arange(num_envs * size).reshape(num_envs, size) + 0.2 * step).astype(
-            np.float32
-        )
-        observations, rewards, dones, infos = ours.step(actions)
-        expected_observations, expected_rewards, expected_dones, expected_infos = theirs.step(
+    env = RoughTurningVecEnv(scenario, NUM_ENVS, SCALE)
+    expected_env = DummyVecEnv([lambda: single_environment(scenario)] * NUM_ENVS)
+    env.seed(40)
+    expected_env.seed(40)
+    np.testing.assert_array_equal(env.reset(), expected_env.reset())
+    (size,) = env.action_space.shape or ()
+    phase = np.arange(NUM_ENVS * size).reshape(NUM_ENVS, size)
+    truncated = set()
+    for step in range(STEPS):
+        actions = np.sin(phase + 0.2 * step).astype(np.float32)
+        observations, rewards, dones, infos = env.step(actions)
+        expected_observations, expected_rewards, expected_dones, expected_infos = expected_env.step(
             actions
         )
         np.testing.assert_array_equal(observations, expected_observations)
         np.testing.assert_array_equal(dones, expected_dones)
-        np.testing.assert_allclose(rewards, scale * expected_rewards, rtol=1e-6)
+        np.testing.assert_allclose(rewards, SCALE * expected_rewards, rtol=1e-6)
         assert rewards.dtype == np.float32
-        for done, info, expected in zip(dones, infos, expected_infos, strict=True):
+        for done, info, expected_info in zip(dones, infos, expected_infos, strict=True):
             if done:
-                np.testing.assert_array_equal(
-                    info["terminal_observation"], expected["terminal_observation"]
-                )
-                assert info["TimeLimit.truncated"] == expected["TimeLimit.truncated"]
-                assert info["episode"]["r"] == pytest.approx(
-                    expected["episode"]["r"], rel=1e-5, abs=1e-5
-                )  # unscaled
-                assert info["episode"]["l"] == expected["episode"]["l"]
-                ends[info["TimeLimit.truncated"]] += 1
+                assert_same_info(info, expected_info)
+                truncated.add(info["TimeLimit.truncated"])
             else:
                 assert info == {}
-    assert {kind for kind, count in ends.items() if count} == kinds
+    assert truncated == kinds_of_end

@@ -22,28 +22,40 @@ def raising(error: BaseException) -> Callable[[], int]:
 @pytest.mark.parametrize(
     ("error", "status", "message"),
     [
-        (ValueError("--wear is 5"), 2, "error: --wear is 5"),
-        (
+        pytest.param(
+            ValueError("--wear is 5"),
+            2,
+            "error: --wear is 5",
+            id="value",
+        ),
+        pytest.param(
             FileNotFoundError(2, "No such file or directory", "a.csv"),
             2,
             "error: a.csv: No such file or directory",
+            id="file",
         ),
-        (
+        pytest.param(
             ModuleNotFoundError(name="PIL.Image"),
             2,
             "error: PIL is not installed: pip install 'rough-turning[render]'",
+            id="package",
         ),
-        (KeyboardInterrupt(), 130, "stopped; run it again"),
+        pytest.param(
+            KeyboardInterrupt(),
+            130,
+            "stopped; run it again",
+            id="interruption",
+        ),
     ],
 )
 def test_exception_becomes_a_line_and_a_status(
-    error: BaseException, status: int, message: str, capsys
+    error: BaseException, status: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (
-        exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))() == status
-    )
+    command = exits(ValueError, KeyError, interrupted="stopped; run it again")(raising(error))
+    assert command() == status
     printed = capsys.readouterr()
-    assert (printed.out, printed.err) == ("", f"{message}\n")
+    assert printed.out == ""
+    assert printed.err == f"{message}\n"
 
 
 def test_text_of_a_file_cannot_command_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
@@ -60,17 +72,20 @@ def test_json_holds_data_classes_and_arrays_and_no_infinite_numbers(
         left: float
         right: tuple[int, ...]
 
-    pair, table = Pair(math.inf, (1, 2)), np.array([[1.5, np.nan], [2.0, 3.0]])
-    print_json(
-        {
-            "pair": pair,
-            "table": table,
-            "count": np.int64(3),
-            "met": True,
-            "none": None,
-            3: Path("three"),
-        }
-    )
-    given = {"pair": {"left": None, "right": [1, 2]}, "table": [[1.5, None], [2.0, 3.0]]}
-    expected = given | {"count": 3, "met": True, "none": None, "3": "three"}
-    assert json.loads(capsys.readouterr().out) == expected
+    values = {
+        "pair": Pair(math.inf, (1, 2)),
+        "table": np.array([[1.5, np.nan], [2.0, 3.0]]),
+        "count": np.int64(3),
+        "met": True,
+        "none": None,
+        3: Path("three"),
+    }
+    print_json(values)
+    assert json.loads(capsys.readouterr().out) == {
+        "pair": {"left": None, "right": [1, 2]},
+        "table": [[1.5, None], [2.0, 3.0]],
+        "count": 3,
+        "met": True,
+        "none": None,
+        "3": "three",
+    }

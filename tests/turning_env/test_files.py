@@ -1,5 +1,6 @@
 """Files are written whole or not at all. Locks: ``tests/faults/test_at_once.py``."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -39,18 +40,28 @@ def test_failed_write_keeps_the_old_file_and_nothing_else(
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_errors_name_the_target(tmp_path: Path) -> None:
+def write_text(path: Path) -> None:
+    path.write_text("text")
+
+
+def write_nothing(path: Path) -> None:
+    pass
+
+
+def fill_the_disk(path: Path) -> None:
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("taken", write_text), ("none", write_nothing), ("full", fill_the_disk)],
+    ids=["the target is a folder", "nothing was written", "the disk is full"],
+)
+def test_an_error_names_the_target(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
     (tmp_path / "taken" / "inside").mkdir(parents=True)
-
-    def fill_the_disk(path: Path) -> None:
-        raise OSError(28, "No space left on device")
-
-    for name, write in (
-        ("taken", lambda path: path.write_text("text")),
-        ("none", lambda path: None),
-        ("full", fill_the_disk),
-    ):
-        with pytest.raises(OSError) as refusal:  # noqa: PT011
-            replace_file(tmp_path / name, write)
-        assert refusal.value.filename == str(tmp_path / name)
+    with pytest.raises(OSError) as refusal:  # noqa: PT011 - the file's name is what counts
+        replace_file(tmp_path / name, write)
+    assert refusal.value.filename == str(tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]

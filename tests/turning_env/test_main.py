@@ -1,3 +1,5 @@
+"""The command line of the environment."""
+
 import json
 import os
 import subprocess
@@ -14,8 +16,24 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
     assert main(["schema"]) == 0
     schema = json.loads(capsys.readouterr().out)
     bar_length = schema["$defs"]["Workpiece"]["properties"]["bar_length"]
+    assert bar_length["unit"] == "mm"
+    assert bar_length["minimum"] == 1
+    assert bar_length["maximum"] == 1e5
     assert schema["properties"]["base"]["anyOf"][0]["enum"] == list(presets())
-    assert (bar_length["unit"], bar_length["minimum"], bar_length["maximum"]) == ("mm", 1, 1e5)
+
+
+CALLS = """
+import numpy as np
+from turning_env import IDS, RoughTurningEnv, Scenario
+from turning_env.rendering.fields import Fields
+
+for preset in IDS.values():
+    env = RoughTurningEnv(preset)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    Fields(Scenario.load(preset)).along((0, 0), 0, np.zeros(3))
+"""
+"""Calls of all that is compiled, in a process that logs what it compiles."""
 
 
 @pytest.mark.slow
@@ -23,14 +41,11 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
 def test_after_a_warm_up_nothing_is_left_to_compile(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["warm-up"]) == 0
     assert "MB of machine code in " in capsys.readouterr().out
-    code = "import logging, turning_env as t; from turning_env.rendering.fields import Fields; import numpy as np\n"
-    code += "for env_id, preset in t.IDS.items():\n    env = t.RoughTurningEnv(preset); env.reset(seed=0)\n"
-    code += "    env.step(env.action_space.sample()); Fields(t.Scenario.load(preset)).along((0, 0), 0, np.zeros(3))\n"
-    again = subprocess.run(
-        [sys.executable, "-c", code],
+    finished = subprocess.run(
+        [sys.executable, "-c", CALLS],
         cwd=Path(__file__).parents[2],
         capture_output=True,
         text=True,
         check=True,
     )
-    assert again.stderr == ""
+    assert finished.stderr == ""
