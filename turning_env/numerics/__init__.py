@@ -1,4 +1,4 @@
-"""Compilation with Numba, elementary functions and keyed random numbers.
+"""Compilation with Numba, mathematical functions and keyed random numbers.
 
 Nothing here refers to a lathe; quantities with a physical meaning belong in ``physics``.
 """
