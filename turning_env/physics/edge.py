@@ -1,8 +1,9 @@
-"""Edges: fit, use, break and replace them, and charge life and time (``docs/choices.md``, ``docs/models.md``).
+"""Edges: fit, use, break and replace them, and charge life and time.
 
-An edge is charged as its used share of life grows, so every step pays for the life that it uses. A broken edge costs its
-remaining share, and the downtime. If an episode ends with its edge, the price of an edge includes the time to change it, and
-breakage its downtime; no time passes. If edges are changed, the time passes.
+An edge is charged as its used share of life grows, so every step pays for the life that it uses. A
+broken edge costs its remaining share, and the downtime. If an episode ends with its edge, the price
+of an edge includes the time to change it, and breakage its downtime; no time passes. If edges are
+changed, the time passes. (Prices: ``docs/choices.md``; laws: ``docs/models.md``.)
 """
 
 from turning_env.numerics.compilation import compiled
@@ -19,12 +20,19 @@ from turning_env.physics.wear import log_wear
 
 @compiled
 def fit_edge(state, i, p):
-    """Put the present edge into the holder; the nominal model takes it as fresh, and the tool is out of the metal."""
-    edge_normal, strength_normal = standard_normals(state, i, EDGE_CHANNEL, 0, state.edge[i])
+    """Put the present edge into the holder, out of the metal.
+
+    Inserts differ: wear and strength are log-normal. The nominal model takes every edge as fresh.
+    """
+    edge_normal, strength_normal = standard_normals(
+        state, i, channel=EDGE_CHANNEL, bar=0, index=state.edge[i]
+    )
     state.log_wear_factor[i] = p.log_wear_mismatch[i] + p.wear_factor_spread[i] * edge_normal
     state.edge_strength[i] = p.edge_strength[i] * exp(p.edge_strength_spread[i] * strength_normal)
     if p.edges_chip:
-        state.chipping_margin[i] = exponential(state, i, CHIPPING_CHANNEL, 0, state.edge[i])
+        state.chipping_margin[i] = exponential(
+            state, i, channel=CHIPPING_CHANNEL, bar=0, index=state.edge[i]
+        )
     state.cutting_time[i] = 0.0
     state.used_life[i] = p.initial_used_life[i]
     state.nominal_used_life[i] = 0.0
@@ -52,11 +60,10 @@ def break_edge(state, report, i, p):
 
 @compiled
 def change_edge(state, report, i, p, stop):
-    """Inspect the edge and put in the next one, which takes a time beside a ``stop`` [min]."""
+    """Inspect the edge and put in the next one, which takes its time and another ``stop`` [min]."""
     if p.inspects_edges:
-        state.removed_wear[i] = (
-            exp(log_wear(p, i, state.used_life[i])) if state.used_life[i] > 0.0 else 0.0
-        )
+        has_cut = state.used_life[i] > 0.0
+        state.removed_wear[i] = exp(log_wear(p, i, state.used_life[i])) if has_cut else 0.0
     stop_machine(state, report, i, p, stop + p.edge_change_time[i])
     state.edge[i] += 1
     fit_edge(state, i, p)
@@ -64,7 +71,10 @@ def change_edge(state, report, i, p, stop):
 
 @compiled
 def stop_machine(state, report, i, p, minutes):
-    """Let machine time pass without cutting, but not beyond the end of an episode that ends by the clock."""
+    """Let machine time pass without cutting.
+
+    It does not pass beyond the end of an episode that ends by the clock.
+    """
     minutes = max(min(minutes, p.clock_limit[i] - state.clock[i]), 0.0)
     state.clock[i] += minutes
     report.time[i] += 60.0 * minutes

@@ -1,9 +1,13 @@
 """The transition: one step of the environments of a block.
 
-It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in short loops over some
-environments of a block. Loops branch only on the scenario. So the compiler can vectorise them, and one environment or many give
-the same bits. A stopped environment takes sub-steps of length 0. Separate loops handle rare events, such as the start of a bar or
-the end of an edge, in the environments where they occur. Integration: ``docs/models_lathe.md``.
+It is written once, as scalar Python for one environment ``i`` of the records of ``records.py``, in
+short loops over some environments of a block. Loops branch only on the scenario. So the compiler
+can vectorise them, and one environment or many give the same bits. A stopped environment takes
+sub-steps of length 0. Separate loops handle rare events, such as the start of a bar or the end of
+an edge, in the environments where they occur.
+
+Phases are functions that are compiled into their callers, so their names cost no time. Each
+phenomenon has its equations in a file of its own. Integration: ``docs/models_lathe.md``.
 """
 
 import math
@@ -44,27 +48,31 @@ from turning_env.physics.workpiece import (
 )
 
 _ZERO_AT_START = (
-    *(
-        "step_count",
-        "ended",
-        "path",
-        "clock",
-        "turns",
-        "edge",
-        "tangles",
-        "pass_floor",
-        "spindle_heat",
-        "removed_wear",
-    ),
-    *("measured_thrust_force", "measured_servo_current", "measured_power"),
+    "step_count",
+    "ended",
+    "path",
+    "clock",
+    "turns",
+    "edge",
+    "tangles",
+    "pass_floor",
+    "spindle_heat",
+    "removed_wear",
+    "measured_thrust_force",
+    "measured_servo_current",
+    "measured_power",
 )
-_MIN_DEPTH = 1e-6  # [mm] keeps the logarithm of a depth that is not cut within its range
-_MIN_LIFE = 1e-300  # [-] likewise of an edge that has not cut
+# An edge that does not cut has neither depth nor wear. Logarithms of these keep within range.
+_MIN_DEPTH = 1e-6  # [mm]
+_MIN_LIFE = 1e-300  # [-]
 
 
 @compiled_separately
 def start_episode(state, work, report, i, p):
-    """Put a fresh edge before the first bar. The state's ``seed`` and ``episode`` determine edges and bars."""
+    """Put a fresh edge before the first bar.
+
+    The state's ``seed`` and ``episode`` determine edges and bars.
+    """
     for name in literal_unroll(_ZERO_AT_START):
         state[name][i] = 0
     _, in_metal = position_in_row(p, i, 0.0)
@@ -75,8 +83,8 @@ def start_episode(state, work, report, i, p):
     state.feed[i] = p.initial_feed[i]
     fit_edge(state, i, p)
     if p.chips_tangle:
-        state.tangle_margin[i] = exponential(state, i, TANGLE_CHANNEL, 0, 0)
-    state.bar[i] = -1.0
+        state.tangle_margin[i] = exponential(state, i, channel=TANGLE_CHANNEL, bar=0, index=0)
+    state.bar[i] = -1.0  # no bar has been entered, so the first one is drawn
     state.pass_ceiling[i] = math.inf
     state.log_nominal_depth[i] = p.log_depth_of_cut[i]
     work.middle[i] = 0.0
@@ -84,15 +92,17 @@ def start_episode(state, work, report, i, p):
     look_up_fields(state, work, i, i + 1, p)
     look_ahead(state, i, i + 1, p)
     clear_sums(report, i, i + 1)
+    # The observation reads these logarithms.
     work.log_cutting_speed[i] = log(p.initial_cutting_speed[i])
     work.log_feed[i] = log(p.initial_feed[i])
 
 
 @compiled_separately
 def run_step(state, work, report, actions, count, p):
-    """Run one step of the first ``count`` environments of a block; ``actions`` has shape (environments, action size).
+    """Run one step of the first ``count`` environments of a block.
 
-    Until it is finished, ``cost_force``, ``cost_power`` and the means in the report are integrals: [min], [min], [N s] and [kJ].
+    ``actions`` has shape (environments, action size). Until the step is finished, ``cost_force``,
+    ``cost_power`` and the means in the report are integrals: [min], [min], [N s] and [kJ].
     """
     clear_sums(report, 0, count)
     for i in range(count):
@@ -100,57 +110,57 @@ def run_step(state, work, report, actions, count, p):
         work.edge_failed[i] = 0
         work.tangles[i] = 0
     if p.edge_changes == COMMANDED:
-        for i in range(count):
-            if actions[i, -1] > 0.0:
-                charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
-                change_edge(state, report, i, p, 0.0)
-    by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
-    passes = 1
+        change_commanded_edges(state, report, actions, count, p)
     if p.action == PART:
-        for i in range(count):
-            start_part(state, work, i, p, actions[i])
-            passes = max(passes, work.passes[i])
+        passes = start_parts(state, work, actions, count, p)
     else:
-        if p.delays_commands:
-            for i in range(count):
-                note_command(state, i)
-        command(state, work, actions, count, p)
-        for i in range(count):
-            work.sub_step[i] = p.sub_step[i]
-            work.sub_steps_left[i] = p.sub_steps
+        passes = 1
+        start_interval(state, work, actions, count, p)
     for number in range(passes):
-        if p.action == PART:
-            for i in range(count):
-                work.sub_steps_left[i] = 0  # where the part has fewer passes
-                if number < work.passes[i]:
-                    start_pass(state, work, report, i, p, actions[i], number)
-        for i in range(count):
-            work.cut[i], _ = position_in_row(p, i, state.path[i])
-            begin_charging(state, work, i)
-            work.chip_remains[i] = 0.0
-            work.target_cutting_speed[i], work.target_feed[i] = (
-                state.commanded_cutting_speed[i],
-                state.commanded_feed[i],
-            )
-        for _ in range(p.sub_steps):
-            if run_sub_step(state, work, report, count, p) > 0:
-                replace_failed_edges(state, work, report, count, p, by_equivalent_time)
-        for i in range(count):
-            charge_time_and_life(state, work, report, i, p, by_equivalent_time)
-        if p.action == PART:
-            for i in range(count):
-                if number < work.passes[i]:
-                    end_pass(state, work, report, i, p)
+        run_pass(state, work, report, actions, count, p, number)
     if p.chips_tangle:
         for i in range(count):
             stop_machine(state, report, i, p, work.tangles[i] * p.tangle_time[i])
     for i in range(count):
         state.step_count[i] += 1
     read_sensors(state, work, 0, count, p)
-    timeless, by_step = p.edge_changes == END, p.action != PART
+    # Read once, before the loop: a loop that reads them again is not vectorised.
+    timeless = p.edge_changes == END
+    by_step = p.action != PART
     for i in range(count):
         finish_step(state, work, report, i, p, timeless, by_step)
     look_ahead(state, 0, count, p)
+
+
+@compiled
+def change_commanded_edges(state, report, actions, count, p):
+    """Change the edges whose action asks for it; what is left of their life is charged, too."""
+    for i in range(count):
+        if actions[i, -1] > 0.0:
+            charge(report, i, p, max(0.0, 1.0 - state.used_life[i]))
+            change_edge(state, report, i, p, stop=0.0)
+
+
+@compiled
+def start_parts(state, work, actions, count, p):
+    """Start the next part in every environment; return the largest number of passes."""
+    passes = 1
+    for i in range(count):
+        start_part(state, work, i, p, actions[i])
+        passes = max(passes, work.passes[i])
+    return passes
+
+
+@compiled
+def start_interval(state, work, actions, count, p):
+    """Set the commands and the sub-steps of a control interval."""
+    if p.delays_commands:
+        for i in range(count):
+            note_command(state, i)
+    command(state, work, actions, count, p)
+    for i in range(count):
+        work.sub_step[i] = p.sub_step[i]
+        work.sub_steps_left[i] = p.sub_steps
 
 
 @compiled
@@ -162,9 +172,8 @@ def command(state, work, actions, count, p):
         work.action[1, i] = clipped(actions[i, second])
     if p.action == OVERRIDE:
         for i in range(count):
-            state.commanded_feed[i] = (
-                0.5 * (work.action[0, i] + 1.0) * p.override_max[i] * p.initial_feed[i]
-            )
+            override = 0.5 * (work.action[0, i] + 1.0) * p.override_max[i]
+            state.commanded_feed[i] = override * p.initial_feed[i]
     elif p.action == SET_POINT:
         for i in range(count):
             state.commanded_cutting_speed[i] = set_point(
@@ -176,124 +185,75 @@ def command(state, work, actions, count, p):
             state.commanded_cutting_speed[i] *= exp(p.cutting_speed_step[i] * work.action[0, i])
             state.commanded_feed[i] *= exp(p.feed_step[i] * work.action[1, i])
     for i in range(count):
-        speed, feed = state.commanded_cutting_speed[i], state.commanded_feed[i]
-        state.commanded_cutting_speed[i] = min(
-            max(speed, p.cutting_speed_min[i]), p.reachable_cutting_speed[i]
-        )
-        state.commanded_feed[i] = min(max(feed, p.feed_min[i]), p.feed_max[i])
+        speed = max(state.commanded_cutting_speed[i], p.cutting_speed_min[i])
+        feed = max(state.commanded_feed[i], p.feed_min[i])
+        state.commanded_cutting_speed[i] = min(speed, p.reachable_cutting_speed[i])
+        state.commanded_feed[i] = min(feed, p.feed_max[i])
     if p.has_section_speeds:
         for i in range(count):
             limit = limit_of_section(p, i, state.path[i])
             state.commanded_cutting_speed[i] = min(state.commanded_cutting_speed[i], limit)
 
 
+@compiled
+def run_pass(state, work, report, actions, count, p, number):
+    """Run a control interval, or pass ``number`` of the parts."""
+    if p.action == PART:
+        for i in range(count):
+            work.sub_steps_left[i] = 0  # where the part has fewer passes
+            if number < work.passes[i]:
+                start_pass(state, work, report, i, p, actions[i], number)
+    for i in range(count):
+        work.cut[i], _ = position_in_row(p, i, state.path[i])
+        begin_charging(state, work, i)
+        work.chip_remains[i] = 0.0
+        work.target_cutting_speed[i] = state.commanded_cutting_speed[i]
+        work.target_feed[i] = state.commanded_feed[i]
+    by_equivalent_time = p.wear_rule == EQUIVALENT_TIME
+    for _ in range(p.sub_steps):
+        failed = run_sub_step(state, work, report, count, p)
+        if failed > 0:
+            replace_failed_edges(state, work, report, count, p, by_equivalent_time)
+    for i in range(count):
+        charge_time_and_life(state, work, report, i, p, by_equivalent_time)
+    if p.action == PART:
+        for i in range(count):
+            if number < work.passes[i]:
+                end_pass(state, work, report, i, p)
+
+
 @compiled_separately
 def run_sub_step(state, work, report, count, p):
-    """Run one sub-step, not beyond the end of the job; return the number of environments with a worn-out or broken edge."""
+    """Run one sub-step, not beyond the end of the job.
+
+    Return the number of environments with a worn-out or broken edge.
+    """
+    move_tools(state, work, count, p)
+    look_up_cuts(state, work, count, p)
+    wear_edges(state, work, count, p)
+    load_edges(state, work, count, p)
+    if p.holds_roughness:
+        for i in range(count):
+            add_roughness(state, work, report, i, p)
+    break_failing_edges(state, work, count, p)
+    if p.chips_tangle:
+        tangle(state, work, count, p)
+    compare_with_further_limits(state, work, count, p)
+    failed = end_sub_step(state, work, report, count, p)
+    if p.heats:
+        for i in range(count):
+            heat_up(state, work, i, p)
+    return failed
+
+
+@compiled
+def move_tools(state, work, count, p):
+    """Move drives and tools over the sub-step."""
     if p.delays_commands:
         for i in range(count):
             follow_late_command(state, work, i, p)
     for i in range(count):
         move(state, work, i, p)
-    if p.bends:
-        for i in range(count):
-            note_stiffness(state, work, i)
-    look_up_fields(state, work, 0, count, p)
-    if p.bends:
-        for i in range(count):
-            bend_bar(state, work, i, p)
-    for i in range(count):
-        work.engaged[i] = work.engaged[i] if state.depth_of_cut[i] > 0.0 else 0.0
-        work.log_cutting_speed[i] = log(state.cutting_speed[i])
-        work.log_feed[i] = log(state.feed[i])
-        work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
-        work.life_before[i] = state.used_life[i]
-    if p.wear_rule == EQUIVALENT_TIME:
-        for i in range(count):
-            state.used_life[i] += life_share(
-                p, i, log_coefficient(state, work, i, p), work.engaged[i]
-            )
-    else:
-        for i in range(count):
-            start, used_life = state.cutting_time[i], state.used_life[i]
-            life = life_by_clock(
-                p, i, used_life, log_coefficient(state, work, i, p), start, start + work.engaged[i]
-            )
-            state.used_life[i] = (
-                max(life, used_life) if work.engaged[i] > 0.0 else used_life
-            )  # rounding makes no edge sharper
-    if p.has_phases:
-        for i in range(count):
-            state.used_life[i] = with_phases(
-                p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i]
-            )
-    if p.chips_lag:
-        for i in range(count):
-            work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
-    if p.chatters:
-        for i in range(count):
-            chatter(state, work, i, p)
-    for i in range(count):
-        state.cutting_time[i] += work.engaged[i]
-        work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
-        speed, feed, depth = work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i]
-        force, power = force_and_power(
-            p, i, speed, feed, depth, work.log_wear[i], state.log_hardness[i]
-        )
-        force *= 1.0 + work.chatter[i]
-        remains, cuts = work.chip_remains[i], work.engaged[i] > 0.0
-        state.thrust_force[i] = (
-            force * (1.0 - remains) + state.thrust_force[i] * remains
-            if cuts
-            else state.thrust_force[i]
-        )
-        state.power[i] = (
-            power * (1.0 - remains) + state.power[i] * remains if cuts else state.power[i]
-        )
-    if p.holds_roughness:
-        for i in range(count):
-            deviation = abs(
-                roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i] - 1.0
-            )
-            in_air = (
-                p.sub_step[i] - work.engaged[i]
-            )  # a surface that is not made deviates by all of its reference
-            report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
-    break_failing_edges(state, work, count, p)
-    if p.chips_tangle:
-        tangle(state, work, count, p)
-    failed, stops, varies = 0, p.action != PART, p.heats or p.has_base_speed
-    for k in range(p.further_limits):
-        for i in range(count):
-            excess = excess_over_further_limit(
-                p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i]
-            )
-            work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
-    for i in range(count):
-        add_to_sums(state, work, report, i, p, varies)
-        in_metal = 1 if work.engaged[i] > 0.0 else 0
-        spent = 1 if state.used_life[i] >= 1.0 else 0
-        overcome = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
-        arrived = 1 if state.path[i] >= p.path_end[i] else 0
-        work.worn[i] |= in_metal & spent
-        work.broken[i] |= in_metal & overcome
-        edge_failed = work.worn[i] | work.broken[i]
-        work.edge_failed[i] |= edge_failed
-        failed += edge_failed
-        left = work.sub_steps_left[i]  # ends with the edge or the job, but with parts goes on
-        work.sub_steps_left[i] = 0 if stops and (edge_failed | arrived) > 0 else left
-        remains = (
-            1.0
-            if min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
-            else work.chip_remains[i]
-        )
-        state.thrust_force[i] *= remains
-        state.power[i] *= remains
-        follow_process(state, work, i, p)
-    if p.heats:
-        for i in range(count):
-            heat_up(state, work, i, p)
-    return failed
 
 
 @compiled
@@ -302,12 +262,13 @@ def move(state, work, i, p):
     runs = work.sub_steps_left[i] > 0
     work.sub_steps_left[i] -= 1 if runs else 0
     sub_step = work.sub_step[i] if runs else 0.0
+    # First-order lags, solved exactly over the sub-step (``drives.lag_share``).
     spindle_share = p.spindle_share[i] if runs else 0.0
     feed_share = p.feed_share[i] if runs else 0.0
-    state.cutting_speed[i] += (
-        work.target_cutting_speed[i] - state.cutting_speed[i]
-    ) * spindle_share
-    state.feed[i] += (work.target_feed[i] - state.feed[i]) * feed_share
+    speed_change = work.target_cutting_speed[i] - state.cutting_speed[i]
+    feed_change = work.target_feed[i] - state.feed[i]
+    state.cutting_speed[i] += speed_change * spindle_share
+    state.feed[i] += feed_change * feed_share
     spindle_speed = state.cutting_speed[i] * p.revolutions_per_metre[i]  # [rev/min]
     feed_velocity = spindle_speed * state.feed[i]  # [mm/min]
     turns = spindle_speed * sub_step
@@ -315,6 +276,7 @@ def move(state, work, i, p):
     state.turns[i] += turns
     state.path[i] += feed_velocity * sub_step
     work.time[i] += sub_step
+    # The ends of a bar are located exactly: only metal that was passed counts as cut.
     cut_before = work.cut[i]
     cut, in_metal = position_in_row(p, i, state.path[i])
     work.cut[i] = cut
@@ -325,8 +287,51 @@ def move(state, work, i, p):
 
 
 @compiled
+def look_up_cuts(state, work, count, p):
+    """Set hardness and depth of the cut, with the bar's deflection, and the cut's logarithms."""
+    if p.bends:
+        for i in range(count):
+            note_stiffness(state, work, i)
+    look_up_fields(state, work, 0, count, p)
+    if p.bends:
+        for i in range(count):
+            bend_bar(state, work, i, p)
+    # The laws of force, power and wear add up logarithms (``machinability.log_response``).
+    for i in range(count):
+        work.engaged[i] = work.engaged[i] if state.depth_of_cut[i] > 0.0 else 0.0
+        work.log_cutting_speed[i] = log(state.cutting_speed[i])
+        work.log_feed[i] = log(state.feed[i])
+        work.log_depth[i] = log(max(state.depth_of_cut[i], _MIN_DEPTH))
+        work.life_before[i] = state.used_life[i]
+
+
+@compiled
+def wear_edges(state, work, count, p):
+    """Advance the used life of the edges that cut (``wear.py``)."""
+    if p.wear_rule == EQUIVALENT_TIME:
+        for i in range(count):
+            log_k = log_coefficient(state, work, i, p)
+            state.used_life[i] += life_share(p, i, log_k, work.engaged[i])
+    else:
+        for i in range(count):
+            start = state.cutting_time[i]
+            end = start + work.engaged[i]
+            used_life = state.used_life[i]
+            log_k = log_coefficient(state, work, i, p)
+            life = life_by_clock(p, i, used_life, log_k, start, end)
+            # Rounding must not make an edge sharper.
+            life = max(life, used_life)
+            state.used_life[i] = life if work.engaged[i] > 0.0 else used_life
+    if p.has_phases:
+        for i in range(count):
+            state.used_life[i] = with_phases(
+                p, i, work.life_before[i], state.used_life[i], work.log_cutting_speed[i]
+            )
+
+
+@compiled
 def log_coefficient(state, work, i, p):
-    """Return the logarithm of the wear [mm] that a fresh edge would have after a minute of the present cut."""
+    """Return the logarithm of the wear [mm] of a fresh edge after a minute of the present cut."""
     nominal = log_wear_coefficient(
         p, i, work.log_cutting_speed[i], work.log_feed[i], work.log_depth[i], state.log_hardness[i]
     )
@@ -334,24 +339,129 @@ def log_coefficient(state, work, i, p):
 
 
 @compiled
+def load_edges(state, work, count, p):
+    """Set wear, thrust force [N] and cutting power [kW] at the end of the sub-step."""
+    if p.chips_lag:
+        for i in range(count):
+            # First-order lag in turns: a chip needs one turn to reach its thickness.
+            work.chip_remains[i] = exp(-work.turns[i] / p.chip_lag[i])
+    if p.chatters:
+        for i in range(count):
+            chatter(state, work, i, p)
+    for i in range(count):
+        set_force_and_power(state, work, i, p)
+
+
+@compiled
+def set_force_and_power(state, work, i, p):
+    """Set thrust force and power by their laws, behind the lag of a chip that thickens.
+
+    An edge in air keeps the values of its last cut.
+    """
+    state.cutting_time[i] += work.engaged[i]
+    work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
+    force, power = force_and_power(
+        p,
+        i,
+        log_cutting_speed=work.log_cutting_speed[i],
+        log_feed=work.log_feed[i],
+        log_depth_of_cut=work.log_depth[i],
+        log_wear=work.log_wear[i],
+        log_hardness=state.log_hardness[i],
+    )
+    force *= 1.0 + work.chatter[i]
+    remains = work.chip_remains[i]
+    cuts = work.engaged[i] > 0.0
+    lagged_force = force * (1.0 - remains) + state.thrust_force[i] * remains
+    lagged_power = power * (1.0 - remains) + state.power[i] * remains
+    state.thrust_force[i] = lagged_force if cuts else state.thrust_force[i]
+    state.power[i] = lagged_power if cuts else state.power[i]
+
+
+@compiled
+def add_roughness(state, work, report, i, p):
+    """Add the relative deviation of Ra from its reference to its integral [s]."""
+    ratio = roughness(p, i, state.thrust_force[i]) / state.roughness_reference[i]
+    deviation = abs(ratio - 1.0)
+    # In air no surface is made, which deviates by all of its reference.
+    in_air = p.sub_step[i] - work.engaged[i]
+    report.roughness_deviation[i] += 60.0 * (work.engaged[i] * deviation + in_air)
+
+
+@compiled
+def compare_with_further_limits(state, work, count, p):
+    """Set the largest relative excess over a further limit; without such limits, it stays 0."""
+    for k in range(p.further_limits):
+        for i in range(count):
+            excess = excess_over_further_limit(
+                p, k, work.log_feed[i], work.log_depth[i], state.log_hardness[i]
+            )
+            work.over_further[i] = excess if k == 0 else max(work.over_further[i], excess)
+
+
+@compiled
+def end_sub_step(state, work, report, count, p):
+    """Sum up the sub-step, find edges that failed and jobs that ended, and let sensors follow.
+
+    Return the number of environments with a worn-out or broken edge.
+    """
+    # A step ends with the edge or the job; a part goes on with the next edge.
+    stops = p.action != PART
+    varies = p.heats or p.has_base_speed
+    failed = 0
+    for i in range(count):
+        add_to_sums(state, work, report, i, p, varies)
+        in_metal = 1 if work.engaged[i] > 0.0 else 0
+        spent = 1 if state.used_life[i] >= 1.0 else 0
+        overloaded = 1 if state.thrust_force[i] > state.edge_strength[i] else 0
+        arrived = 1 if state.path[i] >= p.path_end[i] else 0
+        work.worn[i] |= in_metal & spent
+        work.broken[i] |= in_metal & overloaded
+        edge_failed = work.worn[i] | work.broken[i]
+        work.edge_failed[i] |= edge_failed
+        failed += edge_failed
+        ends = stops and (edge_failed | arrived) > 0
+        work.sub_steps_left[i] = 0 if ends else work.sub_steps_left[i]
+        leave_metal(state, work, i)
+        follow_process(state, work, i, p)
+    return failed
+
+
+@compiled
+def leave_metal(state, work, i):
+    """Let force and power fall once the tool is out of the metal, behind the lag of the chip."""
+    in_metal = min(float(state.cutting[i]), state.depth_of_cut[i]) > 0.0
+    remains = 1.0 if in_metal else work.chip_remains[i]
+    state.thrust_force[i] *= remains
+    state.power[i] *= remains
+
+
+@compiled
 def add_to_sums(state, work, report, i, p, varies):
-    """Add the removed metal, and the excess of force and power over their limits, to the report's sums."""
+    """Add the removed metal, and the excess of force and power over their limits, to the sums.
+
+    ``varies``: whether the allowed power depends on speed or heat.
+    """
     engaged = work.engaged[i]  # [min]
     seconds = 60.0 * engaged
-    force, power = state.thrust_force[i], state.power[i] + idle_power(p, i, state.cutting_speed[i])
+    force = state.thrust_force[i]
+    power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
     over_force = max(force * p.per_thrust_force_limit[i] - 1.0, work.over_further[i])
     share = allowed_share(state, i, p) if varies else 1.0
     over_power = max(power * p.per_power_limit[i] / share - 1.0, 0.0)
     over = max(over_force, over_power)
+    removal_rate = state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i]  # [cm3/min]
     report.engaged_time[i] += seconds
-    report.removed[i] += state.cutting_speed[i] * state.feed[i] * state.depth_of_cut[i] * engaged
+    report.removed[i] += removal_rate * engaged
     report.mean_thrust_force[i] += seconds * force
     report.mean_power[i] += seconds * power
     report.cost_force[i] += engaged * over_force
     report.cost_power[i] += engaged * over_power
     report.overload_time[i] += seconds if over > 0.0 else 0.0
+    # The severe share decides whether a policy is feasible; its tolerance is the scenario's.
     report.severe_overload_time[i] += seconds if over > p.overload_tolerance[i] else 0.0
-    # Shown beside the severe share, so that a feasible policy's load is seen whole, whatever its scenario tolerates.
+    # Two fixed levels beside it show how a feasible policy is spread over the range of loads, so
+    # scenarios with different tolerances can be compared.
     report.overload_2_percent_time[i] += seconds if over > 0.02 else 0.0
     report.overload_10_percent_time[i] += seconds if over > 0.10 else 0.0
 
@@ -366,25 +476,31 @@ def begin_charging(state, work, i):
 
 @compiled
 def charge_time_and_life(state, work, report, i, p, by_equivalent_time):
-    """Update clock, charged life and nominal wear. The nominal model uses the speed and feed at the end."""
+    """Update clock, charged life and nominal wear.
+
+    The nominal model takes the speed and feed at the end for the whole time.
+    """
     time = work.time[i]
     state.clock[i] += time
     report.time[i] += 60.0 * time
     work.minutes[i] += time
     charge(report, i, p, min(state.used_life[i], 1.0) - work.used_life_before[i])
-    start, end, used = (
-        work.cutting_time_before[i],
-        state.cutting_time[i],
-        state.nominal_used_life[i],
-    )
-    coefficient = log_wear_coefficient(
-        p.nominal, i, work.log_cutting_speed[i], work.log_feed[i], state.log_nominal_depth[i], 0.0
+    start = work.cutting_time_before[i]
+    end = state.cutting_time[i]
+    used_life = state.nominal_used_life[i]
+    log_k = log_wear_coefficient(
+        p.nominal,
+        i,
+        log_cutting_speed=work.log_cutting_speed[i],
+        log_feed=work.log_feed[i],
+        log_depth_of_cut=state.log_nominal_depth[i],
+        log_hardness=0.0,
     )
     if by_equivalent_time:
-        state.nominal_used_life[i] = used + life_share(p.nominal, i, coefficient, end - start)
+        state.nominal_used_life[i] = used_life + life_share(p.nominal, i, log_k, end - start)
     else:
-        life = life_by_clock(p.nominal, i, used, coefficient, start, end)
-        state.nominal_used_life[i] = life if end > start else used
+        life = life_by_clock(p.nominal, i, used_life, log_k, start, end)
+        state.nominal_used_life[i] = life if end > start else used_life
 
 
 @compiled
@@ -396,13 +512,8 @@ def replace_failed_edges(state, work, report, count, p, by_equivalent_time):
             if work.broken[i] > 0:
                 break_edge(state, report, i, p)
             if p.edge_changes != END:
-                change_edge(
-                    state,
-                    report,
-                    i,
-                    p,
-                    p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i],
-                )
+                stop = p.breakage_downtime[i] if work.broken[i] > 0 else p.unplanned_stop[i]
+                change_edge(state, report, i, p, stop)
             begin_charging(state, work, i)
             work.worn[i] = 0
             work.broken[i] = 0

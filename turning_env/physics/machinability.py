@@ -1,7 +1,8 @@
 """The material's three responses: wear of the edge, thrust force and power.
 
-All factors are natural logarithms: cutting speed [m/min], feed [mm/rev], depth of cut [mm], flank wear [mm] and relative
-hardness [-].
+All factors are natural logarithms: cutting speed [m/min], feed [mm/rev], depth of cut [mm], flank
+wear [mm] and relative hardness [-]. Form and coefficients: Alaskari and Oraby 2018, equations (1)
+to (8), recovered from their tables (``scenario/power_law.py``).
 """
 
 from turning_env.numerics.compilation import compiled
@@ -10,7 +11,10 @@ from turning_env.numerics.functions import exp
 
 @compiled
 def log_response(law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness):
-    """Return the logarithm of environment i's response by a law that does not depend on time (``scenario.power_law``)."""
+    """Return the logarithm of environment i's response by a law that does not depend on time.
+
+    log response = log k + a log V + b log f + c log d + e log W + h log H (``PowerLaw``).
+    """
     return (
         law.log_coefficient[i]
         + law.cutting_speed[i] * log_cutting_speed
@@ -23,9 +27,15 @@ def log_response(law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear
 
 @compiled
 def log_wear_coefficient(p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_hardness):
-    """Return the logarithm of K in the fresh-edge wear W = K t^n: the wear [mm] after one minute."""
+    """Return log K of the fresh-edge wear W = K t^n; K is the wear [mm] after one minute."""
     return log_response(
-        p.wear_law, i, log_cutting_speed, log_feed, log_depth_of_cut, 0.0, log_hardness
+        p.wear_law,
+        i,
+        log_cutting_speed=log_cutting_speed,
+        log_feed=log_feed,
+        log_depth_of_cut=log_depth_of_cut,
+        log_wear=0.0,
+        log_hardness=log_hardness,
     )
 
 
@@ -43,7 +53,16 @@ def force_and_power(p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wea
 
 @compiled
 def excess_over_further_limit(p, number, log_feed, log_depth_of_cut, log_hardness):
-    """Return the relative excess [-], at least 0, over a further limit: of radial force, torque or roughness."""
+    """Return the relative excess [-], at least 0, over a further limit.
+
+    Further limits bound the radial force, the torque or the roughness (adaptive part programming
+    paper, "boundary conditions"). All environments of a block share them.
+    """
     law = p.further_laws[number]
-    log_share = law[0] + law[1] * log_feed + law[2] * log_depth_of_cut + law[3] * log_hardness
+    log_share = (
+        law.log_share
+        + law.feed * log_feed
+        + law.depth_of_cut * log_depth_of_cut
+        + law.hardness * log_hardness
+    )
     return max(exp(log_share) - 1.0, 0.0)

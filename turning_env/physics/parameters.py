@@ -1,9 +1,10 @@
 """The table of parameters: all that the transition reads of a scenario, each declared once.
 
-``parameter_records`` of ``records.py`` takes the values of one scenario or of a batch (``ScenarioBatch``).
+Most parameters are fields of the scenario, the others follow from them. Of a batch of scenarios,
+values are arrays. ``records.py`` puts them into records.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -15,86 +16,128 @@ from turning_env.physics.quantities import ACTIONS, EDGE_CHANGES, OBS, OBSERVATI
 from turning_env.physics.slender_bar import RIGID, SUPPORTS
 from turning_env.physics.spindle import idle_power_at
 from turning_env.physics.wear import WEAR_RULES
-from turning_env.scenario import Scenario
+from turning_env.scenario import Scenario, ScenarioBatch
 from turning_env.scenario.power_law import POWER_LAW_RECORD
 from turning_env.scenario.sections import MAX_DEPTHS, NO_LIMIT
 
+Source = Scenario | ScenarioBatch
+
+FURTHER_LAW_RECORD = np.dtype(
+    [
+        ("log_share", np.float64),
+        ("feed", np.float64),
+        ("depth_of_cut", np.float64),
+        ("hardness", np.float64),
+    ]
+)
+"""A further limit: log(response / limit) at f = d = H = 1, and the exponents of f, d and H."""
+MAX_FURTHER_LIMITS = 3
+
 
 class Parameter(NamedTuple):
-    """A number that the transition reads: ``value`` of the scenario, or without one the scenario's field of the same name."""
+    """A number that the transition reads; ``value`` computes it from a scenario."""
 
     name: str
-    unit: str = ""
-    meaning: str = ""
-    value: Callable[[Any], Any] | None = None
+    unit: str
+    meaning: str
+    value: Callable[[Source], Any]
     dtype: Any = np.float64
     shape: tuple[int, ...] = ()
+    field: str = ""
+    """Dotted name of the scenario's field of which this is the value, if it is one."""
+
+    @property
+    def per_env(self) -> bool:
+        """Whether the environments of a batch can differ in it. They share the others."""
+        return self.shape == () and self.dtype in (np.float64, POWER_LAW_RECORD)
 
 
 P = Parameter
 
 
-def _same(
-    *names: str, dtype: Any = np.float64, shape: tuple[int, ...] = ()
-) -> tuple[Parameter, ...]:
-    """Return parameters that are fields of the scenario."""
-    return tuple(P(name, dtype=dtype, shape=shape) for name in names)
+def by_name(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
+    """Return parameters by their names; ValueError if two have the same name."""
+    named: dict[str, Parameter] = {}
+    for parameter in parameters:
+        name = parameter.name
+        if name in named:
+            sources = named[name].field or "a derived one", parameter.field or "a derived one"
+            raise ValueError(f"two parameters are named {name!r}: {' and '.join(sources)}")
+        named[name] = parameter
+    return named
+
+
+def _field(
+    field: str, unit: str, dtype: Any = np.float64, shape: tuple[int, ...] = ()
+) -> Parameter:
+    """Return the parameter that is a field of the scenario, by its dotted name."""
+    name = field.rpartition(".")[2]
+    return P(name, unit, field, value=attrgetter(field), dtype=dtype, shape=shape, field=field)
 
 
 def _log(field: str) -> Parameter:
     """Return the natural logarithm of a field of the scenario, by its dotted name."""
-    return P(f"log_{field.partition('.')[2]}", "-", field, lambda s: log(attrgetter(field)(s)))
+    name = field.rpartition(".")[2]
+    return P(f"log_{name}", "-", f"log {field}", value=lambda s: log(attrgetter(field)(s)))
 
 
 def _any(name: str, meaning: str, *fields: str) -> Parameter:
-    """Return the parameter that says whether any of these fields, by their dotted names, differs from 0."""
-    return P(
-        name,
-        "-",
-        meaning,
-        lambda s: any(np.any(attrgetter(field)(s)) for field in fields),
-        np.bool_,
-    )
+    """Return the parameter that says whether any of these fields differs from 0."""
+
+    def differs(s: Source) -> bool:
+        return any(np.any(attrgetter(field)(s)) for field in fields)
+
+    return P(name, "-", meaning, value=differs, dtype=np.bool_)
 
 
 def _lag(name: str, field: str) -> Parameter:
-    """Return the share of the distance to its target that a first-order lag with a time constant covers in a sub-step."""
-    return P(
-        name,
-        "-",
-        f"covered in a sub-step with {field}",
-        lambda s: lag_share(_sub_step(s), attrgetter(field)(s)),
-    )
+    """Return the share of the distance to its target that a first-order lag covers in a sub-step.
+
+    ``field`` is the dotted name of its time constant.
+    """
+
+    def share(s: Source) -> Any:
+        return lag_share(_sub_step(s), attrgetter(field)(s))
+
+    return P(name, "-", f"covered in a sub-step with {field}", value=share)
 
 
-def _sub_step(s: Scenario) -> float:
+def _sub_step(s: Source) -> float:
     """Return the length of a sub-step [s]."""
     return s.control.interval / s.control.sub_steps
 
 
-def _current_per_newton(s: Scenario) -> float:
+def _current_per_newton(s: Source) -> float:
+    """Return L_0 / (2 pi eta) / (3/2 p lambda_m) (servo current paper, equations (2) and (8))."""
     drive = s.feed_drive
-    screw = drive.screw_lead / 1000.0 / (2.0 * np.pi * drive.efficiency)  # torque over force [m]
-    return screw / (1.5 * drive.pole_pairs * drive.flux_linkage)
+    torque_per_force = drive.screw_lead / 1000.0 / (2.0 * np.pi * drive.efficiency)  # [m]
+    torque_per_current = 1.5 * drive.pole_pairs * drive.flux_linkage  # [N m/A]
+    return torque_per_force / torque_per_current
 
 
-def _no_load_current(s: Scenario) -> float:
+def _no_load_current(s: Source) -> float:
+    """Return the current of F_0 + F_p0 (1 - eta_0^2) (servo current paper, equation (1))."""
     drive = s.feed_drive
-    return _current_per_newton(s) * (
-        drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)
-    )
+    force = drive.guide_friction + drive.preload * (1.0 - drive.screw_efficiency**2)
+    return _current_per_newton(s) * force
 
 
-def _bar_pitch(s: Scenario) -> float:
+def _bar_pitch(s: Source) -> float:
     return s.workpiece.bar_length + s.workpiece.approach
 
 
-def _bar_flexibility(s: Scenario) -> float:
+def _path_end(s: Source) -> float:
+    return s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf
+
+
+def _bar_flexibility(s: Source) -> float:
+    """Return 1 / (3 E I) (beam theory)."""
     moment = np.pi * s.workpiece.diameter**4 / 64.0  # second moment of area [mm4]
     return 1.0 / (3.0 * s.workpiece.elastic_modulus * moment)
 
 
-def _initial_used_life(s: Scenario) -> Any:
+def _initial_used_life(s: Source) -> Any:
+    """Return D = (W / W_max)^(1/n) of a new edge."""
     return real_power(s.mismatch.initial_wear / s.tool.wear_criterion, 1.0 / s.material.wear.time)
 
 
@@ -103,372 +146,60 @@ def _log_span(section: Any, name: str) -> Any:
     return log(getattr(section, f"{name}_max") / getattr(section, f"{name}_min"))
 
 
-def _log_collapse_temperature(s: Scenario) -> Any:
+def _log_collapse_temperature(s: Source) -> Any:
     temperature = s.edge_failure.collapse_temperature
+    # At 0, edges never collapse.
     return log(np.where(np.equal(temperature, 0.0), np.inf, temperature))
 
 
-def _chatter_speed(s: Scenario) -> Any:
+def _log_chatter_cutting_speed(s: Source) -> Any:
     return log(np.pi * s.workpiece.diameter * s.machine.chatter_speed / 1000.0)
 
 
-def _timeless(s: Scenario) -> bool:
+def _timeless(s: Source) -> bool:
     """Return whether changing an edge takes no time, and its price holds that time."""
     return s.control.edge_changes == "end"
 
 
-def _lost(s: Scenario, name: str) -> Any:
-    """Return a time of the economics [min] that counts in a price, because it does not pass."""
-    return getattr(s.economics, name) if _timeless(s) else 0.0
+def _edge_price(s: Source) -> Any:
+    change_time = s.economics.edge_change_time if _timeless(s) else 0.0
+    return 60.0 * (s.economics.edge_cost + change_time)
 
 
-def _further_laws(s: Scenario) -> Any:
-    """Return log response over limit at f = d = H = 1, and exponents of f, d and H, of each further limit."""
-    laws = [
-        law
-        for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness)
-        if np.any(law.coefficient > NO_LIMIT)
-    ]
-    rows = [
-        (law.log_coefficient - log(law.most), law.feed, law.depth_of_cut, law.hardness)
-        for law in laws
-    ]
-    return np.reshape(rows, (-1, 4))
+def _breakage_price(s: Source) -> Any:
+    return 60.0 * s.economics.breakage_downtime if _timeless(s) else 0.0
+
+
+def _further_laws(s: Source) -> Any:
+    """Return a ``FURTHER_LAW_RECORD`` of each further limit."""
+    laws = []
+    for law in (s.limits.radial_force, s.limits.torque, s.limits.roughness):
+        if np.any(law.coefficient > NO_LIMIT):
+            log_share = law.log_coefficient - log(law.most)
+            laws.append((log_share, law.feed, law.depth_of_cut, law.hardness))
+    return np.array(laws, FURTHER_LAW_RECORD)
 
 
 PARAMETERS = (
+    # Laws of the material (``scenario/power_law.py``).
     P("wear_law", "mm", "wear of a fresh edge", lambda s: s.material.wear, POWER_LAW_RECORD),
     P("force_law", "N", "thrust force", lambda s: s.material.thrust_force, POWER_LAW_RECORD),
     P("power_law", "kW", "power", lambda s: s.material.power, POWER_LAW_RECORD),
-    P(
-        "temperature_law",
-        "K",
-        "temperature of the edge",
-        lambda s: s.edge_failure.temperature,
-        POWER_LAW_RECORD,
-    ),
-    *map(
-        _log,
-        (
-            "tool.wear_criterion",
-            "machine.cutting_speed_min",
-            "machine.feed_min",
-            "workpiece.depth_of_cut",
-        ),
-    ),
-    *map(_log, ("surface.reference_min", "edge_failure.built_up_speed")),
+    P("life_exponent", "-", "1/n of W = K t^n", lambda s: 1.0 / s.material.wear.time),
+    # Edges and their wear.
+    P("wear_rule", "-", "how wear accumulates", lambda s: WEAR_RULES[s.tool.wear_rule], np.int64),
+    _field("tool.wear_criterion", "mm"),
+    _log("tool.wear_criterion"),
+    _field("tool.wear_factor_spread", "-"),
+    _field("tool.edge_strength", "N"),
+    _field("tool.edge_strength_spread", "-"),
+    P("initial_used_life", "-", "used life of a new edge", _initial_used_life),
     P(
         "log_wear_mismatch",
         "-",
-        "logarithm of the inserts' mean wear over nominal",
-        lambda s: log(s.mismatch.wear_factor),
+        "log of the inserts' mean wear over nominal",
+        value=lambda s: log(s.mismatch.wear_factor),
     ),
-    P(
-        "log_hardness_mismatch",
-        "-",
-        "logarithm of the mean hardness over nominal",
-        lambda s: log(s.mismatch.hardness_factor),
-    ),
-    P(
-        "log_collapse_temperature",
-        "-",
-        "logarithm of the temperature [K] that an edge bears",
-        _log_collapse_temperature,
-    ),
-    P(
-        "log_chatter_cutting_speed",
-        "-",
-        "logarithm of the cutting speed [m/min] at the worst spindle speed",
-        _chatter_speed,
-    ),
-    *_same("wear_criterion", "wear_factor_spread", "edge_strength", "edge_strength_spread"),
-    *_same(
-        "chipping_rate",
-        "chipping_load_exponent",
-        "chipping_wear_exponent",
-        "tertiary_wear",
-        "tertiary_rate",
-    ),
-    *_same(
-        "running_in",
-        "running_in_wear",
-        "built_up_edge",
-        "built_up_width",
-        "notch_growth",
-        "tangle_rate",
-        "tangle_time",
-    ),
-    *_same(
-        "chip_feed_min",
-        "chip_feed_max",
-        "chip_depth_min",
-        "chip_depth_max",
-        "chip_lag",
-        "chatter",
-        "chatter_width",
-    ),
-    *_same(
-        "cutting_speed_min",
-        "cutting_speed_max",
-        "feed_min",
-        "feed_max",
-        "return_time",
-        "rated_power",
-    ),
-    *_same(
-        "short_time_load",
-        "thermal_time_constant",
-        "no_load_current_rate",
-        "radial_share",
-        "bar_length",
-        "approach",
-    ),
-    *_same(
-        "depth_of_cut",
-        "depth_ripple",
-        "depth_bar_spread",
-        "depth_along_spread",
-        "hardness_bar_spread",
-    ),
-    *_same(
-        "hardness_along_spread",
-        "override_max",
-        "cutting_speed_step",
-        "feed_step",
-        "initial_cutting_speed",
-        "initial_feed",
-    ),
-    *_same(
-        "time_limit",
-        "roughness_at_no_force",
-        "roughness_rate",
-        "power_noise",
-        "force_noise",
-        "power_bias",
-        "force_bias",
-    ),
-    *_same(
-        "skin_thickness",
-        "skin_hardness",
-        "skin_wear",
-        "power_drift",
-        "force_drift",
-        "thermal_growth",
-        "warm_up_time",
-    ),
-    *_same(
-        "hardness_gradient",
-        "reference_removal_rate",
-        "edge_change_time",
-        "unplanned_stop",
-        "breakage_downtime",
-    ),
-    *_same("overload_price", "roughness_price", "overload_tolerance"),
-    *_same("depth_profile", "section_speeds", shape=(MAX_DEPTHS,)),
-    *_same("sub_steps", "passes_max", dtype=np.int64),
-    *_same("probe", "inspects_edges", dtype=np.bool_),
-    P("wear_rule", "-", "how wear accumulates", lambda s: WEAR_RULES[s.tool.wear_rule], np.int64),
-    P("life_exponent", "-", "1/n of W = K t^n", lambda s: 1.0 / s.material.wear.time),
-    P("initial_used_life", "-", "used life of a new edge", _initial_used_life),
-    P(
-        "cutting_speed_scale",
-        "-",
-        "2 / log(highest / lowest speed)",
-        lambda s: 2.0 / _log_span(s.machine, "cutting_speed"),
-    ),
-    P(
-        "feed_scale",
-        "-",
-        "2 / log(highest / lowest feed)",
-        lambda s: 2.0 / _log_span(s.machine, "feed"),
-    ),
-    _lag("spindle_share", "machine.spindle_time_constant"),
-    _lag("feed_share", "machine.feed_time_constant"),
-    _lag("power_sensor_share", "sensors.power_time_constant"),
-    _lag("force_sensor_share", "sensors.force_time_constant"),
-    _any("delays_commands", "commands act late", "machine.command_delay"),
-    P(
-        "steps_late",
-        "-",
-        "steps by which commands act late",
-        lambda s: s.machine.command_delay / s.control.interval,
-    ),
-    P(
-        "reachable_cutting_speed",
-        "m/min",
-        "highest cutting speed at the diameter",
-        lambda s: s.cutting_speed_max,
-    ),
-    P(
-        "idle_power_per_speed",
-        "kW min/m",
-        "idle power over cutting speed",
-        lambda s: idle_power_at(s, 1.0),
-    ),
-    P(
-        "capacity_per_speed",
-        "min/m",
-        "capacity over low speeds",
-        lambda s: 1.0 / np.maximum(s.base_cutting_speed, 1e-9),
-    ),
-    P(
-        "heats",
-        "-",
-        "a cold motor may be overloaded",
-        lambda s: s.spindle.short_time_load > 1,
-        np.bool_,
-    ),
-    _any("has_base_speed", "the available power depends on the speed", "spindle.base_speed"),
-    P(
-        "reads_torque",
-        "-",
-        "the load is a share of torque",
-        lambda s: s.spindle.reading == "torque",
-        np.bool_,
-    ),
-    P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
-    P("no_load_current", "A", "servo current without force, at rest", _no_load_current),
-    P("current_ripple", "-", "amplitude of the current's ripple", lambda s: s.feed_drive.ripple),
-    P(
-        "ripples_per_path",
-        "1/mm",
-        "waves of the ripple",
-        lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead,
-    ),
-    P(
-        "path_end",
-        "mm",
-        "end of the job",
-        lambda s: s.workpiece.bars * _bar_pitch(s) if s.workpiece.bars else np.inf,
-    ),
-    P("bar_pitch", "mm", "bar and approach", _bar_pitch),
-    P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
-    P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
-    P(
-        "revolutions_per_metre",
-        "rev/m",
-        "of the bar's circumference",
-        lambda s: 1000.0 / (np.pi * s.workpiece.diameter),
-    ),
-    P(
-        "depth_sections",
-        "-",
-        "sections of different depth",
-        lambda s: len(s.workpiece.depth_profile),
-        np.int64,
-    ),
-    _any("has_section_lengths", "the sections' lengths are given", "workpiece.section_lengths"),
-    P(
-        "section_starts",
-        "mm",
-        "starts",
-        lambda s: np.cumsum((0.0, *s.workpiece.section_lengths[:-1])),
-        shape=(MAX_DEPTHS,),
-    ),
-    _any("has_section_speeds", "the sections limit the cutting speed", "workpiece.section_speeds"),
-    P(
-        "depth_ripples_per_turn",
-        "1/rev",
-        "waves of the depth's ripple",
-        lambda s: 1.0 / s.workpiece.depth_ripple_period,
-    ),
-    P(
-        "depth_nodes_per_length",
-        "1/mm",
-        "nodes of depth",
-        lambda s: 1.0 / s.workpiece.depth_correlation_length,
-    ),
-    P(
-        "hardness_nodes_per_length",
-        "1/mm",
-        "nodes of hardness",
-        lambda s: 1.0 / s.workpiece.hardness_correlation_length,
-    ),
-    P("sub_step", "min", "length of a sub-step", lambda s: _sub_step(s) / 60.0),
-    P("action", "-", "what an action names", lambda s: ACTIONS[s.control.action], np.int64),
-    P(
-        "edge_changes",
-        "-",
-        "what follows on an edge's end",
-        lambda s: EDGE_CHANGES[s.control.edge_changes],
-        np.int64,
-    ),
-    P("entries", "-", "entries of the observation", lambda s: len(layout(s)), np.int64),
-    P(
-        "observation_layout",
-        "-",
-        "rows",
-        lambda s: [getattr(OBS, name) for name in layout(s)],
-        np.int64,
-        (len(OBSERVATION),),
-    ),
-    P(
-        "holds_roughness",
-        "-",
-        "a roughness is to be held",
-        lambda s: s.control.aim == "roughness",
-        np.bool_,
-    ),
-    P(
-        "step_limit",
-        "-",
-        "most steps of an episode of one edge",
-        lambda s: s.max_episode_steps if _timeless(s) else 0,
-        np.int64,
-    ),
-    P(
-        "log_reference_span",
-        "-",
-        "log(highest / lowest reference)",
-        lambda s: _log_span(s.surface, "reference"),
-    ),
-    P(
-        "reference_time",
-        "min",
-        "time after which the reference changes",
-        lambda s: s.surface.reference_time / 60.0,
-    ),
-    P(
-        "senses_current",
-        "-",
-        "the servo current is measured",
-        lambda s: s.sensors.force == "servo_current",
-        np.bool_,
-    ),
-    P(
-        "edge_price",
-        "s",
-        "price of a whole edge",
-        lambda s: 60.0 * (s.economics.edge_cost + _lost(s, "edge_change_time")),
-    ),
-    P(
-        "breakage_price",
-        "s",
-        "price of breakage beside the edge",
-        lambda s: 60.0 * _lost(s, "breakage_downtime"),
-    ),
-    P(
-        "clock_limit",
-        "min",
-        "machine time that stops end at",
-        lambda s: np.inf if _timeless(s) else s.control.time_limit,
-    ),
-    _any("ripples", "the depth ripples", "workpiece.depth_ripple"),
-    _any("has_skin", "blanks have a skin", "mismatch.skin_thickness"),
-    _any("has_gradient", "bars are harder at the skin or within", "mismatch.hardness_gradient"),
-    _any(
-        "warms_up",
-        "readings or depth drift",
-        "mismatch.power_drift",
-        "mismatch.force_drift",
-        "mismatch.thermal_growth",
-    ),
-    _any("chips_lag", "force and power lag behind the chip", "machine.chip_lag"),
-    _any("chatters", "bars chatter", "machine.chatter"),
-    _any("chips_tangle", "chips tangle", "swarf.tangle_rate"),
-    _any("collapses", "edges collapse", "edge_failure.collapse_temperature"),
-    _any("edges_chip", "edges chip", "edge_failure.chipping_rate"),
-    _any("notches", "edges notch", "edge_failure.notch_growth"),
     _any(
         "has_phases",
         "wear has phases",
@@ -476,15 +207,313 @@ PARAMETERS = (
         "edge_failure.running_in",
         "edge_failure.built_up_edge",
     ),
+    _field("edge_failure.tertiary_wear", "mm"),
+    _field("edge_failure.tertiary_rate", "1/mm"),
+    _field("edge_failure.running_in", "-"),
+    _field("edge_failure.running_in_wear", "mm"),
+    _field("edge_failure.built_up_edge", "-"),
+    _log("edge_failure.built_up_speed"),
+    _field("edge_failure.built_up_width", "-"),
+    # Failures of edges.
+    _any("collapses", "edges collapse", "edge_failure.collapse_temperature"),
+    P(
+        "temperature_law",
+        "K",
+        "temperature of the edge",
+        value=lambda s: s.edge_failure.temperature,
+        dtype=POWER_LAW_RECORD,
+    ),
+    P(
+        "log_collapse_temperature",
+        "-",
+        "log of the temperature [K] that an edge bears",
+        value=_log_collapse_temperature,
+    ),
+    _any("edges_chip", "edges chip", "edge_failure.chipping_rate"),
+    _field("edge_failure.chipping_rate", "1/min"),
+    _field("edge_failure.chipping_load_exponent", "-"),
+    _field("edge_failure.chipping_wear_exponent", "-"),
+    _any("notches", "edges notch", "edge_failure.notch_growth"),
+    _field("edge_failure.notch_growth", "-"),
+    # Chips.
+    _any("chips_tangle", "chips tangle", "swarf.tangle_rate"),
+    _field("swarf.tangle_rate", "1/min"),
+    _field("swarf.tangle_time", "min"),
+    _field("swarf.chip_feed_min", "mm/rev"),
+    _field("swarf.chip_feed_max", "mm/rev"),
+    _field("swarf.chip_depth_min", "mm"),
+    _field("swarf.chip_depth_max", "mm"),
+    # The machine's ranges and drives.
+    _field("machine.cutting_speed_min", "m/min"),
+    _field("machine.cutting_speed_max", "m/min"),
+    _field("machine.feed_min", "mm/rev"),
+    _field("machine.feed_max", "mm/rev"),
+    _log("machine.cutting_speed_min"),
+    _log("machine.feed_min"),
+    P(
+        "cutting_speed_scale",
+        "-",
+        "2 / log(highest / lowest speed)",
+        value=lambda s: 2.0 / _log_span(s.machine, "cutting_speed"),
+    ),
+    P(
+        "feed_scale",
+        "-",
+        "2 / log(highest / lowest feed)",
+        value=lambda s: 2.0 / _log_span(s.machine, "feed"),
+    ),
+    P(
+        "reachable_cutting_speed",
+        "m/min",
+        "highest cutting speed at the diameter",
+        value=lambda s: s.cutting_speed_max,
+    ),
+    _lag("spindle_share", "machine.spindle_time_constant"),
+    _lag("feed_share", "machine.feed_time_constant"),
+    _any("delays_commands", "commands act late", "machine.command_delay"),
+    P(
+        "steps_late",
+        "-",
+        "steps by which commands act late",
+        value=lambda s: s.machine.command_delay / s.control.interval,
+    ),
+    _any("chips_lag", "force and power lag behind the chip", "machine.chip_lag"),
+    _field("machine.chip_lag", "rev"),
+    _any("chatters", "bars chatter", "machine.chatter"),
+    _field("machine.chatter", "-"),
+    _field("machine.chatter_width", "-"),
+    P(
+        "log_chatter_cutting_speed",
+        "-",
+        "log of the cutting speed [m/min] at the worst spindle speed",
+        value=_log_chatter_cutting_speed,
+    ),
+    _field("machine.return_time", "min"),
+    # The spindle's motor.
+    _field("machine.rated_power", "kW"),
+    P(
+        "idle_power_per_speed",
+        "kW min/m",
+        "idle power over cutting speed",
+        value=lambda s: idle_power_at(s, 1.0),
+    ),
+    _any("has_base_speed", "the available power depends on the speed", "spindle.base_speed"),
+    P(
+        "capacity_per_speed",
+        "min/m",
+        "capacity over low speeds",
+        value=lambda s: 1.0 / np.maximum(s.base_cutting_speed, 1e-9),
+    ),
+    P(
+        "heats",
+        "-",
+        "a cold motor may be overloaded",
+        value=lambda s: s.spindle.short_time_load > 1,
+        dtype=np.bool_,
+    ),
+    _field("spindle.short_time_load", "-"),
+    _field("spindle.thermal_time_constant", "min"),
+    P(
+        "reads_torque",
+        "-",
+        "the load is a share of torque",
+        value=lambda s: s.spindle.reading == "torque",
+        dtype=np.bool_,
+    ),
+    # The feed drive's motor.
+    P("current_per_newton", "A/N", "servo current over force", _current_per_newton),
+    P("no_load_current", "A", "servo current without force, at rest", _no_load_current),
+    _field("feed_drive.no_load_current_rate", "A min/mm"),
+    P("current_ripple", "-", "amplitude of the current's ripple", lambda s: s.feed_drive.ripple),
+    P(
+        "ripples_per_path",
+        "1/mm",
+        "waves of the ripple",
+        value=lambda s: s.feed_drive.ripples_per_turn / s.feed_drive.screw_lead,
+    ),
+    # Bars: their row.
+    _field("workpiece.bar_length", "mm"),
+    _field("workpiece.approach", "mm"),
+    P("path_end", "mm", "end of the job", _path_end),
+    P("bar_pitch", "mm", "bar and approach", _bar_pitch),
+    P("bars_per_path", "1/mm", "bars per path", lambda s: 1.0 / _bar_pitch(s)),
+    P("bars_per_cut", "1/mm", "bars per metal", lambda s: 1.0 / s.workpiece.bar_length),
+    P(
+        "revolutions_per_metre",
+        "rev/m",
+        "of the bar's circumference",
+        value=lambda s: 1000.0 / (np.pi * s.workpiece.diameter),
+    ),
+    # Bars: depth of cut.
+    _field("workpiece.depth_of_cut", "mm"),
+    _log("workpiece.depth_of_cut"),
+    _field("workpiece.depth_bar_spread", "mm"),
+    _field("workpiece.depth_along_spread", "mm"),
+    P(
+        "depth_nodes_per_length",
+        "1/mm",
+        "nodes of depth",
+        value=lambda s: 1.0 / s.workpiece.depth_correlation_length,
+    ),
+    P(
+        "depth_sections",
+        "-",
+        "sections of different depth",
+        value=lambda s: len(s.workpiece.depth_profile),
+        dtype=np.int64,
+    ),
+    _field("workpiece.depth_profile", "mm", shape=(MAX_DEPTHS,)),
+    _any("has_section_lengths", "the sections' lengths are given", "workpiece.section_lengths"),
+    P(
+        "section_starts",
+        "mm",
+        "starts",
+        value=lambda s: np.cumsum((0.0, *s.workpiece.section_lengths[:-1])),
+        shape=(MAX_DEPTHS,),
+    ),
+    _any("has_section_speeds", "the sections limit the cutting speed", "workpiece.section_speeds"),
+    _field("workpiece.section_speeds", "m/min", shape=(MAX_DEPTHS,)),
+    _any("ripples", "the depth ripples", "workpiece.depth_ripple"),
+    _field("workpiece.depth_ripple", "-"),
+    P(
+        "depth_ripples_per_turn",
+        "1/rev",
+        "waves of the depth's ripple",
+        value=lambda s: 1.0 / s.workpiece.depth_ripple_period,
+    ),
+    # Bars: hardness and bending.
+    _field("workpiece.hardness_bar_spread", "-"),
+    _field("workpiece.hardness_along_spread", "-"),
+    P(
+        "hardness_nodes_per_length",
+        "1/mm",
+        "nodes of hardness",
+        value=lambda s: 1.0 / s.workpiece.hardness_correlation_length,
+    ),
     P("support", "-", "how the bar is held", lambda s: SUPPORTS[s.workpiece.support], np.int64),
     P("bends", "-", "the bar bends", lambda s: SUPPORTS[s.workpiece.support] != RIGID, np.bool_),
     P("bar_flexibility", "1/(N mm2)", "1 / (3 E I)", _bar_flexibility),
+    _field("workpiece.radial_share", "-"),
+    # Model mismatch of bars and sensors.
+    P(
+        "log_hardness_mismatch",
+        "-",
+        "log of the mean hardness over nominal",
+        value=lambda s: log(s.mismatch.hardness_factor),
+    ),
+    _any("has_gradient", "bars are harder at the skin or within", "mismatch.hardness_gradient"),
+    _field("mismatch.hardness_gradient", "-"),
+    _any("has_skin", "blanks have a skin", "mismatch.skin_thickness"),
+    _field("mismatch.skin_thickness", "mm"),
+    _field("mismatch.skin_hardness", "-"),
+    _field("mismatch.skin_wear", "-"),
+    _field("mismatch.power_bias", "-"),
+    _field("mismatch.force_bias", "-"),
+    _any(
+        "warms_up",
+        "readings or depth drift",
+        "mismatch.power_drift",
+        "mismatch.force_drift",
+        "mismatch.thermal_growth",
+    ),
+    _field("mismatch.power_drift", "-"),
+    _field("mismatch.force_drift", "-"),
+    _field("mismatch.thermal_growth", "mm"),
+    _field("mismatch.warm_up_time", "min"),
+    # Sensors and observations.
+    P(
+        "senses_current",
+        "-",
+        "the servo current is measured",
+        value=lambda s: s.sensors.force == "servo_current",
+        dtype=np.bool_,
+    ),
+    _lag("power_sensor_share", "sensors.power_time_constant"),
+    _lag("force_sensor_share", "sensors.force_time_constant"),
+    _field("sensors.power_noise", "-"),
+    _field("sensors.force_noise", "-"),
+    _field("sensors.probe", "-", dtype=np.bool_),
+    _field("sensors.inspects_edges", "-", dtype=np.bool_),
+    P("entries", "-", "entries of the observation", lambda s: len(layout(s)), np.int64),
+    P(
+        "observation_layout",
+        "-",
+        "rows",
+        value=lambda s: [getattr(OBS, name) for name in layout(s)],
+        dtype=np.int64,
+        shape=(len(OBSERVATION),),
+    ),
+    # Roughness and its reference.
+    P(
+        "holds_roughness",
+        "-",
+        "a roughness is to be held",
+        value=lambda s: s.control.aim == "roughness",
+        dtype=np.bool_,
+    ),
+    _field("surface.roughness_at_no_force", "um"),
+    _field("surface.roughness_rate", "1/N"),
+    _log("surface.reference_min"),
+    P(
+        "log_reference_span",
+        "-",
+        "log(highest / lowest reference)",
+        value=lambda s: _log_span(s.surface, "reference"),
+    ),
+    P(
+        "reference_time",
+        "min",
+        "time after which the reference changes",
+        value=lambda s: s.surface.reference_time / 60.0,
+    ),
+    # Actions and the length of an episode.
+    P("action", "-", "what an action names", lambda s: ACTIONS[s.control.action], np.int64),
+    P(
+        "edge_changes",
+        "-",
+        "what follows on an edge's end",
+        value=lambda s: EDGE_CHANGES[s.control.edge_changes],
+        dtype=np.int64,
+    ),
+    _field("control.sub_steps", "sub-steps", dtype=np.int64),
+    P("sub_step", "min", "length of a sub-step", lambda s: _sub_step(s) / 60.0),
+    _field("control.passes_max", "passes", dtype=np.int64),
+    _field("control.override_max", "-"),
+    _field("control.cutting_speed_step", "-"),
+    _field("control.feed_step", "-"),
+    _field("control.initial_cutting_speed", "m/min"),
+    _field("control.initial_feed", "mm/rev"),
+    _field("control.time_limit", "min"),
+    P(
+        "step_limit",
+        "-",
+        "most steps of an episode of one edge",
+        value=lambda s: s.max_episode_steps if _timeless(s) else 0,
+        dtype=np.int64,
+    ),
+    P(
+        "clock_limit",
+        "min",
+        "machine time that stops end at",
+        value=lambda s: np.inf if _timeless(s) else s.control.time_limit,
+    ),
+    # Prices.
+    _field("economics.reference_removal_rate", "cm3/min"),
+    P("edge_price", "s", "price of a whole edge", _edge_price),
+    P("breakage_price", "s", "price of breakage beside the edge", _breakage_price),
+    _field("economics.edge_change_time", "min"),
+    _field("economics.unplanned_stop", "min"),
+    _field("economics.breakage_downtime", "min"),
+    _field("economics.overload_price", "-"),
+    _field("economics.roughness_price", "-"),
+    # Limits.
+    _field("limits.overload_tolerance", "-"),
     P("thrust_force_limit", "N", "highest allowed thrust force", lambda s: s.limits.thrust_force),
     P(
         "per_thrust_force_limit",
         "1/N",
         "1 / thrust_force_limit",
-        lambda s: 1.0 / s.limits.thrust_force,
+        value=lambda s: 1.0 / s.limits.thrust_force,
     ),
     P("power_limit", "kW", "highest allowed power", lambda s: s.limits.power),
     P("per_power_limit", "1/kW", "1 / power_limit", lambda s: 1.0 / s.limits.power),
@@ -492,21 +521,29 @@ PARAMETERS = (
         "further_limits",
         "-",
         "how many further limits there are",
-        lambda s: len(_further_laws(s)),
-        np.int64,
+        value=lambda s: len(_further_laws(s)),
+        dtype=np.int64,
     ),
     P(
         "further_laws",
         "-",
-        "log response over limit of each at f = d = H = 1; exponents of f, d, H",
-        _further_laws,
-        shape=(3, 4),
+        "their laws",
+        value=_further_laws,
+        dtype=FURTHER_LAW_RECORD,
+        shape=(MAX_FURTHER_LIMITS,),
     ),
 )
 """Parameters of the transition."""
 
 NOMINAL = (
-    *("wear_law", "force_law", "power_law", "log_wear_criterion", "life_exponent"),
-    *("current_per_newton", "no_load_current", "no_load_current_rate", "idle_power_per_speed"),
+    "wear_law",
+    "force_law",
+    "power_law",
+    "log_wear_criterion",
+    "life_exponent",
+    "current_per_newton",
+    "no_load_current",
+    "no_load_current_rate",
+    "idle_power_per_speed",
 )
-"""Parameters that the control's predictions read of the nominal model: ``parameters.nominal.force_law``."""
+"""Parameters that the control's predictions read of the nominal model: ``p.nominal.force_law``."""

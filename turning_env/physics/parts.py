@@ -1,7 +1,10 @@
 """Whole parts: the passes of an action, and the metal that each pass cuts.
 
-A path divides an allowance A into z passes of equal depth A/z, counted from the finished contour outwards. Its first pass also
-takes what the blank has beyond that. If the blank has less, passes cut less, or air.
+A path divides an allowance A into z passes of equal depth A/z, counted from the finished contour
+outwards. Its first pass also takes what the blank has beyond the allowance. If the blank has less,
+passes cut less, or air (adaptive part programming paper).
+
+An action is (number of passes, allowance, then cutting speed and feed of each pass), all -1..1.
 """
 
 import math
@@ -13,26 +16,31 @@ from turning_env.numerics.functions import log
 from turning_env.physics.drives import clipped, set_point
 from turning_env.physics.spindle import cool_down
 
-MIN_DEPTH = 0.01  # depth of a pass [mm] below which the control's models are not evaluated
+MIN_DEPTH = 0.01
+"""Depth of a pass [mm] below which the control's models are not evaluated."""
 
 
 @compiled
 def start_part(state, work, i, p, action):
-    """Store the start of the next part, and the number and depth [mm] of its passes, from an action in -1..1."""
+    """Store the start of the next part, and the number and depth [mm] of its passes."""
     work.part_start[i] = np.rint(state.path[i] * p.bars_per_path[i]) * p.bar_pitch[i]
-    work.passes[i] = min(1 + int(0.5 * (clipped(action[0]) + 1.0) * p.passes_max), p.passes_max)
-    work.pass_depth[i] = p.depth_of_cut[i] * (1.0 + clipped(action[1])) / work.passes[i]
+    # The range of the first number is divided evenly among 1, 2, ... passes.
+    share = 0.5 * (clipped(action[0]) + 1.0)
+    work.passes[i] = min(1 + int(share * p.passes_max), p.passes_max)
+    allowance = p.depth_of_cut[i] * (1.0 + clipped(action[1]))
+    work.pass_depth[i] = allowance / work.passes[i]
 
 
 @compiled
 def start_pass(state, work, report, i, p, action, number):
-    """Set speed, feed, depth and sub-step of a pass, 0 the first."""
+    """Set speed, feed, depth and sub-step of a pass; the first has the number 0."""
     speed = min(
         set_point(action[2 + 2 * number], p.cutting_speed_min[i], p.cutting_speed_max[i]),
         p.reachable_cutting_speed[i],
     )
     feed = set_point(action[3 + 2 * number], p.feed_min[i], p.feed_max[i])
-    passes, depth = work.passes[i], work.pass_depth[i]
+    passes = work.passes[i]
+    depth = work.pass_depth[i]
     state.commanded_cutting_speed[i] = speed
     state.commanded_feed[i] = feed
     state.path[i] = work.part_start[i]
@@ -43,13 +51,14 @@ def start_pass(state, work, report, i, p, action, number):
     report.mean_thrust_force[i] = 0.0
     report.mean_power[i] = 0.0
     work.engaged_before[i] = report.engaged_time[i]
-    work.sub_step[i] = p.bar_pitch[i] / (speed * p.revolutions_per_metre[i] * feed) / p.sub_steps
+    feed_velocity = speed * p.revolutions_per_metre[i] * feed  # [mm/min]
+    work.sub_step[i] = p.bar_pitch[i] / feed_velocity / p.sub_steps
     work.sub_steps_left[i] = p.sub_steps
 
 
 @compiled
 def end_pass(state, work, report, i, p):
-    """Return the tool, before the next part; the pass's mean force and power become the sensed values."""
+    """Return the tool, before the next part; the pass's mean force and power are sensed."""
     engaged = report.engaged_time[i] - work.engaged_before[i]
     if engaged > 0.0:
         report.mean_thrust_force[i] /= engaged

@@ -1,7 +1,8 @@
 """The table of quantities: all that the transition works on, reports and shows, each declared once.
 
-To add a quantity, add a line here and compute it in the file of its phenomenon. Records, resets, ``info``, observations, their
-space and the tables of the documentation follow (``records.py``, ``info.py``, ``observation.py``, ``docs/site.py``).
+To add a quantity, add a line here and compute it in the file of its phenomenon. Records, resets,
+``info``, observations, their space and the tables of the documentation follow (``records.py``,
+``info.py``, ``observation.py``, ``docs/site.py``).
 """
 
 from collections import namedtuple
@@ -13,7 +14,9 @@ import numpy as np
 from turning_env.scenario import Scenario, ScenarioBatch
 from turning_env.scenario.sections import MAX_DELAY
 
-WIDTH = 32  # environments of a block, whose quantities are arrays over them: they fit the processor's first cache
+WIDTH = 32
+"""Environments of a block, whose quantities are arrays over them. So many fit the processor's
+first cache."""
 
 # Numbers for what the compiled transition tells apart, by the words of ``sections.Control``.
 INCREMENTAL, SET_POINT, OVERRIDE, PART = range(4)
@@ -21,10 +24,13 @@ ACTIONS = {"incremental": INCREMENTAL, "set_point": SET_POINT, "override": OVERR
 END, AUTOMATIC, COMMANDED = range(3)
 EDGE_CHANGES = {"end": END, "automatic": AUTOMATIC, "commanded": COMMANDED}
 
-DEVIATION_SCALE = 5.0  # of observed ratios - 1: a few per cent, which a controller must tell apart, are then a sizeable part of 1
+DEVIATION_SCALE = 5.0
+"""Scale of observed ratios - 1. A controller must tell a few per cent apart, so they are made a
+sizeable part of 1."""
 MAX_RATIO = 4.0
 MAX_LOG_TIME = 12.0
-_LOW, _HIGH = -DEVIATION_SCALE, DEVIATION_SCALE * (MAX_RATIO - 1.0)
+_LOW = -DEVIATION_SCALE
+_HIGH = DEVIATION_SCALE * (MAX_RATIO - 1.0)
 
 
 class Quantity(NamedTuple):
@@ -38,7 +44,10 @@ class Quantity(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """An entry of an observation, with its lowest and highest values; ``present`` says in which scenarios there is one."""
+    """An entry of an observation, with its lowest and highest values.
+
+    ``present`` says whether a scenario's observations have it.
+    """
 
     name: str
     meaning: str
@@ -50,11 +59,11 @@ class Entry(NamedTuple):
 Q = Quantity
 
 STATE = (
-    Q("seed", "-", "determines the episodes", np.uint64),
-    Q("episode", "-", "number of the seed's episode", np.uint64),
-    Q("step_count", "-", "steps since the episode's start", np.int64),
-    Q("ended", "-", "the episode has ended, 0 or 1", np.int64),
-    Q("cutting", "-", "the tool is in metal, 0 or 1", np.int64),
+    Q("seed", "-", "determines the episodes", dtype=np.uint64),
+    Q("episode", "-", "number of the seed's episode", dtype=np.uint64),
+    Q("step_count", "-", "steps since the episode's start", dtype=np.int64),
+    Q("ended", "-", "the episode has ended, 0 or 1", dtype=np.int64),
+    Q("cutting", "-", "the tool is in metal, 0 or 1", dtype=np.int64),
     Q("path", "mm", "tool position, air and metal"),
     Q("clock", "min", "machine time since the start"),
     Q("turns", "rev", "turns of the spindle since the start"),
@@ -64,13 +73,12 @@ STATE = (
         "past_cutting_speeds",
         "m/min",
         "those before, the last first",
-        np.float64,
-        (MAX_DELAY, WIDTH),
+        shape=(MAX_DELAY, WIDTH),
     ),
-    Q("past_feeds", "mm/rev", "likewise", np.float64, (MAX_DELAY, WIDTH)),
+    Q("past_feeds", "mm/rev", "likewise", shape=(MAX_DELAY, WIDTH)),
     Q("cutting_speed", "m/min", "actual cutting speed"),
     Q("feed", "mm/rev", "actual feed"),
-    Q("edge", "-", "edges used before this one", np.int64),
+    Q("edge", "-", "edges used before this one", dtype=np.int64),
     Q("log_wear_factor", "-", "logarithm of the insert's wear over nominal"),
     Q("edge_strength", "N", "thrust force that breaks the edge"),
     Q("cutting_time", "min", "cutting time of the edge"),
@@ -116,23 +124,23 @@ STATE = (
     Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
     Q("chipping_margin", "-", "integral of the chipping hazard that the edge still bears"),
     Q("tangle_margin", "-", "likewise until chips tangle"),
-    Q("tangles", "-", "times that chips have tangled", np.int64),
+    Q("tangles", "-", "times that chips have tangled", dtype=np.int64),
 )
 """State: the quantities that an environment keeps from step to step."""
 
 WORK = (
-    Q("action", "-", "speed and feed of the action, clipped", np.float64, (2, WIDTH)),
+    Q("action", "-", "speed and feed of the action, clipped", shape=(2, WIDTH)),
     Q("sub_step", "min", "length of a sub-step"),
-    Q("sub_steps_left", "-", "sub-steps left in the step or pass", np.int64),
+    Q("sub_steps_left", "-", "sub-steps left in the step or pass", dtype=np.int64),
     Q("target_cutting_speed", "m/min", "command that the spindle follows, which may be a late one"),
     Q("target_feed", "mm/rev", "likewise of the feed"),
     Q("time", "min", "time since clock and life were last brought up to date"),
     Q("used_life_before", "-", "used life at the beginning of that time"),
     Q("cutting_time_before", "min", "cutting time at the beginning of that time"),
     Q("minutes", "min", "time of the step at work"),
-    Q("ended_before", "-", "the episode had ended before the step, 0 or 1", np.int64),
-    Q("edge_failed", "-", "an edge was worn out or broken in the step, 0 or 1", np.int64),
-    Q("passes", "-", "passes of the part", np.int64),
+    Q("ended_before", "-", "the episode had ended before the step, 0 or 1", dtype=np.int64),
+    Q("edge_failed", "-", "an edge was worn out or broken in the step, 0 or 1", dtype=np.int64),
+    Q("passes", "-", "passes of the part", dtype=np.int64),
     Q("pass_depth", "mm", "depth of a pass"),
     Q("part_start", "mm", "path at which the part begins"),
     Q("engaged_before", "s", "cutting time of the part before the pass"),
@@ -145,13 +153,25 @@ WORK = (
     Q("middle", "mm", "likewise in the middle of what was cut"),
     Q("engaged", "min", "time in metal in the sub-step"),
     Q("along", "mm", "place of the middle along the bar"),
-    Q("passing", "-", "a node or a bar's beginning was passed, 0 or 1", np.int64),
-    Q("node_env", "-", "environments whose nodes are to be drawn", np.int64, (2 * WIDTH,)),
-    Q("node_channel", "-", "channel of the node", np.uint64, (2 * WIDTH,)),
-    Q("node_number", "-", "number of the node", np.float64, (2 * WIDTH,)),
-    Q("word_0", "-", "random word of the node, or of the sensors", np.uint64, (2 * WIDTH,)),
-    Q("word_1", "-", "another random word of it", np.uint64, (2 * WIDTH,)),
-    Q("node_value", "-", "value of the node", np.float64, (2 * WIDTH,)),
+    Q("passing", "-", "a node or a bar's beginning was passed, 0 or 1", dtype=np.int64),
+    Q(
+        "node_env",
+        "-",
+        "environments whose nodes are to be drawn",
+        dtype=np.int64,
+        shape=(2 * WIDTH,),
+    ),
+    Q("node_channel", "-", "channel of the node", dtype=np.uint64, shape=(2 * WIDTH,)),
+    Q("node_number", "-", "number of the node", shape=(2 * WIDTH,)),
+    Q(
+        "word_0",
+        "-",
+        "random word of the node, or of the sensors",
+        dtype=np.uint64,
+        shape=(2 * WIDTH,),
+    ),
+    Q("word_1", "-", "another random word of it", dtype=np.uint64, shape=(2 * WIDTH,)),
+    Q("node_value", "-", "value of the node", shape=(2 * WIDTH,)),
     Q("nominal_depth", "mm", "nominal depth of the blank"),
     Q("blank_depth", "mm", "what stands above the finished contour"),
     Q("log_cutting_speed", "-", "logarithm of the cutting speed [m/min]"),
@@ -160,35 +180,42 @@ WORK = (
     Q("log_wear", "-", "logarithm of the flank wear [mm]"),
     Q("chip_remains", "-", "share of force and power that is left of before"),
     Q("over_further", "-", "largest excess over a further limit, relative"),
-    Q("worn", "-", "the edge is worn out, 0 or 1", np.int64),
-    Q("broken", "-", "the edge is broken, 0 or 1", np.int64),
+    Q("worn", "-", "the edge is worn out, 0 or 1", dtype=np.int64),
+    Q("broken", "-", "the edge is broken, 0 or 1", dtype=np.int64),
     Q("force_noise", "-", "factor of the measured force"),
     Q("predicted_force", "N", "thrust force by the nominal model"),
     Q("chatter", "-", "dynamic over static thrust force"),
     Q("cut_stiffness", "N/mm", "thrust force over depth of cut, in the sub-step before"),
     Q("life_before", "-", "used life before the sub-step"),
-    Q("tangles", "-", "times that chips have tangled in the step", np.int64),
+    Q("tangles", "-", "times that chips have tangled in the step", dtype=np.int64),
 )
 """Scratch: values used within a step only."""
 
 _BY_NAME = {quantity.name: quantity for quantity in STATE}
 
 _AT_END: tuple[str | Quantity, ...] = (
-    *("cutting_speed", "feed", "commanded_cutting_speed", "commanded_feed"),
+    "cutting_speed",
+    "feed",
+    "commanded_cutting_speed",
+    "commanded_feed",
     Q("spindle_speed", "rev/min", "spindle speed"),
     Q("feed_velocity", "mm/min", "feed velocity"),
     Q("torque", "N m", "spindle torque"),
     "path",
     Q("bar", "-", "bars begun before this one"),
-    Q("cutting", "bool", "the tool is in metal", np.bool_),
+    Q("cutting", "bool", "the tool is in metal", dtype=np.bool_),
     Q("depth_of_cut", "mm", "depth of cut, 0 in air"),
     Q("hardness", "-", "hardness over nominal, 0 in air"),
-    *("cutting_time", "used_life"),
+    "cutting_time",
+    "used_life",
     Q("wear", "mm", "flank wear"),
     Q("wear_factor", "-", "wear of the insert over nominal"),
-    *("edge_strength", "thrust_force"),
+    "edge_strength",
+    "thrust_force",
     Q("power", "kW", "spindle power"),
-    *("measured_thrust_force", "measured_servo_current", "measured_power"),
+    "measured_thrust_force",
+    "measured_servo_current",
+    "measured_power",
     Q(
         "spindle_load",
         "-",
@@ -196,11 +223,12 @@ _AT_END: tuple[str | Quantity, ...] = (
     ),
     "spindle_heat",
     Q("roughness", "um", "Ra, 0 in air and in scenarios without a reference"),
-    *("roughness_reference", "probed_depth"),
+    "roughness_reference",
+    "probed_depth",
 )
-AT_END = tuple(_BY_NAME[each] if isinstance(each, str) else each for each in _AT_END)
-"""True values in ``info`` at the end of a step."""
-KEPT = tuple(each for each in _AT_END if isinstance(each, str))
+AT_END = tuple(_BY_NAME[line] if isinstance(line, str) else line for line in _AT_END)
+"""True values in ``info`` at the end of a step. A bare name is a quantity of the state."""
+KEPT = tuple(line for line in _AT_END if isinstance(line, str))
 """Names of those that are quantities of the state."""
 
 OVER_STEP = (
@@ -231,15 +259,15 @@ OVER_STEP = (
     Q("reward_overload", "s", "reward for overload"),
     Q("reward_breakage", "s", "reward for breakage"),
     Q("reward_roughness", "s", "reward for the deviation of Ra"),
-    Q("broken", "bool", "an edge broke", np.bool_),
-    Q("finished", "bool", "the last bar is done", np.bool_),
+    Q("broken", "bool", "an edge broke", dtype=np.bool_),
+    Q("finished", "bool", "the last bar is done", dtype=np.bool_),
 )
 """Sums in ``info`` over a step. Every step starts with 0 for all of these, and for ``OUTCOME``."""
 
 OUTCOME = (
     Q("reward", "s", "sum of the reward's terms"),
-    Q("terminated", "bool", "the episode has ended", np.bool_),
-    Q("truncated", "bool", "the episode has run out of time", np.bool_),
+    Q("terminated", "bool", "the episode has ended", dtype=np.bool_),
+    Q("truncated", "bool", "the episode has run out of time", dtype=np.bool_),
 )
 """Outputs of ``step`` beside the observation and ``info``."""
 
@@ -261,36 +289,48 @@ OBSERVATION = (
     Entry(
         "spindle_heat",
         "heat of the motor over that at rated load",
-        0.0,
-        MAX_RATIO,
-        lambda s: s.spindle.short_time_load > 1,
+        low=0.0,
+        high=MAX_RATIO,
+        present=lambda s: s.spindle.short_time_load > 1,
     ),
     Entry(
         "roughness_reference",
         "reference of Ra, log scale, -1 to 1",
-        -1.0,
-        1.0,
-        lambda s: s.control.aim == "roughness",
+        low=-1.0,
+        high=1.0,
+        present=lambda s: s.control.aim == "roughness",
     ),
     Entry(
         "probed_depth",
         "allowance of the next blank: `5 * (mean / drawing's - 1)`",
-        _LOW,
-        _HIGH,
-        lambda s: s.sensors.probe,
+        low=_LOW,
+        high=_HIGH,
+        present=lambda s: s.sensors.probe,
     ),
     Entry(
         "removed_wear",
         "wear of the last removed edge over the criterion",
-        0.0,
-        MAX_RATIO,
-        lambda s: s.sensors.inspects_edges,
+        low=0.0,
+        high=MAX_RATIO,
+        present=lambda s: s.sensors.inspects_edges,
     ),
 )
 """Observation entries in order. Entries of some scenarios only come last."""
 
-OBS: Any = namedtuple("OBS", [entry.name for entry in OBSERVATION])(*range(len(OBSERVATION)))
-"""Indices of entries in observations: ``OBS.power``. ``layout(scenario)`` has those that only some scenarios have."""
+
+def _places(table: tuple[Any, ...]) -> Any:
+    """Return a record that holds, by the name of each line of a table, its place there."""
+    names = [line.name for line in table]
+    return namedtuple("Places", names)(*range(len(names)))
+
+
+OBS = _places(OBSERVATION)
+"""Indices of entries in observations: ``OBS.power``.
+
+``layout(scenario)`` has the entries of one scenario, some of which only some scenarios have.
+"""
+ROW = _places(REPORT)
+"""Rows of reports: ``ROW.reward``."""
 
 
 def layout(scenario: Scenario | ScenarioBatch) -> tuple[str, ...]:
@@ -301,5 +341,13 @@ def layout(scenario: Scenario | ScenarioBatch) -> tuple[str, ...]:
 def action_size(scenario: Scenario) -> int:
     """Return the number of entries of an action."""
     control = scenario.control
-    size = {"override": 1, "part": 2 + 2 * control.passes_max}.get(control.action, 2)
-    return size + (control.edge_changes == "commanded")
+    if control.action == "override":
+        size = 1
+    elif control.action == "part":
+        # Number of passes and allowance, then speed and feed of each pass.
+        size = 2 + 2 * control.passes_max
+    else:
+        size = 2
+    if control.edge_changes == "commanded":
+        size += 1
+    return size

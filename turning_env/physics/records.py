@@ -1,6 +1,7 @@
-"""The typed records of the compiled transition, derived from the tables of quantities and parameters.
+"""The typed records of the compiled transition; tables of quantities and parameters define them.
 
-A block is ``WIDTH`` environments. Its records hold an array over these environments for each quantity.
+A block is ``WIDTH`` environments. Its records hold, for each quantity, an array over these
+environments.
 """
 
 from collections.abc import Iterable
@@ -13,6 +14,8 @@ from turning_env.physics import parameters, quantities
 from turning_env.physics.quantities import WIDTH
 from turning_env.scenario import Scenario, ScenarioBatch
 
+_BYTES = 8  # of a number
+
 
 def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
     """Return a record type; interpreted, its records give fields as attributes."""
@@ -20,36 +23,52 @@ def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
 
 
 def _table_type(names: list[str]) -> np.dtype[Any]:
-    """Return a type with a field for every name, and ``table``, shape (names, WIDTH), for all of them."""
-    formats = [*[(np.float64, (WIDTH,))] * len(names), (np.float64, (len(names), WIDTH))]
-    offsets = [*range(0, 8 * WIDTH * len(names), 8 * WIDTH), 0]
-    return np.dtype(
-        (
-            np.record,
-            np.dtype(
-                {"names": [*names, "table"], "formats": formats, "offsets": offsets}, align=True
-            ),
-        )
-    )
+    """Return a type with a field for every name, and ``table`` for all of them.
+
+    ``table`` has shape (names, WIDTH). It overlaps the fields: loops over all quantities use it.
+    """
+    row = (np.float64, (WIDTH,))
+    table = (np.float64, (len(names), WIDTH))
+    row_starts = [k * WIDTH * _BYTES for k in range(len(names))]
+    layout: Any = {
+        "names": [*names, "table"],
+        "formats": [*[row] * len(names), table],
+        "offsets": [*row_starts, 0],
+    }
+    return np.dtype((np.record, np.dtype(layout, align=True)))
 
 
-def _for_each(dtype: np.dtype[Any]) -> np.dtype[Any]:
+def _per_env(dtype: np.dtype[Any]) -> np.dtype[Any]:
     """Return a type with ``WIDTH`` numbers in place of each number."""
     if dtype.names:
-        return np.dtype([(name, _for_each(dtype[name])) for name in dtype.names])
+        return np.dtype([(name, _per_env(dtype[name])) for name in dtype.names])
     return np.dtype((np.float64, (WIDTH,)))
 
 
-_PARAMETERS = {each.name: np.dtype((each.dtype, each.shape)) for each in parameters.PARAMETERS}
-_PARAMETERS["nominal"] = np.dtype([(name, _PARAMETERS[name]) for name in parameters.NOMINAL])
-_OWN = [
-    (name, _for_each(dtype))
-    for name, dtype in _PARAMETERS.items()
-    if dtype == np.float64 or dtype.names
-]
-_NUMBERS = sum(dtype.itemsize for _, dtype in _OWN) // (8 * WIDTH)
-CHOICES = [name for name in _PARAMETERS if name not in dict(_OWN)]
-"""Parameters that the environments of a batch share. In the others, which come first, each environment can differ."""
+_BY_NAME = parameters.by_name(parameters.PARAMETERS)
+
+
+def _parameter_fields() -> tuple[list[Any], list[Any]]:
+    """Return the fields in which environments can differ, and those that they share."""
+    differing, shared = [], []
+    for name, parameter in _BY_NAME.items():
+        dtype = np.dtype((parameter.dtype, parameter.shape))
+        if parameter.per_env:
+            differing.append((name, _per_env(dtype)))
+        else:
+            shared.append((name, dtype))
+    nominal = np.dtype([(name, _BY_NAME[name].dtype) for name in parameters.NOMINAL])
+    differing.append(("nominal", _per_env(nominal)))
+    return differing, shared
+
+
+_DIFFERING, _SHARED = _parameter_fields()
+_NUMBERS = sum(dtype.itemsize for _, dtype in _DIFFERING) // (_BYTES * WIDTH)
+CHOICES = [name for name, _ in _SHARED]
+"""Parameters that the environments of a batch share.
+
+In the others, which come first in a record, each environment can differ.
+"""
 
 STATE = _record_type((each.name, each.dtype, each.shape) for each in quantities.STATE)
 _OBSERVATION = ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH))
@@ -57,14 +76,16 @@ WORK = _record_type(
     [*((each.name, each.dtype, each.shape) for each in quantities.WORK), _OBSERVATION]
 )
 REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
-PARAMETERS = _record_type([*_OWN, *((name, _PARAMETERS[name]) for name in CHOICES)])
-SCRATCH = _record_type(
-    [("work", WORK), ("report", REPORT)]
-)  # a thread's working memory, without the environments' states
+PARAMETERS = _record_type([*_DIFFERING, *_SHARED])
+SCRATCH = _record_type([("work", WORK), ("report", REPORT)])
+"""A thread's working memory, without the environments' states."""
 
 
 def new_records(dtype: np.dtype[Any], count: int) -> Any:
-    """Return ``count`` zeroed records. Compiled calls know ``dtype`` by identity, and take equal types more slowly."""
+    """Return ``count`` zeroed records.
+
+    Compiled calls know ``dtype`` by identity, and take equal types more slowly.
+    """
     return np.zeros(count, dtype)
 
 
@@ -73,48 +94,56 @@ def parameter_records(
     count: int = WIDTH,
     nominal: Scenario | ScenarioBatch | None = None,
 ) -> Any:
-    """Return the parameters of blocks with ``count`` environments, a multiple of ``WIDTH``: shape (blocks,).
+    """Return the parameters of blocks with ``count`` environments: shape (blocks,).
 
-    All environments have the same scenario, or one each of a batch of ``count``, which needs a batch of ``nominal`` models.
+    ``count`` is a multiple of ``WIDTH``. All environments have the same scenario, or one each of a
+    batch of ``count``, which needs a batch of ``nominal`` models.
     """
     if nominal is None:
         assert isinstance(scenario, Scenario)
         nominal = scenario.nominal()
     records = new_records(PARAMETERS, count // WIDTH)
-    for columns, source in ((records, scenario), (records["nominal"], nominal)):
-        fields = {
-            key: value
-            for name, each in source
-            if name not in ("name", "material", "nominal_model")
-            for key, value in each
-        }
-        for each in parameters.PARAMETERS:
-            if each.name in columns.dtype.names:
-                _fill(columns[each.name], each.value(source) if each.value else fields[each.name])
+    for name, parameter in _BY_NAME.items():
+        _fill(records[name], parameter, parameter.value(scenario))
+    for name in parameters.NOMINAL:
+        parameter = _BY_NAME[name]
+        _fill(records["nominal"][name], parameter, parameter.value(nominal))
     return records
 
 
+def _fill(column: Any, parameter: parameters.Parameter, value: Any) -> None:
+    """Write a parameter's value into its column of records; what it has no value for stays 0."""
+    if not parameter.per_env:
+        if parameter.shape:
+            column[:, : len(value)] = value
+        else:
+            column[...] = value
+    elif column.dtype.names:
+        # A law, which has its numbers as attributes.
+        for name in column.dtype.names:
+            _fill_numbers(column[name], getattr(value, name))
+    else:
+        _fill_numbers(column, value)
+
+
+def _fill_numbers(column: Any, value: Any) -> None:
+    """Write one number for all environments, or one for each, into a column of a parameter."""
+    column[...] = np.reshape(value, column.shape) if np.ndim(value) else value
+
+
 def numbers_of(records: Any) -> NDArray[np.float64]:
-    """Return a view of the numbers in which environments can differ: shape (blocks, numbers, WIDTH)."""
-    numbers: NDArray[np.float64] = (
-        records.view(np.uint8).reshape(len(records), -1)[:, : 8 * _NUMBERS * WIDTH].view(np.float64)
-    )
+    """Return a view of the numbers in which environments can differ.
+
+    Its shape is (blocks, numbers, WIDTH). These numbers come first in a record.
+    """
+    record_bytes = records.view(np.uint8).reshape(len(records), -1)
+    numbers: NDArray[np.float64] = record_bytes[:, : _BYTES * _NUMBERS * WIDTH].view(np.float64)
     return numbers.reshape(len(records), _NUMBERS, WIDTH)
 
 
 def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
-    """Return states, parameters and scratch of one block of environments of a scenario, each an array of one record."""
+    """Return states, parameters and scratch of one block of environments of a scenario.
+
+    Each is an array of one record.
+    """
     return new_records(STATE, 1), parameter_records(scenario), new_records(SCRATCH, 1)
-
-
-def _fill(column: Any, value: Any) -> None:
-    """Write a value, or a law with the names of its numbers, into a column of records; what it has no value for stays 0."""
-    if column.dtype.names:
-        for name in column.dtype.names:
-            _fill(column[name], getattr(value, name))
-    elif column.shape[1:] == (WIDTH,):
-        column[...] = np.reshape(value, column.shape) if np.ndim(value) else value
-    elif np.ndim(value):
-        column[:, : len(value)] = value
-    else:
-        column[...] = value

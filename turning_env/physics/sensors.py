@@ -1,6 +1,7 @@
-"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise (``docs/models_lathe.md``).
+"""Sensors of power, and of thrust force or servo current, each with a first-order lag and noise.
 
-As the machine warms up, their readings drift, and thermal growth changes the depth of cut.
+As the machine warms up, their readings drift, and thermal growth changes the depth of cut
+(``docs/models_lathe.md``, ``docs/effects.md``).
 """
 
 from turning_env.numerics.compilation import compiled, env_range
@@ -12,7 +13,10 @@ from turning_env.physics.spindle import idle_power
 
 @compiled
 def warmth(state, i, p):
-    """Return how warm the machine is: 0 at the start, 1 at last, exponentially (assumption; a lathe takes about an hour)."""
+    """Return how warm the machine is: 1 - exp(-t / T), 0 at the start.
+
+    The form is an assumption; a lathe takes about an hour.
+    """
     return 1.0 - exp(-state.clock[i] / p.warm_up_time[i])
 
 
@@ -23,24 +27,26 @@ def follow_process(state, work, i, p):
     power_share = p.power_sensor_share[i] if runs else 0.0
     force_share = p.force_sensor_share[i] if runs else 0.0
     power = state.power[i] + idle_power(p, i, state.cutting_speed[i])
+    force = state.thrust_force[i]
     state.lagged_power[i] += (power - state.lagged_power[i]) * power_share
-    state.lagged_thrust_force[i] += (
-        state.thrust_force[i] - state.lagged_thrust_force[i]
-    ) * force_share
+    state.lagged_thrust_force[i] += (force - state.lagged_thrust_force[i]) * force_share
 
 
 @compiled
 def read_sensors(state, work, first, last, p):
-    """Measure power [kW], and thrust force [N] or servo current [A], at the end of a step."""
+    """Measure power [kW], and thrust force [N] or servo current [A], at the end of a step.
+
+    reading = (1 + bias) true value (1 + noise) (1 + drift), at least 0.
+    """
+    # The words have a loop of their own, because the compiler does not vectorise Philox.
     for i in env_range(first, last):
-        work.word_0[i], work.word_1[i] = words(state, i, SENSOR_CHANNEL, 0, state.step_count[i])
+        work.word_0[i], work.word_1[i] = words(
+            state, i, channel=SENSOR_CHANNEL, bar=0, index=state.step_count[i]
+        )
     for i in env_range(first, last):
         power_normal, force_normal = normals_of(work.word_0[i], work.word_1[i])
-        power = (
-            (1.0 + p.power_bias[i])
-            * state.lagged_power[i]
-            * (1.0 + p.power_noise[i] * power_normal)
-        )
+        biased_power = (1.0 + p.power_bias[i]) * state.lagged_power[i]
+        power = biased_power * (1.0 + p.power_noise[i] * power_normal)
         state.measured_power[i] = max(power, 0.0)
         work.force_noise[i] = 1.0 + p.force_noise[i] * force_normal
     if p.warms_up:
@@ -52,14 +58,11 @@ def read_sensors(state, work, first, last, p):
         for i in env_range(first, last):
             feed_velocity = state.cutting_speed[i] * p.revolutions_per_metre[i] * state.feed[i]
             sine, _ = sine_and_cosine(p.ripples_per_path[i] * state.path[i])
-            current = steady_current(p, i, state.lagged_thrust_force[i], feed_velocity) * (
-                1.0 + p.current_ripple[i] * sine
-            )
+            current = steady_current(p, i, state.lagged_thrust_force[i], feed_velocity)
+            current *= 1.0 + p.current_ripple[i] * sine
             current = (1.0 + p.force_bias[i]) * current
             state.measured_servo_current[i] = max(current * work.force_noise[i], 0.0)
     else:
         for i in env_range(first, last):
-            force_gain = 1.0 + p.force_bias[i]
-            state.measured_thrust_force[i] = max(
-                force_gain * state.lagged_thrust_force[i] * work.force_noise[i], 0.0
-            )
+            biased_force = (1.0 + p.force_bias[i]) * state.lagged_thrust_force[i]
+            state.measured_thrust_force[i] = max(biased_force * work.force_noise[i], 0.0)

@@ -1,8 +1,10 @@
 """Slender bars bend away from the tool and chatter (``docs/effects.md``).
 
-The cut is shallower than commanded by the deflection. Force and deflection depend on each other: the force is taken as
-proportional to the depth, with the ratio of the sub-step before. Chatter is a dynamic force about one spindle speed n_c, an
-assumption; power stays, as its mean does. Dynamic over static force: c (depth / nominal depth) exp(-(log(n / n_c) / s)^2).
+The cut is shallower than commanded by the deflection. Force and deflection depend on each other:
+the force is taken as proportional to the depth, with the ratio of the sub-step before.
+
+Chatter is a dynamic force about one spindle speed n_c (assumption). Its ratio to the static force
+is c (depth / nominal depth) exp(-(log(n / n_c) / s)^2). Power stays, because its mean does.
 """
 
 from turning_env.numerics.compilation import compiled
@@ -14,25 +16,34 @@ SUPPORTS = {"rigid": RIGID, "chuck": CHUCK, "tailstock": TAILSTOCK}
 
 @compiled
 def compliance(p, i, along):
-    """Return deflection over radial force [mm/N] at a place along the bar [mm]."""
+    """Return deflection over radial force [mm/N] at a place along the bar [mm].
+
+    Beam theory (Euler and Bernoulli), with a the distance to the chuck, b the one to the free end:
+    a^3 / (3 E I), with a tailstock times b^2 (3 a + 4 b) / (4 L^3).
+    """
     a = p.bar_length[i] - along
     cantilever = a * a * a * p.bar_flexibility[i]
     if p.support == CHUCK:
         return cantilever
+    # In units of the length, where a + b = 1, the factor is b^2 (3 + b) / 4.
     b = along / p.bar_length[i]
     return cantilever * b * b * (3.0 + b) * 0.25
 
 
 @compiled
 def note_stiffness(state, work, i):
-    """Store thrust force over depth of cut [N/mm] of the cut before."""
+    """Store thrust force over depth of cut [N/mm] of the sub-step before."""
     cuts = min(state.depth_of_cut[i], state.thrust_force[i]) > 0.0
     work.cut_stiffness[i] = state.thrust_force[i] / state.depth_of_cut[i] if cuts else 0.0
 
 
 @compiled
 def bend_bar(state, work, i, p):
-    """Take the deflection from the depth of cut [mm]."""
+    """Take the deflection from the depth of cut [mm].
+
+    The depth d, commanded as d_0, solves d = d_0 - q d, with the compliance times the radial
+    stiffness of the cut q. So d = d_0 / (1 + q).
+    """
     share = compliance(p, i, work.along[i]) * p.radial_share[i] * work.cut_stiffness[i]
     depth = state.depth_of_cut[i]
     state.depth_of_cut[i] = depth / (1.0 + share) if work.engaged[i] > 0.0 else depth
@@ -42,4 +53,5 @@ def bend_bar(state, work, i, p):
 def chatter(state, work, i, p):
     """Set the dynamic over the static thrust force [-]."""
     off = (work.log_cutting_speed[i] - p.log_chatter_cutting_speed[i]) / p.chatter_width[i]
-    work.chatter[i] = p.chatter[i] * state.depth_of_cut[i] / p.depth_of_cut[i] * exp(-off * off)
+    relative_depth_gain = p.chatter[i] * state.depth_of_cut[i] / p.depth_of_cut[i]
+    work.chatter[i] = relative_depth_gain * exp(-off * off)

@@ -1,8 +1,10 @@
-"""The spindle's motor: torque over speed, idling, and short-time overload (equations and sources: ``docs/models_lathe.md``).
+"""The spindle's motor: torque over speed, idling, and short-time overload.
 
-Of the rated power P_r it has the share c(n) = min(1, n / n_b) at the speed n, with the base speed n_b. The limit of power falls
-with c. The heat h of the motor follows tau dh/dt = (P / (c P_r))^2 - h; until h reaches 1 the limit is ``short_time_load`` times
-as high. What exceeds the limit counts as overload; the speed does not drop (assumption).
+At the speed n, the share c(n) = min(1, n / n_b) of the rated power P_r is available, with the base
+speed n_b. The limit of power falls with c. The heat h of the motor follows
+tau dh/dt = (P / (c P_r))^2 - h; until h reaches 1, the limit is ``short_time_load`` times as high.
+What exceeds the limit counts as overload; the speed does not drop (assumption). Sources:
+``docs/models_lathe.md``.
 """
 
 from typing import Any
@@ -19,8 +21,9 @@ def capacity_at(scenario: Scenario | ScenarioBatch, cutting_speed: Any) -> Any:
     return np.minimum(cutting_speed / (scenario.base_cutting_speed or cutting_speed), 1.0)
 
 
-def idle_power_at(scenario: Scenario, cutting_speed: Any) -> Any:
+def idle_power_at(scenario: Scenario | ScenarioBatch, cutting_speed: Any) -> Any:
     """Return ``idle_power`` [kW] at cutting speeds [m/min], scalar or array."""
+    # P = 2 pi n M_0 with n = vc / (pi d); 30 converts m/min, mm and N m to kW.
     return scenario.spindle.idle_torque / (30.0 * scenario.workpiece.diameter) * cutting_speed
 
 
@@ -47,7 +50,8 @@ def allowed_share(state, i, p):
 def heat_up(state, work, i, p):
     """Move the motor's heat [-] towards that of the present load over one sub-step."""
     speed = state.cutting_speed[i]
-    load = (state.power[i] + idle_power(p, i, speed)) / (p.rated_power[i] * capacity(p, i, speed))
+    power = state.power[i] + idle_power(p, i, speed)
+    load = power / (p.rated_power[i] * capacity(p, i, speed))
     minutes = work.sub_step[i] if work.turns[i] > 0.0 else 0.0
     share = 1.0 - exp(-minutes / p.thermal_time_constant[i])
     state.spindle_heat[i] += (load * load - state.spindle_heat[i]) * share
