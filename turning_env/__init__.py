@@ -53,12 +53,6 @@ __all__ = [
     "MODEL_VERSION",
     "OBS",
     "SPLITS",
-    "__version__",
-    "presets",
-    "read",
-    "score",
-]
-__all__ += [
     "Family",
     "FamilyEnv",
     "FamilyVectorEnv",
@@ -66,8 +60,14 @@ __all__ += [
     "Reading",
     "RoughTurningEnv",
     "RoughTurningVectorEnv",
+    "Scenario",
+    "ScenarioError",
+    "Score",
+    "__version__",
+    "presets",
+    "read",
+    "score",
 ]
-__all__ += ["Scenario", "ScenarioError", "Score"]
 
 _ENTRY_POINTS = {
     "RoughTurning-v0": ("env:RoughTurningEnv", "rough_turning"),

@@ -22,8 +22,9 @@ class OfFamily(Shared):
     def _jobs(self, family: FamilySource, split: str, context: Context) -> Jobs:
         if context not in get_args(Context):
             raise ValueError(f'context is {context!r}, but must be "told" or "hidden"')
-        self.family, self.split = Family.load(family), split
-        return Jobs(self.family, split, context == "told")
+        self.family = Family.load(family)
+        self.split = split
+        return Jobs(self.family, split, shows_context=context == "told")
 
     def job(self, env_index: int = 0) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""
@@ -31,12 +32,18 @@ class OfFamily(Shared):
 
 
 def vector_env(
-    source: str | os.PathLike[str] | Scenario | Family, num_envs: int, autoreset_mode: AutoresetMode
+    source: str | os.PathLike[str] | Scenario | Family,
+    num_envs: int,
+    autoreset_mode: AutoresetMode,
 ) -> RoughTurningVectorEnv:
-    """Return a batch of a scenario's environments, or of training jobs of a ``Family`` or of one that ships, by its name."""
-    if isinstance(source, Family) or (isinstance(source, str) and source in families()):
+    """Return a batch of a scenario's environments, or of a family's training jobs.
+
+    The source is a scenario or a ``Family``, or the name of either.
+    """
+    is_family_name = isinstance(source, str) and source in families()
+    if is_family_name or isinstance(source, Family):
         return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
-    return RoughTurningVectorEnv(num_envs, source, autoreset_mode)
+    return RoughTurningVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
 
 
 class FamilyEnv(OfFamily, RoughTurningEnv):
@@ -44,28 +51,31 @@ class FamilyEnv(OfFamily, RoughTurningEnv):
 
     ## Description
 
-    Every episode is a job drawn from a family (default: `shop`): one lathe, one material, one kind of insert and one kind of bar,
-    for the time that about five edges last. The laws of power, thrust force and wear, the drives' lags and the edges' strength
-    differ from the nominal model, by which the observation's predictions are made. Edges are changed on command, as in
-    `ShiftEnv`, so what the first edge teaches pays on the others. `reset(seed=s)` starts the job of seed s, `reset()` the next.
+    Every episode is a job drawn from a family (default: `shop`): one lathe, one material, one kind
+    of insert and one kind of bar, for the time that about five edges last. The laws of power,
+    thrust force and wear, the drives' lags and the edges' strength differ from the nominal model,
+    by which the observation's predictions are made. Edges are changed on command, as in `ShiftEnv`,
+    so what the first edge teaches pays on the others. `reset(seed=s)` starts the job of seed s,
+    `reset()` the next.
 
     ## Action space
 
-    `Box(-1, 1, (3,), float32)`, as for `ShiftEnv`: changes of speed and feed, and above 0 a change of the edge. Ranges of speed
-    and feed, and limits, are the job's.
+    `Box(-1, 1, (3,), float32)`, as for `ShiftEnv`: changes of speed and feed, and above 0 a change
+    of the edge. Ranges of speed and feed, and limits, are the job's.
 
     ## Observation space
 
-    The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits, and `removed_wear`, the measured wear of the edge
-    that was taken out last over the criterion (0 before the first change). With `context="told"`, the nominal model's
-    numbers follow, standardised by the training jobs and limited to -10..10 (`Family.context_names`): exponents of the three
-    laws; logarithms of load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best speed,
-    feed and life.
+    The 11 entries of `RoughTurningEnv`, scaled by the job's ranges and limits, and `removed_wear`,
+    the measured wear of the edge that was taken out last over the criterion (0 before the first
+    change). With `context="told"`, the nominal model's numbers follow, standardised by the training
+    jobs and limited to -10..10 (`Family.context_names`): exponents of the three laws; logarithms of
+    load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best
+    speed, feed and life.
 
     ## Reward and end
 
-    As for `ShiftEnv`. The reference removal rate is the best that the nominal model can sustain, so holding it would earn about
-    0 if the model were right. Truncated when the job's time is over.
+    As for `ShiftEnv`. The reference removal rate is the best that the nominal model can sustain, so
+    holding it would earn about 0 if the model were right. Truncated when the job's time is over.
 
     ## Info
 
@@ -73,10 +83,11 @@ class FamilyEnv(OfFamily, RoughTurningEnv):
 
     ## Arguments
 
-    `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`: "train"; "validation", by
-    which agents are chosen; or "unseen_jobs", "unseen_materials", "unseen_machines", on which they are scored. No training seed
-    plays the jobs of another split. `context`: "told" or "hidden". `render_mode`: None,
-    "rgb_array" or "human": frames show the present job.
+    `family`: the name of a family, the path of its TOML file, a dict or a `Family`. `split`:
+    "train"; "validation", by which agents are chosen; or "unseen_jobs", "unseen_materials",
+    "unseen_machines", on which they are scored. No training seed plays the jobs of another split.
+    `context`: "told" or "hidden". `render_mode`: None, "rgb_array" or "human": frames show the
+    present job.
     """
 
     def __init__(
@@ -90,8 +101,18 @@ class FamilyEnv(OfFamily, RoughTurningEnv):
 
 
 class FamilyVectorEnv(OfFamily, RoughTurningVectorEnv):
-    """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed; see ``RoughTurningVectorEnv``."""
+    """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed.
 
-    def __init__(self, num_envs: int = 1, family: FamilySource = "shop", split: str = "train", context: Context = "told",
-                 *args: Any, **kwargs: Any) -> None:  # fmt: skip
+    See ``RoughTurningVectorEnv`` for the other arguments.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        family: FamilySource = "shop",
+        split: str = "train",
+        context: Context = "told",
+        *args: Any,
+        **kwargs: Any,
+    ) -> None:
         super().__init__(num_envs, self._jobs(family, split, context), *args, **kwargs)

@@ -1,4 +1,7 @@
-"""The vector environment."""
+"""The vector environment.
+
+``env.py`` specifies the task; ``batch/driver.py`` runs the steps.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,48 +12,48 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from turning_env.batch.driver import (
-    REWARD,
-    TERMINATED,
-    TRUNCATED,
-    Batch,
-    Jobs,
-    action_space,
-    checked_seed,
-    observation_space,
-)
+from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
 from turning_env.env import Shared, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
 
-_MASKS = ["_" + name for name in INFO_KEYS]
+_MASK_KEYS = [f"_{name}" for name in INFO_KEYS]
 
 Array = NDArray[Any]
+Mask = NDArray[np.bool_]
 Infos = dict[str, Any]
-Step = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], Infos]
+Step = tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]
 
 
 class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
     """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
-    See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches the single environment after
-    ``reset(seed=s + i)`` bit for bit, across autoresets, for any number of environments. ``infos`` holds an array and a mask
-    ``_key`` for each key of the single environment's info.
+    See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches
+    the single environment after ``reset(seed=s + i)`` bit for bit, across autoresets, for any
+    number of environments. ``infos`` holds an array and a mask ``_key`` for each key of the single
+    environment's info.
 
     Args:
         num_envs: number of environments, at least 1.
-        scenario: the name of a preset, the path of a TOML file, a dict of the values that differ, or a ``Scenario``.
-        autoreset_mode: NEXT_STEP (default: the step after an episode's end ignores its action and starts the next episode,
-            with reward 0), SAME_STEP (the last step of an episode returns the next one's first observation; the last
-            observation and info are ``infos["final_obs"]`` and ``infos["final_info"]``) or DISABLED (reset ended environments
-            with ``options={"reset_mask": mask}``).
-        render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as ``RoughTurningEnv`` draws it.
-        rendered_envs: number of environments to draw, from the first on; each takes a few milliseconds. None: all.
-        max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on from a spec.
+        scenario: the name of a preset, the path of a TOML file, a dict of the values that differ,
+            or a ``Scenario``.
+        autoreset_mode: what follows on the end of an episode. NEXT_STEP (default): the next step
+            ignores its action and starts the next episode, with reward 0. SAME_STEP: the last step
+            of an episode returns the next one's first observation; the last observation and info
+            are ``infos["final_obs"]`` and ``infos["final_info"]``. DISABLED: reset ended
+            environments with ``options={"reset_mask": mask}``.
+        render_mode: None, or "rgb_array": ``render()`` then returns a frame of each environment, as
+            ``RoughTurningEnv`` draws it.
+        rendered_envs: number of environments to draw, from the first on; each takes a few
+            milliseconds. None: all.
+        max_episode_steps: None or the scenario's own number, which ``gymnasium.make_vec`` passes on
+            from a spec.
 
     Raises:
-        ValueError: an argument, a seed or the reset mask is not allowed, or an action not of shape (num_envs, action size).
-        gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with DISABLED after an episode's end.
+        ValueError: an argument, a seed or the reset mask is not allowed, or an action not of shape
+            (num_envs, action size).
+        gymnasium.error.ResetNeeded: ``step`` or ``render`` before ``reset``, or ``step`` with
+            DISABLED after an episode's end.
     """
 
     def __init__(
@@ -66,7 +69,8 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             raise ValueError(f"num_envs is {num_envs}, but must be at least 1")
         if rendered_envs is not None and not 1 <= rendered_envs <= num_envs:
             raise ValueError(
-                f"rendered_envs is {rendered_envs}, but must be None or 1 to num_envs, which is {num_envs}"
+                f"rendered_envs is {rendered_envs}, "
+                f"but must be None or 1 to num_envs, which is {num_envs}"
             )
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -76,17 +80,20 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             "autoreset_mode": self.autoreset_mode,
         }
         self._set_up(Batch(scenario, num_envs), render_mode, rendered_envs or num_envs)
-        if max_episode_steps not in (None, own := self.scenario.max_episode_steps):
+        steps = self.scenario.max_episode_steps
+        if max_episode_steps not in (None, steps):
             raise ValueError(
-                f"max_episode_steps is {max_episode_steps}, but must be {own}: set control.time_limit instead"
+                f"max_episode_steps is {max_episode_steps}, but must be {steps}: "
+                "set control.time_limit instead"
             )
         self.single_observation_space = observation_space(self.scenario, self._batch.context_size)
         self.single_action_space = action_space(self.scenario)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        # Every info holds this mask, so nobody may write to it.
         self._all = np.ones(num_envs, np.bool_)
-        self._all.flags.writeable = False  # it goes out as a mask in every info
-        self._masks = dict.fromkeys(_MASKS, self._all)
+        self._all.flags.writeable = False
+        self._masks = dict.fromkeys(_MASK_KEYS, self._all)
 
     def reset(
         self,
@@ -94,9 +101,10 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[NDArray[np.float32], Infos]:
-        """Start an episode in every environment, or in those of ``options["reset_mask"]`` (bool, shape (num_envs,)).
+        """Start an episode in every environment, or in those of ``options["reset_mask"]``.
 
-        Environment i starts episode 0 of seed ``seed + i`` or ``seed[i]``; without a seed, the next episode of its present seed.
+        The mask is bool, shape (num_envs,). Environment i starts episode 0 of seed ``seed + i`` or
+        ``seed[i]``; without a seed, the next episode of its present seed.
         """
         check_options(options, "reset_mask")
         batch = self._batch
@@ -116,15 +124,13 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         if not batch.seeded:
             raise ResetNeeded("call reset() first: no episode is under way")
         if self.autoreset_mode is AutoresetMode.DISABLED and batch.ended.any():
-            raise ResetNeeded(
-                f"the episodes of environments {np.flatnonzero(batch.ended).tolist()} have ended"
-            )
+            ended_envs = np.flatnonzero(batch.ended).tolist()
+            raise ResetNeeded(f"the episodes of environments {ended_envs} have ended")
         batch.step(actions)
-        rewards, terminated, truncated = (
-            batch.table[REWARD],
-            batch.table[TERMINATED] > 0.0,
-            batch.table[TRUNCATED] > 0.0,
-        )
+        # Read before the next episodes start, which write a new table.
+        rewards = batch.rewards
+        terminated = batch.terminated
+        truncated = batch.truncated
         final: Infos = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
@@ -133,22 +139,15 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
                 batch.start(ended)
         if self._viewer is not None:
             self._viewer.note()
-        return (
-            batch.observations,
-            rewards,
-            terminated,
-            truncated,
-            self._infos(batch.table, self._all) | final,
-        )
+        infos = self._infos(batch.table, self._all) | final
+        return batch.observations, rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a frame of each rendered environment: uint8, shape (640, 960, 3)."""
         return super().render() if self._viewer is None else tuple(self._viewer.frames())
 
-    def _seeds(
-        self, seed: int | Sequence[int | None] | None
-    ) -> tuple[NDArray[np.bool_], NDArray[np.uint64]]:
-        """Return which environments get a new seed, and the new seeds; both of shape (num_envs,)."""
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> tuple[Mask, NDArray[np.uint64]]:
+        """Return which environments get a new seed, and the new seeds; both shape (num_envs,)."""
         numbers: Sequence[int | None] = [None] * self.num_envs
         if isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
             numbers = seed
@@ -157,19 +156,21 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             numbers = range(first, first + self.num_envs)
         if len(numbers) != self.num_envs:
             raise ValueError(
-                f"{len(numbers)} seeds given, but there must be one for each of {self.num_envs} environments"
+                f"{len(numbers)} seeds given, "
+                f"but there must be one for each of {self.num_envs} environments"
             )
-        given = np.array([number is not None for number in numbers])
-        seeds = np.array(
-            [0 if number is None else checked_seed(number, i) for i, number in enumerate(numbers)],
-            np.uint64,
-        )
+        given = np.zeros(self.num_envs, np.bool_)
+        seeds = np.zeros(self.num_envs, np.uint64)
+        for i, number in enumerate(numbers):
+            if number is not None:
+                given[i] = True
+                seeds[i] = checked_seed(number, i)
         if not self._batch.seeded:
             seeds[~given] = self.np_random.integers(2**63, size=np.count_nonzero(~given))
             given[:] = True
         return given, seeds
 
-    def _reset_mask(self, options: dict[str, Any] | None) -> NDArray[np.bool_]:
+    def _reset_mask(self, options: dict[str, Any] | None) -> Mask:
         if not options or "reset_mask" not in options:
             return self._all
         try:
@@ -178,40 +179,48 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
             mask = np.array(None)
         if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
             raise ValueError(
-                f"reset_mask must be bool of shape ({self.num_envs},), got {options['reset_mask']!r}"
+                f"reset_mask must be bool of shape ({self.num_envs},), "
+                f"got {options['reset_mask']!r}"
             )
         if not self._batch.seeded and not mask.all():
             raise ResetNeeded("the first reset() must start every environment")
         return mask
 
-    def _infos(self, table: Array, mask: NDArray[np.bool_]) -> Infos:
-        """Return an array per key of the info, each with the mask of the environments that have a value."""
-        infos = info_of(table) | (self._masks if mask is self._all else dict.fromkeys(_MASKS, mask))
-        return (
-            infos | {"job": self._batch.job_numbers.copy(), "_job": mask}
-            if self._batch.jobs
-            else infos
-        )
+    def _infos(self, table: Array, mask: Mask) -> Infos:
+        """Return an array per key of the info, each with the mask of the environments with a value.
 
-    def _final_infos(self, ended: NDArray[np.bool_]) -> Infos:
-        """Return the last observations and infos of ended episodes; entries of other environments are None and 0."""
+        ``table`` has the rows of a report.
+        """
+        masks = self._masks if mask is self._all else dict.fromkeys(_MASK_KEYS, mask)
+        infos = info_of(table) | masks
+        if self._batch.jobs is not None:
+            infos["job"] = self._batch.job_numbers.copy()
+            infos["_job"] = mask
+        return infos
+
+    def _final_infos(self, ended: Mask) -> Infos:
+        """Return the last observations and infos of ended episodes.
+
+        Entries of other environments are None and 0.
+        """
         final_obs = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
             final_obs[i] = self._batch.observations[i]
-        infos = self._infos(np.where(ended, self._batch.table, 0.0), ended)
+        final_info = self._infos(np.where(ended, self._batch.table, 0.0), ended)
         return {
             "final_obs": final_obs,
             "_final_obs": ended,
-            "final_info": infos,
+            "final_info": final_info,
             "_final_info": ended,
         }
 
 
 def info_at_end_of_step(infos: dict[str, Any], name: str) -> NDArray[np.float64]:
-    """Return an entry of ``infos`` at the step's end, shape (num_envs,), even if the next episode has already begun."""
+    """Return an entry of ``infos`` at the step's end, shape (num_envs,).
+
+    It is that of the ended episode, even if the next one has already begun.
+    """
     values: NDArray[np.float64] = infos[name]
-    return (
-        np.where(infos["_final_info"], infos["final_info"][name], values)
-        if "final_info" in infos
-        else values
-    )
+    if "final_info" not in infos:
+        return values
+    return np.where(infos["_final_info"], infos["final_info"][name], values)

@@ -1,4 +1,5 @@
 """The driver of any number of environments.
 
-Equations of a step belong in ``physics``; Gymnasium's interface belongs in ``env.py`` and ``vector_env.py``.
+Equations of a step belong in ``physics``, Gymnasium's interface in ``env.py`` and
+``vector_env.py``.
 """

@@ -1,7 +1,10 @@
-"""The driver of environments: their jobs and records, and the compiled loops over them."""
+"""The driver of environments: their jobs and records, and the compiled loops over them.
 
-from functools import cache
-from typing import Any
+Equations of a step belong in ``physics``, Gymnasium's interface in ``env.py`` and
+``vector_env.py``.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -12,7 +15,7 @@ from turning_env.numerics.compilation import compiled, compiled_entry, env_range
 from turning_env.observation import bounds, observe
 from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
-from turning_env.physics.quantities import WIDTH, action_size
+from turning_env.physics.quantities import ROW, WIDTH, action_size
 from turning_env.physics.records import (
     CHOICES,
     PARAMETERS,
@@ -26,25 +29,34 @@ from turning_env.physics.report import write_state
 from turning_env.scenario import Scenario, Source
 from turning_env.scenario.family import CHUNK, CONTEXT_LIMIT, Family, Job
 
+Array32 = NDArray[np.float32]
+Array64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
 MAX_SEED = 2**64 - 1
-_NUMBERS = "efdbhilqBHILQ"  # types of actions: real numbers of at most 8 bytes
-_PADDING, _PAGE = 8, 512  # numbers of a cache line and of a memory page
+_REAL_TYPES = "efdbhilqBHILQ"
+"""Type codes of actions: real numbers of at most 8 bytes."""
+_CACHE_LINE = 8  # numbers of a line of the processor's cache
+_PAGE = 512  # numbers of a memory page
 
 
-def observation_space(
-    scenario: Scenario, context_size: int = 0
-) -> spaces.Space[NDArray[np.float32]]:
-    """Return a new space of one environment's observations; a space carries its own sampling state."""
+def observation_space(scenario: Scenario, context_size: int = 0) -> spaces.Space[Array32]:
+    """Return a new space of one environment's observations.
+
+    Spaces carry a sampling state of their own, so every environment needs a new one.
+    """
     low, high = bounds(scenario)
     context = np.full(context_size, CONTEXT_LIMIT, np.float32)
     return spaces.Box(
-        np.concatenate([low, -context]), np.concatenate([high, context]), dtype=np.float32
+        low=np.concatenate([low, -context]),
+        high=np.concatenate([high, context]),
+        dtype=np.float32,
     )
 
 
-def action_space(scenario: Scenario) -> spaces.Space[NDArray[np.float32]]:
-    """Return a new space of one environment's actions; a space carries its own sampling state."""
-    return spaces.Box(-1.0, 1.0, (action_size(scenario),), np.float32)
+def action_space(scenario: Scenario) -> spaces.Space[Array32]:
+    """Return a new space of one environment's actions; see ``observation_space``."""
+    return spaces.Box(-1.0, 1.0, shape=(action_size(scenario),), dtype=np.float32)
 
 
 def checked_seed(seed: Any, env_index: int) -> int:
@@ -58,18 +70,24 @@ def checked_seed(seed: Any, env_index: int) -> int:
 
 @compiled
 def write_out(state, scratch, p, first, last, start, observations, table):
-    """Copy observations and reports of some environments of a block into the arrays of all; the block begins at ``start``."""
-    work, report = scratch.work, scratch.report
+    """Copy observations and reports of some environments of a block into the arrays of all.
+
+    The block begins at environment ``start``.
+    """
+    work = scratch.work
+    report = scratch.report
     write_state(state, report, first, last, p)
     observe(state, work, first, last, p)
-    start = np.uint64(start)  # without a sign, as the numbers of environments
+    # Without a sign, as the numbers of environments (``env_range``).
+    start = np.uint64(start)
     for k in range(table.shape[0]):
         for i in env_range(first, last):
             table[k, start + i] = report.table[k, i]
+    # The scenario's entries, in its order.
     for k in range(p.entries):
-        place = p.observation_layout[k]
+        entry = p.observation_layout[k]
         for i in env_range(first, last):
-            observations[start + i, k] = work.observation[place, i]
+            observations[start + i, k] = work.observation[entry, i]
 
 
 @compiled_entry
@@ -78,33 +96,44 @@ def start_episodes(states, parameters, scratches, chosen, observations, table):
     scratch = scratches[0]
     for k in range(chosen.shape[0]):
         if chosen[k]:
-            state, i = states[k // WIDTH], k % WIDTH
+            i = k % WIDTH
+            state = states[k // WIDTH]
             p = parameters[k // WIDTH % parameters.shape[0]]
             start_episode(state, scratch.work, scratch.report, i, p)
             write_out(state, scratch, p, i, i + 1, k - i, observations, table)
+
+
+@compiled
+def all_finite(actions):
+    """Return whether all numbers are finite, without a branch, so that the loop is vectorised."""
+    finite = True
+    for i in env_range(0, actions.shape[0]):
+        for k in range(actions.shape[1]):
+            finite &= abs(actions[i, k]) < np.inf
+    return finite
 
 
 @compiled_entry
 def step_blocks(states, parameters, scratches, actions, observations, table):
     """Run one step in every environment; ended ones start their next episode instead.
 
-    ``parameters`` holds a record for every block, or one for all.
-
-    Return whether the actions are finite; if not, none has moved.
+    ``parameters`` holds a record for every block, or one for all. Return whether the actions are
+    finite; if not, no environment has moved.
     """
-    finite = True
-    for i in env_range(0, actions.shape[0]):
-        for k in range(actions.shape[1]):
-            finite &= abs(actions[i, k]) < np.inf
-    if not finite:
+    if not all_finite(actions):
         return False
     scratch = scratches[0]
-    work, report = scratch.work, scratch.report
+    work = scratch.work
+    report = scratch.report
     for b in range(states.shape[0]):
-        state, start, p = states[b], b * WIDTH, parameters[b % parameters.shape[0]]
+        state = states[b]
+        p = parameters[b % parameters.shape[0]]
+        start = b * WIDTH
         count = min(WIDTH, actions.shape[0] - start)
         for i in range(count):
             work.ended_before[i] = state.ended[i]
+        # Ended environments run, too, because a loop over all of a block is quicker than one with
+        # branches. What they did is overwritten.
         run_step(state, work, report, actions[start : start + WIDTH], count, p)
         for i in range(count):
             if work.ended_before[i] > 0:
@@ -114,107 +143,158 @@ def step_blocks(states, parameters, scratches, actions, observations, table):
     return True
 
 
-class Jobs:
-    """The jobs of a split, by number; ``told``: whether the nominal model's numbers are appended to observations."""
+class JobValues(NamedTuple):
+    """The values of a job in an environment, or of a chunk of jobs, with a row for each."""
 
-    def __init__(self, family: Family, split: str, told: bool) -> None:
-        self.family, self.split = family, split
-        self._told = told
-        self._chunk = cache(self._draw)
-        # A job's scenario, of which every job has the choices, such as its action and its sensors.
+    numbers: Array64  # those of ``numbers_of``, in their order
+    context: Array32  # appended to observations
+
+
+class Jobs:
+    """The jobs of a split of a family, by number.
+
+    Args:
+        family: the family.
+        split: name of the split.
+        shows_context: whether the nominal model's numbers are appended to observations.
+
+    Attributes:
+        scenario: the scenario of one job. All jobs share its choices, such as action and sensors.
+        context_names: names of the numbers that are appended to an observation.
+        parameters: parameters of one block with this scenario; all jobs share those of ``CHOICES``.
+    """
+
+    def __init__(self, family: Family, split: str, shows_context: bool) -> None:
+        self.family = family
+        self.split = split
         self.scenario: Scenario = family.job(0, split).scenario
-        self.context_names = (
-            family.context_names if told else ()
-        )  # of what is appended to an observation
-        self.parameters = parameter_records(
-            self.scenario
-        )  # of one block; the jobs share those of ``CHOICES``
+        self.context_names = family.context_names if shows_context else ()
+        self.parameters = parameter_records(self.scenario)
+        self._shows_context = shows_context
+        # Jobs are drawn in chunks, which takes much less time than one by one.
+        self._chunks: dict[int, JobValues] = {}
 
     def __reduce__(self) -> Any:
-        """Pickle and copy the split without its jobs."""
-        return Jobs, (self.family, self.split, self._told)
+        """Pickle and copy the split without its jobs, which can be drawn again."""
+        return Jobs, (self.family, self.split, self._shows_context)
 
-    def __getitem__(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-        """Return a job's numbers, in the order of ``PARAMETERS``, and its context."""
-        numbers, context = self._chunk(number // CHUNK)
-        return numbers[number % CHUNK], context[number % CHUNK]
+    def __getitem__(self, number: int) -> JobValues:
+        """Return the values of a job."""
+        chunk, row = divmod(number, CHUNK)
+        if chunk not in self._chunks:
+            self._chunks[chunk] = self._draw(chunk)
+        values = self._chunks[chunk]
+        return JobValues(numbers=values.numbers[row], context=values.context[row])
 
-    def _draw(self, chunk: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    def _draw(self, chunk: int) -> JobValues:
         draw = self.family.draw(self.split, chunk)
-        records = parameter_records(draw.true, CHUNK, draw.nominal)
+        records = parameter_records(draw.true, CHUNK, nominal=draw.nominal)
         for name in CHOICES:
             if (records[name] != self.parameters[name][0]).any():
                 raise ValueError(
                     f"the jobs of family {self.family.name!r} must all have the same {name}"
                 )
+        # A row per job: (blocks, numbers, WIDTH) becomes (jobs, numbers).
         numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
-        context = self.family.context(draw.features) if self._told else np.zeros((CHUNK, 0))
-        return numbers, context.astype(np.float32)
+        if self._shows_context:
+            context = self.family.context(draw.features)
+        else:
+            context = np.zeros((CHUNK, 0))
+        return JobValues(numbers=numbers, context=context.astype(np.float32))
 
 
 class Batch:
-    """``num_envs`` environments of one scenario with the results of their last step. Both Gymnasium environments use it.
+    """``num_envs`` environments of one scenario with the results of their last step.
+
+    Both Gymnasium environments use it.
 
     Args:
         source: scenario to play, or jobs of which every episode plays one.
         num_envs: number of environments.
-        single: whether actions have shape (action size,), and every step fills the same arrays, which ``observation`` and
-            ``report`` view.
+        single: whether actions have shape (action size,), and every step fills the same arrays,
+            of which ``observation`` and ``report`` are views.
 
     Attributes:
         seeded: whether episodes have been started.
-        actions: float64, shape (num_envs, action size): the last.
-        observations: float32, shape (num_envs, entries). Every step fills a new array, unless ``single``.
-        table: float64, shape (len(quantities.REPORT), num_envs), a row for each quantity. Likewise.
+        actions: the last actions: float64, shape (num_envs, action size).
+        observations: float32, shape (num_envs, entries). Every step fills a new array, unless
+            ``single``.
+        table: the report of the last step: float64, shape (len(quantities.REPORT), num_envs), a
+            row for each quantity (``quantities.ROW``). Likewise.
+        job_numbers: numbers of the present jobs in their split, shape (num_envs,).
     """
 
     def __init__(self, source: Source | Jobs, num_envs: int, single: bool = False) -> None:
-        self.num_envs, self._single = num_envs, single
-        self.seeded = False
-        self.jobs = jobs = source if isinstance(source, Jobs) else None
-        self.scenario = scenario = (
-            source.scenario if isinstance(source, Jobs) else Scenario.load(source)
-        )
         blocks = -(-num_envs // WIDTH)
-        self._parameters: Any = (
-            np.repeat(jobs.parameters, blocks) if jobs else parameter_records(scenario)
-        )
-        self.context_size = len(jobs.context_names) if jobs else 0
+        self.num_envs = num_envs
+        self.seeded = False
+        self._single = single
+        if isinstance(source, Jobs):
+            self.jobs: Jobs | None = source
+            self.scenario = source.scenario
+            self.context_size = len(source.context_names)
+            # Every block has its own numbers.
+            self._parameters: Any = np.repeat(source.parameters, blocks)
+        else:
+            self.jobs = None
+            self.scenario = Scenario.load(source)
+            self.context_size = 0
+            self._parameters = parameter_records(self.scenario)
+        self._entries = len(quantities.layout(self.scenario))
+        self._states = new_records(STATE, blocks)
         self._context = np.zeros((num_envs, self.context_size), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
-        self._states = new_records(STATE, blocks)
-        self.actions = np.zeros((num_envs, action_size(scenario)))
-        self._entries = len(quantities.layout(scenario))
+        self.actions = np.zeros((num_envs, action_size(self.scenario)))
         self.observations = np.zeros((num_envs, self._entries + self.context_size), np.float32)
         self.table = np.zeros((len(quantities.REPORT), num_envs))
-        # Rows a whole number of memory pages apart would share a few places of the processor's first cache.
-        padding = _PADDING if num_envs % _PAGE < _PADDING <= num_envs else 0
-        self._table_shape = len(quantities.REPORT), num_envs + padding
-        self._prepare()
+        # Rows that are a whole number of memory pages apart would share a few places of the
+        # processor's first cache.
+        rest = num_envs % _PAGE
+        padding = _CACHE_LINE if rest < _CACHE_LINE <= num_envs else 0
+        self._table_shape = (len(quantities.REPORT), num_envs + padding)
+        self._make_views()
 
-    def _prepare(self) -> None:
+    def _make_views(self) -> None:
         """Make the attributes that a copy or a pickle does not hold."""
         self._scratches = new_records(SCRATCH, 1)
-        self._given = self.actions[0] if self._single else self.actions
-        self._shape = self._given.shape
-        self.observation: NDArray[np.float32] = self.observations[0]
-        self.report: NDArray[np.float64] = self.table[:, 0]
+        self._action_view = self.actions[0] if self._single else self.actions
+        self.observation: Array32 = self.observations[0]
+        self.report: Array64 = self.table[:, 0]
 
     def __getstate__(self) -> dict[str, Any]:
-        made_again = ("_scratches", "_given", "observation", "report")
-        return {name: value for name, value in vars(self).items() if name not in made_again}
+        values = dict(vars(self))
+        for name in ("_scratches", "_action_view", "observation", "report"):
+            del values[name]
+        return values
 
     def __setstate__(self, values: dict[str, Any]) -> None:
         vars(self).update(values)
-        for name, dtype in (("_states", STATE), ("_parameters", PARAMETERS)):
-            records = vars(self)[name] = new_records(dtype, len(values[name]))
-            records[...] = values[name]
-        self._prepare()
+        # A pickle's records have types of their own, and compiled calls know types by identity.
+        self._states = new_records(STATE, len(values["_states"]))
+        self._states[...] = values["_states"]
+        self._parameters = new_records(PARAMETERS, len(values["_parameters"]))
+        self._parameters[...] = values["_parameters"]
+        self._make_views()
 
     @property
-    def ended(self) -> NDArray[np.bool_]:
+    def ended(self) -> Mask:
         """Whether the episodes have ended, shape (num_envs,)."""
         return np.asarray(self._states["ended"].ravel()[: self.num_envs] > 0)
+
+    @property
+    def rewards(self) -> Array64:
+        """Rewards of the last step [s], shape (num_envs,)."""
+        return np.asarray(self.table[ROW.reward])
+
+    @property
+    def terminated(self) -> Mask:
+        """Whether the last step has terminated the episodes, shape (num_envs,)."""
+        return np.asarray(self.table[ROW.terminated] > 0.0)
+
+    @property
+    def truncated(self) -> Mask:
+        """Whether the last step has truncated the episodes, shape (num_envs,)."""
+        return np.asarray(self.table[ROW.truncated] > 0.0)
 
     def state(self, env_index: int, name: str) -> Any:
         """Return a quantity of an environment's state (``quantities.STATE``)."""
@@ -224,7 +304,9 @@ class Batch:
     def info(self, env_index: int) -> Info:
         """Return an environment's info after its last step or reset."""
         info = info_of(self.table[:, env_index].tolist())
-        return info | {"job": int(self.job_numbers[env_index])} if self.jobs else info
+        if self.jobs is not None:
+            info["job"] = int(self.job_numbers[env_index])
+        return info
 
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""
@@ -232,17 +314,20 @@ class Batch:
         return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
 
     def seed(self, env_indices: Any, seeds: Any) -> None:
-        """Set environments' seeds; the next episode is the first of its seed, episode 0. See ``checked_seed``."""
+        """Set environments' seeds; the next episode is the first of its seed, episode 0.
+
+        Check the seeds with ``checked_seed``.
+        """
         block, i = np.divmod(env_indices, WIDTH)
         self._states["seed"][block, i] = seeds
-        self._states["episode"][block, i] = (
-            MAX_SEED  # before 0, as numbers without a sign begin anew
-        )
+        # Before episode 0, because unsigned numbers wrap to 0.
+        self._states["episode"][block, i] = MAX_SEED
 
-    def start(self, chosen: NDArray[np.bool_]) -> None:
+    def start(self, chosen: Mask) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
         if not self._single:
-            self.observations, self.table = self.observations.copy(), self.table.copy()
+            self.observations = self.observations.copy()
+            self.table = self.table.copy()
         env_indices = np.flatnonzero(chosen)
         block, i = np.divmod(env_indices, WIDTH)
         self._states["episode"][block, i] += np.uint64(1)
@@ -257,37 +342,35 @@ class Batch:
         """Give environments the job of their episode, or of an episode ahead."""
         if self.jobs is None:
             return
-        for k in env_indices.tolist():
-            block, i = divmod(k, WIDTH)
-            seed, episode = self._states["seed"][block, i], self._states["episode"][block, i]
-            number = self.jobs.family.number(int(seed), int(episode) + ahead, self.jobs.split)
-            self.job_numbers[k] = number
-            numbers_of(self._parameters)[block, :, i], self._context[k] = self.jobs[number]
+        for env_index in env_indices.tolist():
+            block, i = divmod(env_index, WIDTH)
+            seed = int(self._states["seed"][block, i])
+            episode = int(self._states["episode"][block, i]) + ahead
+            number = self.jobs.family.number(seed, episode, self.jobs.split)
+            values = self.jobs[number]
+            self.job_numbers[env_index] = number
+            numbers_of(self._parameters)[block, :, i] = values.numbers
+            self._context[env_index] = values.context
 
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
 
-        ValueError if the actions are not finite numbers of shape (num_envs, action size); then no environment has moved.
+        ValueError if the actions are not finite numbers of shape (num_envs, action size); then no
+        environment has moved.
         """
-        try:
-            given = np.asarray(actions)
-        except ValueError:  # ragged
-            given = np.array(None)
-        if given.shape != self._shape or given.dtype.char not in _NUMBERS:
-            got = f"shape {given.shape}" if given.dtype.char in _NUMBERS else repr(actions)
-            raise ValueError(f"actions must be numbers of shape {self._shape}, got {got}")
-        self._given[...] = given
-        if self.jobs is not None and self.ended.any() and np.isfinite(self._given).all():
-            self._take_jobs(np.flatnonzero(self.ended), 1)
-        observations, table = self.observations, self.table
-        if not self._single:
-            observations, table = (
-                np.empty(observations.shape, np.float32),
-                np.empty(self._table_shape),
-            )
-        if not step_blocks(
+        self._take_actions(actions)
+        if self.jobs is not None and self.ended.any() and np.isfinite(self.actions).all():
+            self._take_jobs(np.flatnonzero(self.ended), ahead=1)
+        if self._single:
+            observations = self.observations
+            table = self.table
+        else:
+            observations = np.empty(self.observations.shape, np.float32)
+            table = np.empty(self._table_shape)
+        finite = step_blocks(
             self._states, self._parameters, self._scratches, self.actions, observations, table
-        ):
+        )
+        if not finite:
             i = int(np.isfinite(self.actions).all(axis=1).argmin())
             raise ValueError(
                 f"the action of environment {i} must be finite, got {self.actions[i].tolist()}"
@@ -295,9 +378,22 @@ class Batch:
         if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
-            self.observations, self.table = observations, table[:, : self.num_envs]
+            self.observations = observations
+            self.table = table[:, : self.num_envs]
+
+    def _take_actions(self, actions: Any) -> None:
+        """Store actions; ValueError if they are not real numbers of the right shape."""
+        try:
+            given = np.asarray(actions)
+        except ValueError:  # ragged
+            given = np.array(None)
+        shape = self._action_view.shape
+        is_real = given.dtype.char in _REAL_TYPES
+        if given.shape != shape or not is_real:
+            got = f"shape {given.shape}" if is_real else repr(actions)
+            raise ValueError(f"actions must be numbers of shape {shape}, got {got}")
+        self._action_view[...] = given
 
 
-REWARD, TERMINATED, TRUNCATED = range(
-    len(quantities.INFO), len(quantities.REPORT)
-)  # rows of ``Batch.table``
+# Kept for ``rendering``: the row of rewards in ``Batch.table``.
+REWARD = ROW.reward
