@@ -61,7 +61,8 @@ def action_space(scenario: Scenario) -> spaces.Space[Array32]:
 
 def checked_seed(seed: Any, env_index: int) -> int:
     """Return the seed as an integer; ValueError if it is not a whole number from 0 to 2**64 - 1."""
-    if not isinstance(seed, int | np.integer) or not 0 <= seed <= MAX_SEED:
+    is_whole = isinstance(seed, int | np.integer)
+    if not is_whole or not 0 <= seed <= MAX_SEED:
         raise ValueError(
             f"seed {seed!r} of environment {env_index} must be a whole number, 0 to {MAX_SEED}"
         )
@@ -96,9 +97,10 @@ def start_episodes(states, parameters, scratches, chosen, observations, table):
     scratch = scratches[0]
     for k in range(chosen.shape[0]):
         if chosen[k]:
+            block = k // WIDTH
             i = k % WIDTH
-            state = states[k // WIDTH]
-            p = parameters[k // WIDTH % parameters.shape[0]]
+            state = states[block]
+            p = parameters[block % parameters.shape[0]]
             start_episode(state, scratch.work, scratch.report, i, p)
             write_out(state, scratch, p, i, i + 1, k - i, observations, table)
 
@@ -134,7 +136,8 @@ def step_blocks(states, parameters, scratches, actions, observations, table):
             work.ended_before[i] = state.ended[i]
         # Ended environments run, too, because a loop over all of a block is quicker than one with
         # branches. What they did is overwritten.
-        run_step(state, work, report, actions[start : start + WIDTH], count, p)
+        block_actions = actions[start : start + WIDTH]
+        run_step(state, work, report, block_actions, count, p)
         for i in range(count):
             if work.ended_before[i] > 0:
                 state.episode[i] += np.uint64(1)
@@ -190,12 +193,14 @@ class Jobs:
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK, nominal=draw.nominal)
         for name in CHOICES:
-            if (records[name] != self.parameters[name][0]).any():
+            shared = self.parameters[name][0]
+            if (records[name] != shared).any():
                 raise ValueError(
                     f"the jobs of family {self.family.name!r} must all have the same {name}"
                 )
-        # A row per job: (blocks, numbers, WIDTH) becomes (jobs, numbers).
-        numbers = numbers_of(records).swapaxes(1, 2).reshape(CHUNK, -1)
+        # Shape (blocks, numbers, WIDTH) becomes (jobs, numbers).
+        by_env = numbers_of(records).swapaxes(1, 2)
+        numbers = by_env.reshape(CHUNK, -1)
         if self._shows_context:
             context = self.family.context(draw.features)
         else:
@@ -245,13 +250,15 @@ class Batch:
         self._context = np.zeros((num_envs, self.context_size), np.float32)
         self.job_numbers = np.zeros(num_envs, np.int64)
         self.actions = np.zeros((num_envs, action_size(self.scenario)))
-        self.observations = np.zeros((num_envs, self._entries + self.context_size), np.float32)
-        self.table = np.zeros((len(quantities.REPORT), num_envs))
+        size = self._entries + self.context_size
+        rows = len(quantities.REPORT)
+        self.observations = np.zeros((num_envs, size), np.float32)
+        self.table = np.zeros((rows, num_envs))
         # Rows that are a whole number of memory pages apart would share a few places of the
         # processor's first cache.
         rest = num_envs % _PAGE
         padding = _CACHE_LINE if rest < _CACHE_LINE <= num_envs else 0
-        self._table_shape = (len(quantities.REPORT), num_envs + padding)
+        self._table_shape = (rows, num_envs + padding)
         self._make_views()
 
     def _make_views(self) -> None:
@@ -279,7 +286,8 @@ class Batch:
     @property
     def ended(self) -> Mask:
         """Whether the episodes have ended, shape (num_envs,)."""
-        return np.asarray(self._states["ended"].ravel()[: self.num_envs] > 0)
+        ended = self._states["ended"].ravel()
+        return np.asarray(ended[: self.num_envs] > 0)
 
     @property
     def rewards(self) -> Array64:
@@ -303,7 +311,8 @@ class Batch:
 
     def info(self, env_index: int) -> Info:
         """Return an environment's info after its last step or reset."""
-        info = info_of(self.table[:, env_index].tolist())
+        report = self.table[:, env_index].tolist()
+        info = info_of(report)
         if self.jobs is not None:
             info["job"] = int(self.job_numbers[env_index])
         return info
@@ -311,17 +320,18 @@ class Batch:
     def job(self, env_index: int) -> Job:
         """Return an environment's present job: its true scenario, nominal model and context."""
         assert self.jobs is not None
-        return self.jobs.family.job(int(self.job_numbers[env_index]), self.jobs.split)
+        number = int(self.job_numbers[env_index])
+        return self.jobs.family.job(number, self.jobs.split)
 
     def seed(self, env_indices: Any, seeds: Any) -> None:
         """Set environments' seeds; the next episode is the first of its seed, episode 0.
 
         Check the seeds with ``checked_seed``.
         """
-        block, i = np.divmod(env_indices, WIDTH)
-        self._states["seed"][block, i] = seeds
+        slots = np.divmod(env_indices, WIDTH)
+        self._states["seed"][slots] = seeds
         # Before episode 0, because unsigned numbers wrap to 0.
-        self._states["episode"][block, i] = MAX_SEED
+        self._states["episode"][slots] = MAX_SEED
 
     def start(self, chosen: Mask) -> None:
         """Start the next episode of its seed in every chosen environment, shape (num_envs,)."""
@@ -329,8 +339,8 @@ class Batch:
             self.observations = self.observations.copy()
             self.table = self.table.copy()
         env_indices = np.flatnonzero(chosen)
-        block, i = np.divmod(env_indices, WIDTH)
-        self._states["episode"][block, i] += np.uint64(1)
+        slots = np.divmod(env_indices, WIDTH)
+        self._states["episode"][slots] += np.uint64(1)
         self._take_jobs(env_indices)
         start_episodes(
             self._states, self._parameters, self._scratches, chosen, self.observations, self.table
@@ -344,13 +354,19 @@ class Batch:
             return
         for env_index in env_indices.tolist():
             block, i = divmod(env_index, WIDTH)
-            seed = int(self._states["seed"][block, i])
-            episode = int(self._states["episode"][block, i]) + ahead
-            number = self.jobs.family.number(seed, episode, self.jobs.split)
+            seed = self.state(env_index, "seed")
+            episode = self.state(env_index, "episode")
+            number = self.jobs.family.number(seed, episode + ahead, self.jobs.split)
             values = self.jobs[number]
             self.job_numbers[env_index] = number
             numbers_of(self._parameters)[block, :, i] = values.numbers
             self._context[env_index] = values.context
+
+    def _take_next_jobs(self) -> None:
+        """Give ended environments the job of their next episode, unless actions are refused."""
+        ended = self.ended
+        if ended.any() and np.isfinite(self.actions).all():
+            self._take_jobs(np.flatnonzero(ended), ahead=1)
 
     def step(self, actions: Any) -> None:
         """Run one step in every environment, or start the next episode if one has ended.
@@ -359,8 +375,8 @@ class Batch:
         environment has moved.
         """
         self._take_actions(actions)
-        if self.jobs is not None and self.ended.any() and np.isfinite(self.actions).all():
-            self._take_jobs(np.flatnonzero(self.ended), ahead=1)
+        if self.jobs is not None:
+            self._take_next_jobs()
         if self._single:
             observations = self.observations
             table = self.table
@@ -371,10 +387,10 @@ class Batch:
             self._states, self._parameters, self._scratches, self.actions, observations, table
         )
         if not finite:
-            i = int(np.isfinite(self.actions).all(axis=1).argmin())
-            raise ValueError(
-                f"the action of environment {i} must be finite, got {self.actions[i].tolist()}"
-            )
+            finite_rows = np.isfinite(self.actions).all(axis=1)
+            i = int(finite_rows.argmin())
+            action = self.actions[i].tolist()
+            raise ValueError(f"the action of environment {i} must be finite, got {action}")
         if self.jobs is not None:
             observations[:, self._entries :] = self._context
         if not self._single:
@@ -393,7 +409,3 @@ class Batch:
             got = f"shape {given.shape}" if is_real else repr(actions)
             raise ValueError(f"actions must be numbers of shape {shape}, got {got}")
         self._action_view[...] = given
-
-
-# Kept for ``rendering``: the row of rewards in ``Batch.table``.
-REWARD = ROW.reward

@@ -75,11 +75,12 @@ def compiled_entry(function: Callable[..., Any]) -> Any:
         nonlocal dispatcher
         if dispatcher is not None:
             return dispatcher(*arguments)
-        folder = machine_code_folder(Path(inspect.getfile(function)).parent)
+        source = Path(inspect.getfile(function))
+        folder = machine_code_folder(source.parent)
         if folder is None or not any(folder.rglob(f"*.{name}-*.nbi")):
             _LOG.warning("compiling %s, or waiting for another process that does ...", name)
         # The lock lets one process compile, while the others wait for its code.
-        lock = file_lock(folder / f".{name}.lock", wait=True) if folder else nullcontext()
+        lock = nullcontext() if folder is None else file_lock(folder / f".{name}.lock", wait=True)
         with lock:
             cache_dir = config.CACHE_DIR
             try:
@@ -108,13 +109,15 @@ def machine_code_folder(sources: Path) -> Path | None:
     container image, is copied. Without any place to write to, there is no folder.
     """
     places = _places(sources)
-    prepared = places[0] / f"{_NAME}{_digests(sources)}"
+    name = f"{_NAME}{_digests(sources)}"
+    prepared = places[0] / name
     if prepared.is_dir():
         # A copy for this process alone, in case no other place can be written to.
-        places.append(Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}"))
-        atexit.register(shutil.rmtree, places[-1], ignore_errors=True)
+        own_copy = Path(tempfile.gettempdir(), f"rough-turning-{os.getpid()}")
+        atexit.register(shutil.rmtree, own_copy, ignore_errors=True)
+        places.append(own_copy)
     for place in places:
-        folder = place / prepared.name
+        folder = place / name
         with suppress(OSError):
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
@@ -133,12 +136,13 @@ def machine_code_folder(sources: Path) -> Path | None:
 
 def _places(sources: Path) -> list[Path]:
     """Return the folders in which machine code of a folder of sources may be kept, best first."""
-    place_digest = hashlib.sha256(str(sources).encode()).hexdigest()[:_DIGITS]
-    name = f"{sources.name}_{place_digest}"
+    digest = hashlib.sha256(str(sources).encode()).hexdigest()
+    name = f"{sources.name}_{digest[:_DIGITS]}"
     chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     if chosen:
         return [Path(chosen, name)]
-    user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    xdg_cache = os.environ.get("XDG_CACHE_HOME")
+    user_cache = Path(xdg_cache) if xdg_cache else Path.home() / ".cache"
     return [sources / "__pycache__", user_cache / "rough-turning" / name]
 
 

@@ -105,13 +105,14 @@ def log(x):
     s = (mantissa - 1.0) / (mantissa + 1.0)
     z = s * s
     z2 = z * z
+    z4 = z2 * z2
     c_01 = 0.666666666666667 + z * 0.39999999999899505
     c_23 = 0.28571428625975487 + z * 0.2222221113479508
     c_45 = 0.18182889125261723 + z * 0.15331721600556042
     c_6 = 0.14616449685043406
     low = c_01 + z2 * c_23
     high = c_45 + z2 * c_6
-    series = s * z * (low + z2 * z2 * high)
+    series = s * z * (low + z4 * high)
     # The smallest terms are added first.
     whole = np.float64(exponent)
     small_terms = series + whole * _LOG_2_LOW
@@ -143,6 +144,7 @@ def sine_and_cosine(turns):
     quarter -= 4.0 * np.floor(0.25 * quarter)
     z = f * f
     z2 = z * z
+    z4 = z2 * z2
     # sin(2 pi f) = f (s_0 - s_1 z + s_2 z^2 - ... - s_7 z^7)
     s_01 = 6.283185307179586 - z * 41.34170224039976
     s_23 = 81.60524927607493 - z * 76.70585975299812
@@ -150,7 +152,7 @@ def sine_and_cosine(turns):
     s_67 = 3.8197881201632113 - z * 0.7116358090781666
     low = s_01 + z2 * s_23
     high = s_45 + z2 * s_67
-    sine = f * (low + z2 * z2 * high)
+    sine = f * (low + z4 * high)
     # cos(2 pi f) = 1 + z (-c_0 + c_1 z - c_2 z^2 + ... + c_7 z^7)
     c_01 = -19.739208802178716 + z * 64.9393940226683
     c_23 = -85.45681720669369 + z * 60.24464137185456
@@ -158,7 +160,7 @@ def sine_and_cosine(turns):
     c_67 = -1.714333269420992 + z * 0.2797407860657504
     low = c_01 + z2 * c_23
     high = c_45 + z2 * c_67
-    cosine = 1.0 + z * (low + z2 * z2 * high)
+    cosine = 1.0 + z * (low + z4 * high)
     # Every quarter of a turn swaps sine and cosine and changes a sign.
     swapped = (quarter == 1.0) | (quarter == 3.0)
     rotated_sine = _where(swapped, cosine, sine)

@@ -61,7 +61,11 @@ def words(state, i, channel, bar, index):
     The state's ``seed`` and ``episode`` are the key, (channel, bar, index) the counter.
     """
     word_0, word_1, _, _ = philox_4x32(
-        np.uint64(index), np.uint64(bar), channel, state.episode[i], state.seed[i]
+        counter_0=np.uint64(index),
+        counter_1=np.uint64(bar),
+        counter_2=channel,
+        counter_3=state.episode[i],
+        key=state.seed[i],
     )
     return word_0, word_1
 

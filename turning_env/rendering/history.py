@@ -3,7 +3,7 @@
 from collections import deque
 from typing import Any, NamedTuple
 
-from turning_env.batch.driver import REWARD, Batch
+from turning_env.batch.driver import Batch
 from turning_env.physics.spindle import capacity_at
 from turning_env.rendering.fields import Fields, Pass
 
@@ -87,7 +87,7 @@ class History:
         """Record the present state, which is that after a number of steps."""
         self._steps = steps
         self.now: dict[str, float] = self._batch.info(self._index)
-        self.reward = float(self._batch.table[REWARD, self._index]) if steps else 0.0
+        self.reward = float(self._batch.rewards[self._index]) if steps else 0.0
         self.time = 60.0 * float(self._state("clock"))
         self.edge = int(self._state("edge"))
         self.nominal_used_life = float(self._state("nominal_used_life"))
