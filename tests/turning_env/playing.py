@@ -1,4 +1,7 @@
-"""Shared parts of the environment's tests: scenarios made for testing, fixed actions, and the record of a play."""
+"""Shared parts of the environment's tests.
+
+Scenarios made for testing, fixed actions, and records of what an environment says.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, get_args
@@ -16,7 +19,10 @@ Record = dict[str, NDArray[Any]]
 
 
 def changed(scenario: Any, **sections: dict[str, Any]) -> Scenario:
-    """Return a scenario with some values replaced, validated anew: ``changed("paper", tool={"wear_criterion": 0.1})``."""
+    """Return a scenario with some values replaced, which are validated.
+
+    Example: ``changed("paper", tool={"wear_criterion": 0.1})``.
+    """
     values = Scenario.load(scenario).model_dump()
     for section, replaced in sections.items():
         values[section] |= replaced
@@ -26,26 +32,40 @@ def changed(scenario: Any, **sections: dict[str, Any]) -> Scenario:
 SHORT_LIVED = changed(
     Scenario(), tool={"wear_criterion": 0.11, "edge_strength": 1000.0}, control={"time_limit": 0.5}
 )
-"""Episodes of at most 30 intervals, which end in all three ways: worn, broken and out of time."""
+"""Episodes of at most 30 steps, which end in all three ways: worn, broken and out of time."""
 
 FAILING: dict[str, dict[str, Any]] = {
     "edge_failure": {
-        **{"collapse_temperature": 850.0, "tertiary_wear": 0.1, "tertiary_rate": 30.0},
-        **{"chipping_rate": 300.0, "chipping_load_exponent": 2.0, "chipping_wear_exponent": 1.5},
+        "collapse_temperature": 850.0,
+        "tertiary_wear": 0.1,
+        "tertiary_rate": 30.0,
+        "chipping_rate": 300.0,
+        "chipping_load_exponent": 2.0,
+        "chipping_wear_exponent": 1.5,
     },
     "swarf": {"tangle_rate": 20.0, "tangle_time": 0.1, "chip_feed_min": 0.2, "chip_feed_max": 0.4},
     "workpiece": {"support": "tailstock", "bar_length": 100.0, "diameter": 15.0},
 }
-"""Sections with which edges collapse and chip, wear speeds up, chips tangle and bars bend within a few steps."""
+"""Sections with many effects within a few steps: edges collapse and chip, wear speeds up, chips
+tangle, and bars bend."""
 
 UNDISTURBED = changed("paper", tool={"wear_rule": "equivalent_time", "edge_strength": 1e6})
-"""A lathe with one metal, one depth, no lags, no noise, no air, an edge that does not break; actions are set points."""
+"""A lathe with one metal and one depth, without lags, noise or air, whose edge does not break.
+
+Actions are set points, and a step takes a minute.
+"""
 
 
 HOT_SPINDLE = changed(
-    Scenario.load("shift"),
-    spindle={"base_speed": 450.0, "max_speed": 600.0, "idle_torque": 6.0, "reading": "torque"}
-    | {"short_time_load": 1.4, "thermal_time_constant": 0.3},
+    "shift",
+    spindle={
+        "base_speed": 450.0,
+        "max_speed": 600.0,
+        "idle_torque": 6.0,
+        "reading": "torque",
+        "short_time_load": 1.4,
+        "thermal_time_constant": 0.3,
+    },
     machine={"rated_power": 3.0},
     limits={"power": 3.0},
     tool={"wear_criterion": 0.12},
@@ -56,9 +76,10 @@ HOT_SPINDLE = changed(
 def variants(
     section: Any, others: Callable[[Any, FieldInfo], Iterable[Any]], prefix: str = ""
 ) -> Iterator[tuple[str, Any]]:
-    """Copies in which one value differs, with its dotted name: ``others`` gives what else a value and its field may be.
+    """Yield copies in which one value differs, each with the dotted name of that value.
 
-    The copies are not validated. The name and the nominal model are left as they are.
+    ``others`` gives the other values that a value and its field may have. The copies are not
+    validated. The name and the nominal model are left as they are.
     """
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
@@ -71,7 +92,7 @@ def variants(
 
 
 def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
-    """Another value close by; of a choice, every other; of a list, one longer."""
+    """Return another value close by; of a choice, all others; of a list, one that is longer."""
     if isinstance(value, str):
         return [choice for choice in get_args(field.annotation) if choice != value]
     if isinstance(value, bool):
@@ -84,41 +105,43 @@ def slightly_different(value: Any, field: FieldInfo) -> list[Any]:
 def fixed_actions(
     count: int, num_envs: int, scenario: Any = "rough_turning"
 ) -> NDArray[np.float32]:
-    """Actions of shape (count, num_envs, action size) by formula: slow waves that sweep the ranges, and reach beyond -1..1."""
+    """Return actions of shape (count, num_envs, action size) by formula.
+
+    They are slow waves that sweep the ranges, and reach beyond -1..1.
+    """
     scenario = Scenario.load(scenario)
-    phase = np.arange(count)[:, None] + 17.0 * np.arange(num_envs)
-    numbers = range(action_size(scenario))
-    waves = [
-        1.2 * np.sin((0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number) for number in numbers
-    ]
+    phase = np.arange(count)[:, np.newaxis] + 17.0 * np.arange(num_envs)
+    waves = []
+    for number in range(action_size(scenario)):
+        angle = (0.05 + 0.06 * number) * phase + 0.3 + 0.5 * number
+        waves.append(1.2 * np.sin(angle))
     if scenario.control.edge_changes == "commanded":
         waves[-1] -= 1.1  # an edge is changed now and then
     return np.stack(waves, axis=2).astype(np.float32)
 
 
 def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -> Record:
-    """Everything that the single environment says: one row for the reset, then one for every action.
+    """Return everything that the single environment says: a row for the reset and every action.
 
-    Where an episode has ended, the next action is ignored and the next episode starts, as with NEXT_STEP autoreset.
+    Where an episode has ended, the next action is ignored and the next episode starts, as with
+    NEXT_STEP autoreset.
     """
     rows: list[dict[str, Any]] = []
 
     def note(
         observation: Any, reward: float, terminated: bool, truncated: bool, info: dict[str, Any]
     ) -> None:
-        rows.append(
-            {
-                "observation": observation,
-                "reward": reward,
-                "terminated": terminated,
-                "truncated": truncated,
-                **info,
-            }
-        )
+        row = {
+            "observation": observation,
+            "reward": reward,
+            "terminated": terminated,
+            "truncated": truncated,
+        }
+        rows.append(row | info)
 
     def start(seed: int | None) -> None:
         observation, info = env.reset(seed=seed)
-        note(observation, 0.0, False, False, info)
+        note(observation, 0.0, terminated=False, truncated=False, info=info)
 
     start(seed)
     for action in actions:
@@ -130,20 +153,25 @@ def play(env: RoughTurningEnv, seed: int | None, actions: NDArray[np.float32]) -
 
 
 def infos(source: Any, actions: Iterable[Any], seed: int = 0) -> list[dict[str, Any]]:
-    """Return the infos of the steps of an environment or a scenario, with what else a step returns, until the episode ends."""
-    env, found = source if isinstance(source, gymnasium.Env) else RoughTurningEnv(source), []
+    """Return the infos of the steps of an environment or a scenario, until the episode ends.
+
+    Each also holds the reward, terminated and truncated.
+    """
+    env = source if isinstance(source, gymnasium.Env) else RoughTurningEnv(source)
     env.reset(seed=seed)
+    steps = []
     for action in actions:
         _, reward, terminated, truncated, info = env.step(action)
-        found.append(info | {"reward": reward, "terminated": terminated, "truncated": truncated})
+        outcome = {"reward": reward, "terminated": terminated, "truncated": truncated}
+        steps.append(info | outcome)
         if terminated or truncated:
             break
-    return found
+    return steps
 
 
-def assert_same_bytes(ours: Record, theirs: Record) -> None:
-    """Both records hold the same keys, types and bits."""
-    assert ours.keys() == theirs.keys()
-    for key, values in ours.items():
-        assert values.dtype == theirs[key].dtype, key
-        assert values.tobytes() == theirs[key].tobytes(), key
+def assert_same_bytes(record: Record, expected: Record) -> None:
+    """Fail unless both records hold the same keys, types and bits."""
+    assert record.keys() == expected.keys()
+    for key, values in record.items():
+        assert values.dtype == expected[key].dtype, key
+        assert values.tobytes() == expected[key].tobytes(), key

@@ -10,69 +10,102 @@ from gymnasium.vector import AutoresetMode
 from turning_env import FAMILY_ID, Family, FamilyEnv, FamilyVectorEnv, RoughTurningEnv
 from turning_env.observation import layout
 
-BRIEF = Family.load("shop").model_dump(mode="json", exclude_none=True) | {
-    "name": "brief",
-    "jobs": 64,
-}
-BRIEF["planned"] = BRIEF["planned"] | {"control.time_limit": "0.4 + 0.2 * best_life / 20"}
+BRIEF = Family.load("shop").model_dump(mode="json", exclude_none=True)
+BRIEF |= {"name": "brief", "jobs": 64}
+BRIEF["planned"] |= {"control.time_limit": "0.4 + 0.2 * best_life / 20"}
 STEPS = 60
+NUM_ENVS = 35  # more than a block
+SEED = 7
 
 
-def actions(count, seed=0):
-    drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, (STEPS, count, 3))
+def random_actions():
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (STEPS, NUM_ENVS, 3))
     drawn[:, :, 2] -= 0.9  # few edges are changed
     return drawn.astype(np.float32)
 
 
+def play_batch(actions, mode):
+    """Return the observations of a batch, from the reset on, and the answers to its steps."""
+    env = FamilyVectorEnv(NUM_ENVS, BRIEF, autoreset_mode=mode)
+    observations = [env.reset(seed=SEED)[0]]
+    answers = []
+    for action in actions:
+        answers.append(env.step(action))
+        observations.append(answers[-1][0])
+    return observations, answers
+
+
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mode):
-    count = 35
-    batch = FamilyVectorEnv(count, BRIEF, autoreset_mode=mode)
-    played, ends = [batch.reset(seed=7)[0]], []
-    given = actions(count)
-    for action in given:
+@pytest.mark.parametrize("i", [0, 33])
+def test_a_batch_plays_each_job_as_the_single_environment_and_as_its_scenario(mode, i):
+    actions = random_actions()
+    batch_observations, batch_answers = play_batch(actions, mode)
+
+    env = FamilyEnv(BRIEF)
+    observation, info = env.reset(seed=SEED + i)
+    job_env = RoughTurningEnv(env.job().scenario)
+    job_observation, _ = job_env.reset(seed=SEED + i)
+    entries = len(layout(job_env.scenario))
+    assert np.array_equal(observation, batch_observations[0][i])
+    assert np.array_equal(observation[:entries], job_observation)
+
+    for k in range(STEPS):
+        _, batch_rewards, _, batch_truncated, batch_infos = batch_answers[k]
+        observation, reward, _, truncated, info = env.step(actions[k, i])
+        job_observation, job_reward, _, _, _ = job_env.step(actions[k, i])
+        assert reward == batch_rewards[i]
+        assert reward == job_reward
+        assert truncated == batch_truncated[i]
+        # In mode SAME_STEP, the last answer of an episode is the start of the next.
+        if mode is AutoresetMode.NEXT_STEP or not truncated:
+            assert info["job"] == batch_infos["job"][i]
+            assert np.array_equal(observation, batch_observations[k + 1][i])
+            assert np.array_equal(observation[:entries], job_observation)
+        if truncated:
+            break
+    assert truncated
+    next_job = env.reset()[1]["job"]
+    assert next_job == env.family.number(SEED + i, 1, "train")
+    assert next_job != info["job"]
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_refused_actions_change_no_job(mode):
+    """Also where an episode has ended, whose next step would begin another job."""
+    actions = random_actions()
+    env = FamilyVectorEnv(NUM_ENVS, BRIEF, autoreset_mode=mode)
+    env.reset(seed=SEED)
+    _, expected = play_batch(actions, mode)
+    for action, answer in zip(actions, expected, strict=True):
         with pytest.raises(ValueError, match="finite"):
-            batch.step(action * np.nan)
-        assert not ends or np.array_equal(batch._batch.job_numbers, ends[-1][2])
-        observations, rewards, _, truncated, infos = batch.step(action)
-        played.append(observations)
-        ends.append((rewards, truncated, infos["job"]))
-    for i in (0, 33):
-        env = FamilyEnv(BRIEF)
-        observation, info = env.reset(seed=7 + i)
-        plain = RoughTurningEnv(env.job().scenario)
-        entries = len(layout(plain.scenario))
-        assert np.array_equal(observation, played[0][i])
-        assert np.array_equal(observation[:entries], plain.reset(seed=7 + i)[0])
-        for action, observations, (rewards, truncated, numbers) in zip(
-            given[:, i], played[1:], ends, strict=True
-        ):
-            observation, reward, _, over, info = env.step(action)
-            seen, same, *_ = plain.step(action)
-            assert (reward, over, reward) == (rewards[i], truncated[i], same)
-            if mode is AutoresetMode.NEXT_STEP or not over:
-                assert info["job"] == numbers[i]
-                assert np.array_equal(observation, observations[i])
-                assert np.array_equal(observation[:entries], seen)
-            if over:
-                break
-        assert over
-        assert env.reset()[1]["job"] == batch.family.number(7 + i, 1, "train") != info["job"]
+            env.step(action * np.nan)
+        observations, _, _, _, infos = env.step(action)
+        assert infos["job"].tolist() == answer[4]["job"].tolist()
+        assert np.array_equal(observations, answer[0])
 
 
 def test_context_can_be_hidden():
-    told, hidden = FamilyEnv(), FamilyEnv(context="hidden")
+    told = FamilyEnv(context="told")
+    hidden = FamilyEnv(context="hidden")
     observation, _ = told.reset(seed=3)
-    assert np.array_equal(observation[:12], hidden.reset(seed=3)[0])
+    hidden_observation, _ = hidden.reset(seed=3)
+    assert np.array_equal(observation[:12], hidden_observation)
     assert observation[12:] == pytest.approx(told.job().context, abs=1e-6)
+
+
+def test_an_unknown_context_is_refused():
     with pytest.raises(ValueError, match='must be "told" or "hidden"'):
         FamilyEnv(context="shown")
 
 
-def test_it_is_made_by_gymnasium_and_described():
+def test_gymnasium_makes_it_from_its_specification():
     env = gymnasium.make(FAMILY_ID, split="unseen_machines", context="hidden")
     check_env(env.unwrapped, skip_render_check=True)
     again = gymnasium.make(EnvSpec.from_json(env.spec.to_json())).unwrapped
-    assert (again.split, again.family) == ("unseen_machines", env.unwrapped.family)
-    vector = gymnasium.make_vec(FAMILY_ID, 3, vectorization_mode="vector_entry_point", family=BRIEF)
-    assert isinstance(vector.spec.to_json(), str)
+    assert again.split == "unseen_machines"
+    assert again.family == env.unwrapped.family
+
+
+def test_a_vector_environment_has_a_specification():
+    env = gymnasium.make_vec(FAMILY_ID, 3, vectorization_mode="vector_entry_point", family=BRIEF)
+    assert '"brief"' in env.spec.to_json()

@@ -1,4 +1,7 @@
-"""Differences of the tasks from RoughTurning-v0: override, roughness, edge changes, parts, and the current as a sensor."""
+"""Differences of the tasks from RoughTurning-v0.
+
+They are override, roughness, edge changes, parts, and the current as a sensor.
+"""
 
 import math
 
@@ -8,22 +11,32 @@ import pytest
 from tests.turning_env.playing import UNDISTURBED, changed, infos, play
 from turning_env import RoughTurningEnv, Scenario, read
 
-SPREADS = {
-    f"{field}_{kind}_spread": 0.0 for field in ("hardness", "depth") for kind in ("bar", "along")
+NO_SPREAD = {
+    "hardness_bar_spread": 0.0,
+    "hardness_along_spread": 0.0,
+    "depth_bar_spread": 0.0,
+    "depth_along_spread": 0.0,
 }
 OVERRIDE = changed(
-    Scenario.load("override"),
-    workpiece=SPREADS | {"depth_ripple": 0.0},
+    "override",
+    workpiece=NO_SPREAD | {"depth_ripple": 0.0},
     sensors={"power_noise": 0.0},
     tool={"wear_factor_spread": 0.0},
 )
-SURFACE = changed("surface", workpiece=SPREADS)
+SURFACE = changed("surface", workpiece=NO_SPREAD)
 LASTING = {"edge_strength": 1e6, "edge_strength_spread": 0.0, "wear_factor_spread": 0.0}
-SHIFT = changed("shift", workpiece=SPREADS, tool=LASTING)
+SHIFT = changed("shift", workpiece=NO_SPREAD, tool=LASTING)
 BATCH = changed("batch_casting", tool=LASTING | {"wear_criterion": 5.0})
 
 
-@pytest.mark.parametrize(("override", "feed"), [(-1.0, 0.004), (0.0, 0.4), (7.0, 0.8)])
+@pytest.mark.parametrize(
+    ("override", "feed"),
+    [
+        pytest.param(-1.0, 0.004, id="lowest"),
+        pytest.param(0.0, 0.4, id="as programmed"),
+        pytest.param(7.0, 0.8, id="clipped to the highest"),
+    ],
+)
 def test_the_override_scales_the_programmed_feed(override, feed):
     info = infos(OVERRIDE, [[override]] * 200)[-1]
     assert info["commanded_feed"] == pytest.approx(feed)
@@ -32,127 +45,151 @@ def test_the_override_scales_the_programmed_feed(override, feed):
 
 
 def test_roughness_follows_the_force_and_its_deviation_is_charged():
-    told = infos(SURFACE, [[1 / 3]] * 1500)
-    info = told[300]
+    steps = infos(SURFACE, [[1 / 3]] * 301)
+    info = steps[300]
+    reference = steps[299]["roughness_reference"]
+    roughness = 0.2401 * math.exp(0.0034 * info["thrust_force"])
+    deviation = 0.01 * abs(info["roughness"] / reference - 1)  # over 10 ms
     assert info["thrust_force"] == pytest.approx(2850 * 0.2, rel=1e-3)
-    assert info["roughness"] == pytest.approx(0.2401 * math.exp(0.0034 * info["thrust_force"]))
-    reference = told[299]["roughness_reference"]
-    assert info["roughness_deviation"] == pytest.approx(
-        0.01 * abs(info["roughness"] / reference - 1), rel=0.01
-    )
+    assert info["roughness"] == pytest.approx(roughness)
+    assert info["roughness_deviation"] == pytest.approx(deviation, rel=0.01)
     assert info["reward_roughness"] == pytest.approx(-10 * info["roughness_deviation"])
 
 
-def test_the_reference_changes_in_fixed_periods_and_stays_in_its_range():
-    told = infos(SURFACE, [[0.0]] * 1500)
-    references = np.array([info["roughness_reference"] for info in told])
+def test_the_reference_changes_in_fixed_periods():
+    steps = infos(SURFACE, [[0.0]] * 1500)
+    references = np.array([info["roughness_reference"] for info in steps])
     changes = np.flatnonzero(np.diff(references)) + 1
-    assert changes.tolist() == [
-        374,
-        749,
-        1124,
-        1499,
-    ]  # told with the interval before: 3.75 s are 375 intervals
-    assert told[-1]["truncated"]
-    many = np.array(
-        [infos(SURFACE, [[0.0]], seed)[0]["roughness_reference"] for seed in range(150)]
-    )
-    assert 1.0 <= many.min() < 1.05
-    assert 3.0 < many.max() <= 3.1
-    assert np.median(many) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.1)  # even on a log scale
+    # A period of 3.75 s is 375 steps; its reference is known from the end of the step before.
+    assert changes.tolist() == [374, 749, 1124, 1499]
+    assert steps[-1]["truncated"]
+
+
+def test_references_are_even_on_a_log_scale_over_their_range():
+    references = []
+    for seed in range(150):
+        (info,) = infos(SURFACE, [[0.0]], seed)
+        references.append(info["roughness_reference"])
+    assert 1.0 <= min(references) < 1.05
+    assert 3.0 < max(references) <= 3.1
+    assert np.median(references) == pytest.approx(math.sqrt(1.0 * 3.1), rel=0.1)
 
 
 def test_an_edge_is_changed_on_command_and_charged_whole():
-    told = infos(SHIFT, [[0, 0, -1]] * 30 + [[0, 0, 0.01]] + [[0, 0, 0]] * 5)
-    economics, change = SHIFT.economics, told[30]
-    assert sum(info["edges_used"] for info in told[:31]) == pytest.approx(1.0 + change["used_life"])
-    assert change["stopped_time"] == pytest.approx(60 * economics.edge_change_time)
-    assert change["time"] == pytest.approx(60 * economics.edge_change_time + 1)
+    keep = [0, 0, -1]
+    steps = infos(SHIFT, [keep] * 30 + [[0, 0, 0.01]] + [keep] * 5)
+    economics = SHIFT.economics
+    before = steps[29]
+    change = steps[30]
+    change_time = 60 * economics.edge_change_time
+    edges_used = sum(info["edges_used"] for info in steps[:31])
+    assert edges_used == pytest.approx(1.0 + change["used_life"])
+    assert change["stopped_time"] == pytest.approx(change_time)
+    assert change["time"] == pytest.approx(change_time + 1)
     assert change["reward_time"] == pytest.approx(-change["time"])
     assert change["reward_edge"] == pytest.approx(-60 * economics.edge_cost * change["edges_used"])
-    assert told[29]["cutting_time"] > change["cutting_time"] == pytest.approx(1 / 60, rel=1e-6)
-    assert told[-1]["stopped_time"] == 0
+    assert change["cutting_time"] == pytest.approx(1 / 60, rel=1e-6)
+    assert before["cutting_time"] > change["cutting_time"]
+    assert steps[-1]["stopped_time"] == 0
 
 
-def test_a_worn_edge_is_changed_unannounced_which_takes_longer():
+def test_a_worn_edge_is_changed_without_a_command_which_takes_longer():
     soft = changed(SHIFT, tool={"wear_criterion": 0.12})
-    told = infos(soft, [[1, 1, -1]] * 100)
-    first = next(info for info in told if info["stopped_time"])
-    assert first["stopped_time"] == pytest.approx(
-        60 * (soft.economics.edge_change_time + soft.economics.unplanned_stop)
-    )
+    economics = soft.economics
+    stops = [info for info in infos(soft, [[1, 1, -1]] * 100) if info["stopped_time"]]
+    stop_time = economics.edge_change_time + economics.unplanned_stop
+    first = stops[0]
+    assert first["stopped_time"] == pytest.approx(60 * stop_time)
     assert first["edges_broken"] == 0
     assert not first["terminated"]
     assert first["used_life"] == 0
 
 
-def test_inspection_tells_the_wear_of_the_edge_that_was_taken_out():
+def test_inspection_measures_the_wear_of_the_edge_that_was_taken_out():
     scenario = changed(SHIFT, sensors={"inspects_edges": True}, tool={"wear_criterion": 0.15})
     actions = np.tile([0.0, 0.0, -1.0], (700, 1))
     actions[20, -1] = 1.0
     record = play(RoughTurningEnv(scenario), 0, actions)
-    told = read(record["observation"], scenario).removed_wear
-    changes = np.flatnonzero(record["stopped_time"] > 0.0)
-    assert changes[0] == 21
-    assert len(changes) > 1  # the second edge is worn out
-    assert (told[: changes[0]] == 0.0).all()
-    assert told[changes[0]] == pytest.approx(record["wear"][changes[0] - 1], rel=1e-6)
-    assert told[changes[1]] == pytest.approx(0.15, rel=0.02)
+    removed_wear = read(record["observation"], scenario).removed_wear
+    first, second, *_ = np.flatnonzero(record["stopped_time"] > 0.0)
+    assert first == 21  # on command; the second edge wears out
+    assert removed_wear[:first].tolist() == [0.0] * 21
+    assert removed_wear[first] == pytest.approx(record["wear"][first - 1], rel=1e-6)
+    assert removed_wear[second] == pytest.approx(0.15, rel=0.02)
+
+
+def test_edges_cannot_be_inspected_if_none_is_changed():
     with pytest.raises(ValueError, match="inspects_edges"):
         changed(Scenario(), sensors={"inspects_edges": True})
 
 
-def part(passes, allowance, speed=0.0, feed=0.0):
-    """The action that turns a part in so many passes with a path for an allowance [mm]."""
-    number = 2.0 * (passes - 0.5) / BATCH.control.passes_max - 1.0
-    return [number, allowance / BATCH.workpiece.depth_of_cut - 1.0] + [
-        speed,
-        feed,
-    ] * BATCH.control.passes_max
+def part(passes, allowance):
+    """Return the action that turns a part in some passes with a path for an allowance [mm]."""
+    control = BATCH.control
+    passes_action = 2.0 * (passes - 0.5) / control.passes_max - 1.0
+    allowance_action = allowance / BATCH.workpiece.depth_of_cut - 1.0
+    speeds_and_feeds = [0.0, 0.0] * control.passes_max
+    return [passes_action, allowance_action, *speeds_and_feeds]
 
 
-@pytest.mark.parametrize(("passes", "allowance"), [(1, 0.0), (2, 3.0), (3, 10.0), (4, 5.0)])
+@pytest.mark.parametrize(
+    ("passes", "allowance"),
+    [
+        pytest.param(1, 0.0, id="one pass on the contour"),
+        pytest.param(2, 3.0, id="two passes, small allowance"),
+        pytest.param(3, 10.0, id="three passes, large allowance"),
+        pytest.param(4, 5.0, id="four passes"),
+    ],
+)
 def test_whatever_the_path_the_part_is_turned_whole(passes, allowance):
-    told = infos(BATCH, [part(passes, allowance)] * 3, seed=5)
-    expected = infos(BATCH, [part(1, 5.0)] * 3, seed=5)
-    assert [info["removed"] for info in told] == pytest.approx(
-        [info["removed"] for info in expected], rel=2e-3
-    )
-    assert [info["passes"] for info in told] == [passes] * 3
+    steps = infos(BATCH, [part(passes, allowance)] * 3, seed=5)
+    expected_steps = infos(BATCH, [part(1, 5.0)] * 3, seed=5)
+    removed = [info["removed"] for info in steps]
+    expected = [info["removed"] for info in expected_steps]
+    assert removed == pytest.approx(expected, rel=2e-3)
+    assert [info["passes"] for info in steps] == [passes] * 3
     # Every pass runs the whole way, in metal or not, and returns.
-    velocity = told[0]["feed_velocity"]
     pitch = BATCH.workpiece.bar_length + BATCH.workpiece.approach
-    assert told[0]["time"] == pytest.approx(
-        60 * passes * (pitch / velocity + BATCH.machine.return_time)
-    )
+    minutes_per_pass = pitch / steps[0]["feed_velocity"] + BATCH.machine.return_time
+    assert steps[0]["time"] == pytest.approx(60 * passes * minutes_per_pass)
 
 
-def test_the_probe_tells_the_mean_allowance_of_the_next_blank():
+def test_the_probe_measures_the_mean_allowance_of_the_next_blank():
     uniform = changed(BATCH, workpiece={"depth_along_spread": 0.0})
+    workpiece = uniform.workpiece
     record = play(RoughTurningEnv(uniform), 3, np.array([part(1, 5.0)] * 19, np.float32))
-    lengths = math.pi * uniform.workpiece.diameter * uniform.workpiece.bar_length / 1000
-    assert record["probed_depth"][:-1] == pytest.approx(record["removed"][1:] / lengths, rel=1e-9)
-    assert read(record["observation"], uniform).probed_depth == pytest.approx(
-        record["probed_depth"], rel=1e-6
-    )
+    probed_depth = record["probed_depth"]
+    area = math.pi * workpiece.diameter * workpiece.bar_length / 1000  # [cm3/mm]
+    assert probed_depth[:-1] == pytest.approx(record["removed"][1:] / area, rel=1e-9)
+    reading = read(record["observation"], uniform)
+    assert reading.probed_depth == pytest.approx(probed_depth, rel=1e-6)
+
+
+def test_without_a_probe_observations_have_no_entry_for_it():
     blind = changed(BATCH, sensors={"probe": False})
     assert RoughTurningEnv(blind).observation_space.shape == (11,)
 
 
+LOOSE = {"coefficient": 1e-9, "feed": 1.0}
+BINDING = {
+    "coefficient": 3.0,
+    "feed": 0.5,
+    "depth_of_cut": 0.8,
+    "reference_depth_of_cut": 1.0,
+    "most": 1.5,
+}
+
+
 @pytest.mark.parametrize("name", ["radial_force", "torque", "roughness"])
 def test_the_largest_excess_over_a_further_limit_is_charged_as_that_of_the_force(name):
-    loose = {
-        other: {"coefficient": 1e-9, "feed": 1.0}
-        for other in ("radial_force", "torque", "roughness")
-    }
-    law = {"coefficient": 3.0, "feed": 0.5, "depth_of_cut": 0.8, "reference_depth_of_cut": 1.0}
     free = changed(UNDISTURBED, limits={"thrust_force": 1e5})
-    bound = changed(free, limits=loose | {name: law | {"most": 1.5}})
-    (alone,), (charged,) = (infos(scenario, [[0.0, 0.0]]) for scenario in (free, bound))
-    assert alone["cost_force"] == 0.0
-    assert charged["cost_force"] == pytest.approx(
-        3.0 * charged["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0, rel=1e-6
-    )
-    assert charged["severe_overload_time"] == pytest.approx(charged["engaged_time"])
-    for same in ("thrust_force", "power", "wear", "removed", "cost_power"):
-        assert charged[same] == alone[same]
+    limits = {"radial_force": LOOSE, "torque": LOOSE, "roughness": LOOSE}
+    limited = changed(free, limits=limits | {name: BINDING})
+    (expected,) = infos(free, [[0.0, 0.0]])
+    (info,) = infos(limited, [[0.0, 0.0]])
+    excess = 3.0 * info["feed"] ** 0.5 * 2.5**0.8 / 1.5 - 1.0
+    assert expected["cost_force"] == 0.0
+    assert info["cost_force"] == pytest.approx(excess, rel=1e-6)
+    assert info["severe_overload_time"] == pytest.approx(info["engaged_time"])
+    for unchanged in ("thrust_force", "power", "wear", "removed", "cost_power"):
+        assert info[unchanged] == expected[unchanged]

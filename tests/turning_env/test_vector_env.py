@@ -1,4 +1,7 @@
-"""Many environments: each is the single environment, and the whole behaves as Gymnasium's own vector environments do."""
+"""Many environments: each is the single environment with its seed.
+
+The whole behaves as Gymnasium's own vector environments do.
+"""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -14,140 +17,173 @@ from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario, preset
 STEPS = 80
 
 
-def assert_same_infos(ours, theirs):
-    """Same keys, masks and types, and the same bits in the environments that the masks name."""
-    assert ours.keys() == theirs.keys()
-    for key, expected in theirs.items():
+def assert_same_infos(infos, expected_infos):
+    """Fail unless keys, masks and types are the same, and the bits that the masks choose."""
+    assert infos.keys() == expected_infos.keys()
+    for key, expected in expected_infos.items():
         if isinstance(expected, dict):
-            assert_same_infos(ours[key], expected)
+            assert_same_infos(infos[key], expected)
             continue
-        assert ours[key].dtype == expected.dtype, key
-        mask = slice(None) if key.startswith("_") else theirs["_" + key]
-        ours_chosen, expected_chosen = ours[key][mask], expected[mask]
+        assert infos[key].dtype == expected.dtype, key
+        mask = slice(None) if key.startswith("_") else expected_infos["_" + key]
+        chosen = infos[key][mask]
+        expected_chosen = expected[mask]
         if expected.dtype == object:
-            ours_chosen, expected_chosen = (
-                np.stack(list(ours_chosen)),
-                np.stack(list(expected_chosen)),
-            )
-        assert ours_chosen.tobytes() == expected_chosen.tobytes(), key
+            chosen = np.stack(list(chosen))
+            expected_chosen = np.stack(list(expected_chosen))
+        assert chosen.tobytes() == expected_chosen.tobytes(), key
 
 
-def assert_same_answers(ours, theirs):
-    for our, their in zip(ours[:-1], theirs[:-1], strict=True):
-        assert (our.dtype, our.shape, our.tobytes()) == (their.dtype, their.shape, their.tobytes())
-    assert_same_infos(ours[-1], theirs[-1])
+def assert_same_answers(answers, expected_answers):
+    """Fail unless two resets or steps give the same bits."""
+    *arrays, infos = answers
+    *expected_arrays, expected_infos = expected_answers
+    for array, expected in zip(arrays, expected_arrays, strict=True):
+        assert array.dtype == expected.dtype
+        assert array.shape == expected.shape
+        assert array.tobytes() == expected.tobytes()
+    assert_same_infos(infos, expected_infos)
 
 
-MORTAL = [pytest.param(SHORT_LIVED, mode, 3, marks=pytest.mark.slow) for mode in AutoresetMode]
-MORTAL.append(pytest.param(HOT_SPINDLE, AutoresetMode.NEXT_STEP, 64, marks=pytest.mark.slow))
-MORTAL.append(pytest.param(SHORT_LIVED, AutoresetMode.SAME_STEP, 64, marks=pytest.mark.slow))
-MORTAL.append(pytest.param(changed(Scenario(), **FAILING), AutoresetMode.SAME_STEP, 3))
+CASES = [pytest.param(preset, AutoresetMode.NEXT_STEP, 3, id=preset) for preset in presets()]
+CASES.append(pytest.param(changed(Scenario(), **FAILING), AutoresetMode.SAME_STEP, 3, id="failing"))
+SLOW_CASES = [(f"short-lived, {mode.name}", SHORT_LIVED, mode, 3) for mode in AutoresetMode]
+SLOW_CASES.append(("hot spindle, two blocks", HOT_SPINDLE, AutoresetMode.NEXT_STEP, 64))
+SLOW_CASES.append(("short-lived, two blocks", SHORT_LIVED, AutoresetMode.SAME_STEP, 64))
+for name, scenario, mode, num_envs in SLOW_CASES:
+    CASES.append(pytest.param(scenario, mode, num_envs, id=name, marks=pytest.mark.slow))
 
 
-@pytest.mark.parametrize(
-    ("scenario", "mode", "num_envs"),
-    [*MORTAL, *((preset, AutoresetMode.NEXT_STEP, 3) for preset in presets())],
-)
+@pytest.mark.parametrize(("scenario", "mode", "num_envs"), CASES)
 def test_it_is_single_environments_side_by_side(scenario, mode, num_envs):
-    """Bit for bit what Gymnasium makes of single environments, through several episodes per environment."""
-    ours = RoughTurningVectorEnv(num_envs, scenario, mode)
-    theirs = SyncVectorEnv([lambda: RoughTurningEnv(scenario)] * num_envs, autoreset_mode=mode)
-    assert_same_answers(ours.reset(seed=2**63), theirs.reset(seed=2**63))
+    """Bit for bit what Gymnasium makes of single environments, through several episodes."""
+    envs = RoughTurningVectorEnv(num_envs, scenario, mode)
+    singles = SyncVectorEnv([lambda: RoughTurningEnv(scenario)] * num_envs, autoreset_mode=mode)
+    assert_same_answers(envs.reset(seed=2**63), singles.reset(seed=2**63))
     ended_count = np.zeros(num_envs, int)
     for actions in fixed_actions(STEPS, num_envs, scenario):
-        answers = ours.step(actions)
-        assert_same_answers(answers, theirs.step(actions))
+        answers = envs.step(actions)
+        assert_same_answers(answers, singles.step(actions))
         ended = answers[2] | answers[3]
         ended_count += ended
         if mode is AutoresetMode.DISABLED and ended.any():
-            masks = [{"reset_mask": ended.copy()} for _ in range(2)]
-            assert_same_answers(ours.reset(options=masks[0]), theirs.reset(options=masks[1]))
-    assert ended_count.min() >= 2 or scenario is not SHORT_LIVED
-    assert_same_answers(ours.reset(), theirs.reset())
+            started = envs.reset(options={"reset_mask": ended.copy()})
+            expected = singles.reset(options={"reset_mask": ended.copy()})
+            assert_same_answers(started, expected)
+    if scenario is SHORT_LIVED:
+        assert ended_count.min() >= 2
+    assert_same_answers(envs.reset(), singles.reset())
 
 
-def test_seeds_may_be_given_one_by_one():
-    env, singles = RoughTurningVectorEnv(3), RoughTurningEnv()
-    _, infos = env.reset(seed=[7, 7, 9])
-    assert infos["wear_factor"].tolist() == [
-        singles.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)
-    ]
-    _, infos = env.reset(seed=[None, 1, None])
-    expected = []
-    for seed, again in ((7, None), (1, 1), (9, None)):
-        singles.reset(seed=seed)
-        expected.append(singles.reset(seed=again)[1]["wear_factor"])
+def test_every_environment_may_have_a_seed_of_its_own():
+    envs = RoughTurningVectorEnv(3)
+    single = RoughTurningEnv()
+    _, infos = envs.reset(seed=[7, 7, 9])
+    expected = [single.reset(seed=seed)[1]["wear_factor"] for seed in (7, 7, 9)]
     assert infos["wear_factor"].tolist() == expected
 
 
+def test_environments_without_a_seed_start_their_next_episode():
+    envs = RoughTurningVectorEnv(3)
+    single = RoughTurningEnv()
+    envs.reset(seed=[7, 7, 9])
+    _, infos = envs.reset(seed=[None, 1, None])
+    single.reset(seed=7)
+    next_of_7 = single.reset()[1]["wear_factor"]
+    first_of_1 = single.reset(seed=1)[1]["wear_factor"]
+    single.reset(seed=9)
+    next_of_9 = single.reset()[1]["wear_factor"]
+    assert infos["wear_factor"].tolist() == [next_of_7, first_of_1, next_of_9]
+
+
 @pytest.mark.parametrize(
-    ("mask", "error"),
+    "mask",
     [
-        ([1, 0, 1], ValueError),
-        ([True, False], ValueError),
-        ("all", ValueError),
-        ([True, False, True], ResetNeeded),
+        pytest.param([1, 0, 1], id="integers"),
+        pytest.param([True, False], id="too short"),
+        pytest.param("all", id="text"),
     ],
 )
-def test_bad_reset_masks_are_refused(mask, error):
+def test_bad_reset_masks_are_refused(mask):
     env = RoughTurningVectorEnv(3)
-    if error is ValueError:
-        env.reset(seed=0)
-    with pytest.raises(error, match=r"reset_mask must be bool of shape \(3,\)|first reset"):
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"reset_mask must be bool of shape \(3,\)"):
         env.reset(options={"reset_mask": mask})
 
 
+def test_the_first_reset_must_start_every_environment():
+    env = RoughTurningVectorEnv(3)
+    with pytest.raises(ResetNeeded, match="first reset"):
+        env.reset(options={"reset_mask": [True, False, True]})
+
+
 @pytest.mark.parametrize(
-    ("seed", "said"),
+    ("seed", "message"),
     [
-        (-1, "seed -1 of environment 0"),
-        (2**64 - 2, f"seed {2**64} of environment 2"),
-        ("abc", "seed 'a' of environment 0"),
-        ([1, 2], "2 seeds given, but there must be one for each of 3 environments"),
-        ([1, 2.5, 3], "seed 2.5 of environment 1"),
+        pytest.param(-1, "seed -1 of environment 0", id="negative"),
+        pytest.param(2**64 - 2, f"seed {2**64} of environment 2", id="too large"),
+        pytest.param("abc", "seed 'a' of environment 0", id="text"),
+        pytest.param(
+            [1, 2], "2 seeds given, but there must be one for each of 3 environments", id="too few"
+        ),
+        pytest.param([1, 2.5, 3], "seed 2.5 of environment 1", id="broken number"),
     ],
 )
-def test_bad_seeds_are_refused_and_nothing_moves(seed, said):
-    env, untouched = RoughTurningVectorEnv(3), RoughTurningVectorEnv(3)
+def test_bad_seeds_are_refused_and_nothing_moves(seed, message):
+    env = RoughTurningVectorEnv(3)
+    untouched = RoughTurningVectorEnv(3)
     env.reset(seed=0)
     untouched.reset(seed=0)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         env.reset(seed=seed)
     for _ in range(5):
         assert_same_answers(env.step(np.ones((3, 2))), untouched.step(np.ones((3, 2))))
 
 
-def test_bad_arguments_are_refused():
-    with pytest.raises(
-        ValueError,
-        match=r"max_episode_steps is 9, but must be 3600: set control.time_limit instead",
-    ):
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        pytest.param({"num_envs": 0}, "num_envs is 0, but must be at least 1", id="num_envs"),
+        pytest.param(
+            {"num_envs": 2, "render_mode": "rgb_array", "rendered_envs": 3},
+            "rendered_envs is 3, but must be None or 1 to num_envs, which is 2",
+            id="rendered_envs",
+        ),
+        pytest.param(
+            {"render_mode": "human"},
+            "render_mode is 'human', but must be None or one of 'rgb_array'",
+            id="render_mode",
+        ),
+        pytest.param({"autoreset_mode": "Sometimes"}, "Sometimes", id="autoreset_mode"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        RoughTurningVectorEnv(**arguments)
+
+
+def test_another_number_of_steps_than_the_scenarios_is_refused():
+    message = r"max_episode_steps is 9, but must be 3600: set control.time_limit instead"
+    with pytest.raises(ValueError, match=message):
         gymnasium.make_vec("RoughTurning-v0", max_episode_steps=9)
+
+
+def test_unknown_options_are_refused():
+    options = {"reset_masks": np.ones(2, bool)}
     with pytest.raises(ValueError, match=r"no option 'reset_masks'; did you mean reset_mask\?"):
-        RoughTurningVectorEnv(2).reset(options={"reset_masks": np.ones(2, bool)})
-    with pytest.raises(ValueError, match="num_envs is 0, but must be at least 1"):
-        RoughTurningVectorEnv(0)
-    with pytest.raises(
-        ValueError, match="rendered_envs is 3, but must be None or 1 to num_envs, which is 2"
-    ):
-        RoughTurningVectorEnv(2, render_mode="rgb_array", rendered_envs=3)
-    with pytest.raises(
-        ValueError, match="render_mode is 'human', but must be None or one of 'rgb_array'"
-    ):
-        RoughTurningVectorEnv(1, render_mode="human")
-    with pytest.raises(ValueError, match="Sometimes"):
-        RoughTurningVectorEnv(1, autoreset_mode="Sometimes")
+        RoughTurningVectorEnv(2).reset(options=options)
 
 
-def test_batches_step_side_by_side_in_threads_of_ones_own():
-    alone, halves = (
-        RoughTurningVectorEnv(64, SHORT_LIVED),
-        [RoughTurningVectorEnv(32, SHORT_LIVED) for _ in range(2)],
-    )
-    alone.reset(seed=3)
-    for k, half in enumerate(halves):
-        half.reset(seed=3 + 32 * k)
+def test_batches_step_side_by_side_in_threads():
+    whole = RoughTurningVectorEnv(64, SHORT_LIVED)
+    halves = [RoughTurningVectorEnv(32, SHORT_LIVED), RoughTurningVectorEnv(32, SHORT_LIVED)]
+    whole.reset(seed=3)
+    halves[0].reset(seed=3)
+    halves[1].reset(seed=3 + 32)
     with ThreadPoolExecutor(2) as pool:
         for actions in fixed_actions(35, 64):
-            stepped = pool.map(lambda env, given: env.step(given)[0], halves, np.split(actions, 2))
-            np.testing.assert_array_equal(np.concatenate(list(stepped)), alone.step(actions)[0])
+            observations = pool.map(
+                lambda env, half: env.step(half)[0], halves, np.split(actions, 2)
+            )
+            expected = whole.step(actions)[0]
+            np.testing.assert_array_equal(np.concatenate(list(observations)), expected)

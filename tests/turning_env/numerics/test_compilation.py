@@ -21,33 +21,38 @@ from tests.turning_env.playing import (
 from turning_env import RoughTurningEnv, Scenario, presets
 
 REPOSITORY = Path(__file__).parents[3]
+INTERPRETED = """
+import pickle, sys
+from tests.turning_env.numerics.test_compilation import plays
+
+pickle.dump(plays(), sys.stdout.buffer)
+"""
 
 
-def every_play() -> dict[str, Record]:
-    """A few steps of every scenario, and more that cross ends of episodes."""
-    counts = {preset: 2 if preset.startswith("batch") else 20 for preset in presets()}
-    records = {
-        preset: play(RoughTurningEnv(preset), 21, fixed_actions(count, 1, preset)[:, 0])
-        for preset, count in counts.items()
-    }
-    records["short_lived"] = play(RoughTurningEnv(SHORT_LIVED), 21, fixed_actions(100, 1)[:, 0])
-    records["hot_spindle"] = play(
-        RoughTurningEnv(HOT_SPINDLE), 21, fixed_actions(40, 1, HOT_SPINDLE)[:, 0]
-    )
-    records["failing"] = play(
-        RoughTurningEnv(changed(Scenario(), **FAILING)), 21, fixed_actions(100, 1)[:, 0]
-    )
+def play_of(scenario: Scenario, steps: int) -> Record:
+    return play(RoughTurningEnv(scenario), 21, fixed_actions(steps, 1, scenario)[:, 0])
+
+
+def plays() -> dict[str, Record]:
+    """Return a few steps of every preset, and more that cross ends of episodes."""
+    records = {}
+    for preset in presets():
+        steps = 2 if preset.startswith("batch") else 20
+        records[preset] = play_of(Scenario.load(preset), steps)
+    records["short_lived"] = play_of(SHORT_LIVED, 100)
+    records["hot_spindle"] = play_of(HOT_SPINDLE, 40)
+    records["failing"] = play_of(changed("rough_turning", **FAILING), 100)
     return records
 
 
 @pytest.mark.slow
 def test_an_interpreted_process_with_another_hash_seed_gives_the_same_bytes() -> None:
-    code = "import pickle, sys; from tests.turning_env.numerics.test_compilation import every_play as play; "
-    code += "pickle.dump(play(), sys.stdout.buffer)"
     variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONHASHSEED": "1"}
-    command = [sys.executable, "-W", "error", "-c", code]
+    command = [sys.executable, "-W", "error", "-c", INTERPRETED]
     run = subprocess.run(command, cwd=REPOSITORY, env=variables, capture_output=True, check=False)
     assert run.returncode == 0, run.stderr.decode()
     interpreted = pickle.loads(run.stdout)
-    for name, record in every_play().items():
+    compiled = plays()
+    assert interpreted.keys() == compiled.keys()
+    for name, record in compiled.items():
         assert_same_bytes(interpreted[name], record)

@@ -1,4 +1,7 @@
-"""Exponential, logarithm, powers, sine and cosine, against the C library's; arrays have the bits of single numbers."""
+"""Exponential, logarithm, powers, sine and cosine, against the C library's.
+
+Arrays have the bits of single numbers.
+"""
 
 import numpy as np
 import pytest
@@ -7,7 +10,8 @@ from turning_env.numerics.functions import exp, expm1, log, real_power, sine_and
 
 NEAR_ZERO = np.geomspace(1e-12, 1.0, 500)
 BOTH_SIDES = np.concatenate([NEAR_ZERO, -NEAR_ZERO, np.linspace(-30.0, 30.0, 301)])
-LOGARITHMS = np.concatenate(
+WHOLE_RANGE = np.concatenate([np.linspace(-708.0, 708.0, 4001), BOTH_SIDES])
+ABOVE_ZERO = np.concatenate(
     [
         np.geomspace(1e-300, 1e300, 4001),
         np.linspace(0.5, 2.0, 4001),
@@ -15,33 +19,63 @@ LOGARITHMS = np.concatenate(
         1.0 - NEAR_ZERO[:-1],
     ]
 )
-BASES, EXPONENTS = np.geomspace(1e-6, 1e6, 500), (0.245, 4.08, -1.5)
+BASES = np.geomspace(1e-6, 1e6, 500)
+EXPONENTS = (0.245, 4.08, -1.5)
 TURNS = np.concatenate([np.linspace(0.0, 1.0, 4001), np.arange(0.0, 3.0, 0.125)])
 
 
-@pytest.mark.parametrize(
-    ("function", "reference", "x", "rel", "tiny"),
-    [
-        (exp, np.exp, np.concatenate([np.linspace(-708.0, 708.0, 4001), BOTH_SIDES]), 5e-16, 0.0),
-        (expm1, np.expm1, BOTH_SIDES, 1e-15, 0.0),
-        (log, np.log, LOGARITHMS, 7e-16, 1e-300),
-        *(
-            (lambda x, e=e: real_power(x, e), lambda x, e=e: x**e, BASES, 1e-13, 0.0)
-            for e in EXPONENTS
-        ),
-        # The C library's angle is rounded.
-        (lambda x: sine_and_cosine(x)[0], lambda x: np.sin(2 * np.pi * x), TURNS, 0.0, 4e-15),
-        (lambda x: sine_and_cosine(x)[1], lambda x: np.cos(2 * np.pi * x), TURNS, 0.0, 4e-15),
-    ],
-)
-def test_values_are_the_c_librarys_and_arrays_hold_the_same_bits(function, reference, x, rel, tiny):
+def assert_same_as_library(function, library_function, x, rel=0.0, tiny=0.0):
+    """Fail unless values are the C library's, and those of arrays have the bits of single ones."""
     values = function(x)
-    assert values == pytest.approx(reference(x), rel=rel, abs=tiny)
-    assert values.tobytes() == np.array([function(value) for value in x]).tobytes()
+    assert values == pytest.approx(library_function(x), rel=rel, abs=tiny)
+    assert values.tobytes() == np.array([function(number) for number in x]).tobytes()
     assert function(x[:, np.newaxis]).shape == (len(x), 1)
 
 
-def test_ends():
-    assert [real_power(0.0, exponent) for exponent in EXPONENTS] == [0.0] * 3
-    assert [exp(-720.0), exp(720.0)] == [exp(np.array([each]))[0] for each in (-720.0, 720.0)]
+def test_exp_is_the_c_librarys():
+    assert_same_as_library(exp, np.exp, WHOLE_RANGE, rel=5e-16)
+
+
+def test_expm1_is_the_c_librarys():
+    assert_same_as_library(expm1, np.expm1, BOTH_SIDES, rel=1e-15)
+
+
+def test_log_is_the_c_librarys():
+    assert_same_as_library(log, np.log, ABOVE_ZERO, rel=7e-16, tiny=1e-300)
+
+
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_powers_are_the_c_librarys(exponent):
+    def power(base):
+        return real_power(base, exponent)
+
+    def library_power(base):
+        return base**exponent
+
+    assert_same_as_library(power, library_power, BASES, rel=1e-13)
+
+
+def test_sine_and_cosine_are_the_c_librarys():
+    def sine(turns):
+        return sine_and_cosine(turns)[0]
+
+    def cosine(turns):
+        return sine_and_cosine(turns)[1]
+
+    # The C library's angle is rounded, hence the tolerance.
+    assert_same_as_library(sine, lambda turns: np.sin(2 * np.pi * turns), TURNS, tiny=4e-15)
+    assert_same_as_library(cosine, lambda turns: np.cos(2 * np.pi * turns), TURNS, tiny=4e-15)
+
+
+def test_sine_and_cosine_lie_on_the_unit_circle():
     assert np.hypot(*sine_and_cosine(TURNS)) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_a_power_of_zero_is_zero(exponent):
+    assert real_power(0.0, exponent) == 0.0
+
+
+@pytest.mark.parametrize("x", [-720.0, 720.0])
+def test_exp_is_clipped_in_the_same_way_for_arrays(x):
+    assert exp(x) == exp(np.array([x]))[0]

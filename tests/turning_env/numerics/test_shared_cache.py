@@ -45,8 +45,9 @@ def folder(tmp_path: Path) -> Path:
     return sources
 
 
-def start(folder: Path, **more: str) -> "subprocess.Popen[str]":
-    variables = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])} | more
+def start(folder: Path, **variables: str) -> "subprocess.Popen[str]":
+    path = os.pathsep.join([str(folder), str(ROOT)])
+    variables = os.environ | {"PYTHONPATH": path} | variables
     command = [sys.executable, "-c", PROGRAM]
     return subprocess.Popen(
         command, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -54,7 +55,7 @@ def start(folder: Path, **more: str) -> "subprocess.Popen[str]":
 
 
 def finished(process: "subprocess.Popen[str]", value: float = 2.0) -> str:
-    """The notices of a process that prints the value."""
+    """Wait for a process that prints the value; return its notices."""
     out, error = process.communicate(timeout=MAX)
     assert process.returncode == 0, error
     assert float(out) == value
@@ -66,13 +67,14 @@ def code(folder: Path) -> list[Path]:
 
 
 def test_processes_that_start_together_share_their_code(folder: Path) -> None:
-    for process in [start(folder) for _ in range(3)]:
+    processes = [start(folder) for _ in range(3)]
+    for process in processes:
         finished(process)
     assert len(code(folder)) == 2
     assert finished(start(folder)) == ""
 
 
-def test_code_of_other_sources_is_not_used_and_removed(folder: Path) -> None:
+def test_code_of_older_sources_is_neither_used_nor_kept(folder: Path) -> None:
     finished(start(folder))
     before = code(folder)
     (folder / "helper.py").write_text(HELPER.replace("1.0", "3.0"))
@@ -95,9 +97,12 @@ pathlib.Path.mkdir = refuse
 def test_code_compiled_beforehand_is_read_where_it_cannot_be_written(
     folder: Path, tmp_path: Path, home: bool
 ) -> None:
-    """A container's user reads what its image holds, whether or not the user's cache can be written."""
+    """A container's user reads what its image holds.
+
+    This holds whether or not the user's cache can be written to.
+    """
     finished(start(folder))
-    # Root can write everywhere, so folders refuse to be made.
+    # Root can write everywhere, so that folders must refuse to be made.
     (tmp_path / "sitecustomize.py").write_text(READ_ONLY.format(folder=str(folder)))
     path = os.pathsep.join(map(str, (tmp_path, folder, ROOT)))
     cache = tmp_path / "home" if home else folder / "entry.py" / "home"

@@ -5,18 +5,24 @@ import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, infos
 
+GAIN, WORST_SPEED, WIDTH = 0.4, 500.0, 0.1
+CHATTERING = changed(
+    UNDISTURBED,
+    machine={"chatter": GAIN, "chatter_speed": WORST_SPEED, "chatter_width": WIDTH},
+)
+
 
 def test_a_bar_chatters_about_one_spindle_speed():
-    chatter = {"chatter": 0.4, "chatter_speed": 500.0, "chatter_width": 0.1}
-    over = []
+    dynamic_shares = []
     for action in np.linspace(-0.5, 0.5, 21):
-        still, sings = (
-            infos(each, [(action, 0.0)])[0]
-            for each in (UNDISTURBED, changed(UNDISTURBED, machine=chatter))
-        )
-        turns = 1000 * still["cutting_speed"] / (np.pi * UNDISTURBED.workpiece.diameter)
-        dynamic = 0.4 * np.exp(-((np.log(turns / 500) / 0.1) ** 2))
-        assert sings["thrust_force"] / still["thrust_force"] == pytest.approx(1 + dynamic, rel=1e-9)
-        assert sings["power"] == still["power"]
-        over.append(dynamic)
-    assert max(over) > 0.35 > 0.01 > min(over)
+        (still,) = infos(UNDISTURBED, [(action, 0.0)])
+        (chattering,) = infos(CHATTERING, [(action, 0.0)])
+        distance = np.log(still["spindle_speed"] / WORST_SPEED) / WIDTH
+        dynamic_share = GAIN * np.exp(-(distance**2))
+        expected_force = still["thrust_force"] * (1 + dynamic_share)
+        assert chattering["thrust_force"] == pytest.approx(expected_force, rel=1e-9)
+        assert chattering["power"] == still["power"]
+        dynamic_shares.append(dynamic_share)
+    # The speeds reach from the worst one to quiet ones.
+    assert max(dynamic_shares) > 0.35
+    assert min(dynamic_shares) < 0.01

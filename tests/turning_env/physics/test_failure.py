@@ -6,51 +6,60 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from tests.turning_env.playing import UNDISTURBED, changed, play
-from turning_env import RoughTurningEnv, RoughTurningVectorEnv
+from tests.turning_env.playing import UNDISTURBED, Record, changed, play
+from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
+
+
+def play_one_edge(scenario: Scenario, action: float) -> tuple[Record, int]:
+    """Play one action until the edge fails; return the record and the row of its failure."""
+    actions = np.full((600, 2), action, np.float32)
+    record = play(RoughTurningEnv(scenario), 0, actions)
+    end = int(np.flatnonzero(record["terminated"])[0])
+    return record, end
+
+
+def wear_at_collapse(action: float) -> float:
+    """Check the edge's temperature by its law just before and at collapse; return its wear."""
+    law = UNDISTURBED.edge_failure.temperature
+    scenario = changed(
+        UNDISTURBED, edge_failure={"collapse_temperature": 700.0}, control={"interval": 1}
+    )
+    record, end = play_one_edge(scenario, action)
+    speed = record["cutting_speed"][end]
+    feed = record["feed"][end]
+    assert record["broken"][end]
+    assert record["edges_broken"][: end + 1].sum() == 1
+    assert law(speed, feed, 2.5, wear=record["wear"][end - 1]) < 700
+    assert law(speed, feed, 2.5, wear=record["wear"][end]) >= 700
+    return float(record["wear"][end])
 
 
 def test_an_edge_collapses_where_its_temperature_exceeds_the_limit() -> None:
-    """A worn edge bears less speed: the wear at which it collapses follows from the law."""
-    law = UNDISTURBED.edge_failure.temperature
-    wear = []
-    for action in (0.2, 0.6):
-        scenario = changed(
-            UNDISTURBED, edge_failure={"collapse_temperature": 700.0}, control={"interval": 1}
-        )
-        record = play(RoughTurningEnv(scenario), 0, np.full((600, 2), action, np.float32))
-        end = int(np.flatnonzero(record["terminated"])[0])
-        assert record["broken"][end]
-        assert record["edges_broken"][: end + 1].sum() == 1
-        speed, feed = record["cutting_speed"][end], record["feed"][end]
-        assert (
-            law(speed, feed, 2.5, wear=record["wear"][end - 1])
-            < 700
-            <= law(speed, feed, 2.5, wear=record["wear"][end])
-        )
-        wear.append(record["wear"][end])
-    assert wear[0] > wear[1]
+    """A worn edge bears less speed."""
+    assert wear_at_collapse(action=0.2) > wear_at_collapse(action=0.6)
 
 
 def test_edges_chip_at_a_constant_hazard_rate() -> None:
-    """Compare the share of 2000 edges that have chipped with 1 - exp(-rate * time); its standard error is 1.1 %."""
+    """Compare the share of chipped edges with 1 - exp(-rate t); its standard error is 1.1 %."""
     num_envs, minutes = 2000, 2
     chipping = {"chipping_rate": 0.5, "chipping_load_exponent": 0.0, "chipping_wear_exponent": 0.0}
-    env = RoughTurningVectorEnv(
-        num_envs, changed(UNDISTURBED, edge_failure=chipping), AutoresetMode.DISABLED
-    )
+    scenario = changed(UNDISTURBED, edge_failure=chipping)
+    env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.DISABLED)
     env.reset(seed=0)
     chipped = np.zeros(num_envs, bool)
     for _ in range(minutes):
-        chipped |= env.step(np.zeros((num_envs, 2), np.float32))[4]["broken"]
-        env.reset(options={"reset_mask": chipped}) if chipped.any() else None
+        infos = env.step(np.zeros((num_envs, 2), np.float32))[4]
+        chipped |= infos["broken"]
+        if chipped.any():
+            env.reset(options={"reset_mask": chipped})
     assert chipped.mean() == pytest.approx(1.0 - math.exp(-0.5 * minutes), abs=0.035)
 
 
 def test_a_notch_breaks_an_edge_of_usual_strength_at_one_over_its_growth() -> None:
-    scenario = changed(UNDISTURBED, edge_failure={"notch_growth": 1.6}, control={"interval": 1})
-    record = play(RoughTurningEnv(scenario), 0, np.full((600, 2), 0.5, np.float32))
-    end = int(np.flatnonzero(record["terminated"])[0])
-    used = (record["wear"] / scenario.tool.wear_criterion) ** (1 / scenario.material.wear.time)
+    growth = 1.6
+    scenario = changed(UNDISTURBED, edge_failure={"notch_growth": growth}, control={"interval": 1})
+    record, end = play_one_edge(scenario, 0.5)
+    relative_wear = record["wear"] / scenario.tool.wear_criterion
+    used_life = relative_wear ** (1 / scenario.material.wear.time)
     assert record["broken"][end]
-    assert used[end - 1] < 1 / 1.6 <= used[end]
+    assert used_life[end - 1] < 1 / growth <= used_life[end]

@@ -7,21 +7,27 @@ from tests.turning_env.playing import SHORT_LIVED, UNDISTURBED, changed, fixed_a
 from turning_env import RoughTurningEnv, Scenario
 
 
-@pytest.mark.parametrize("scenario", [SHORT_LIVED, "shift", "batch_casting"])
-def test_every_edge_is_paid_for_whole(scenario):
-    scenario = Scenario.load(scenario)
-    economics, timeless = scenario.economics, scenario.control.edge_changes == "end"
-    edge_price = 60 * (economics.edge_cost + (economics.edge_change_time if timeless else 0))
+@pytest.mark.parametrize("source", [SHORT_LIVED, "shift", "batch_casting"])
+def test_every_edge_is_paid_for_whole(source):
+    scenario = Scenario.load(source)
+    economics = scenario.economics
+    edge_price = 60 * economics.edge_cost
+    breakage_price = 0.0
+    if scenario.control.edge_changes == "end":
+        # Changes take no time, so their time is part of the price.
+        edge_price += 60 * economics.edge_change_time
+        breakage_price = 60 * economics.breakage_downtime
     record = play(RoughTurningEnv(scenario), 1, fixed_actions(600, 1, scenario)[:, 0])
-    lost = 60 * economics.breakage_downtime * timeless * record["edges_broken"]
-    paid = record["reward_edge"] + record["reward_breakage"] + lost
-    assert -paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
+    downtime = breakage_price * record["edges_broken"]
+    paid = -record["reward_edge"] - record["reward_breakage"] - downtime
+    assert paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
     assert record["edges_used"].sum() > 0.5
     assert record["broken"].tolist() == (record["edges_broken"] > 0).tolist()
 
 
-def test_a_worn_edge_ends_the_interval_at_once():
-    wear_law, criterion = UNDISTURBED.material.wear, UNDISTURBED.tool.wear_criterion
+def test_a_worn_edge_ends_the_step_at_once():
+    wear_law = UNDISTURBED.material.wear
+    criterion = UNDISTURBED.tool.wear_criterion
     scenario = changed(UNDISTURBED, control={"sub_steps": 10000, "time_limit": 1e4})
     record = play(RoughTurningEnv(scenario), 0, np.ones((100, 2), np.float32))
     end = int(np.flatnonzero(record["terminated"])[0])

@@ -1,4 +1,7 @@
-"""The spindle's torque over speed, idling, highest speed and short-time overload, with numbers worked out by hand."""
+"""The spindle's torque over speed, idling, highest speed and short-time overload.
+
+The numbers are worked out by hand.
+"""
 
 import math
 
@@ -18,8 +21,9 @@ BASE = 100 * math.pi / 10
 
 def cut(scenario, speed, steps=3):
     machine = scenario.machine
-    action = [set_point_action(speed, machine.cutting_speed_min, machine.cutting_speed_max), 0.0]
-    return play(RoughTurningEnv(scenario), 0, np.tile(np.array(action, np.float32), (steps, 1)))
+    speed_action = set_point_action(speed, machine.cutting_speed_min, machine.cutting_speed_max)
+    actions = np.tile(np.array([speed_action, 0.0], np.float32), (steps, 1))
+    return play(RoughTurningEnv(scenario), 0, actions)
 
 
 def with_spindle(**spindle):
@@ -28,38 +32,49 @@ def with_spindle(**spindle):
 
 @pytest.mark.parametrize(
     ("speed", "capacity"),
-    [(4 * BASE, 1.0), (3.0 * BASE, 1.0), (2.4 * BASE, 0.8), (1.8 * BASE, 0.6)],
+    [
+        pytest.param(4 * BASE, 1.0, id="above the base speed"),
+        pytest.param(3.0 * BASE, 1.0, id="at the base speed"),
+        pytest.param(2.4 * BASE, 0.8, id="below"),
+        pytest.param(1.8 * BASE, 0.6, id="far below"),
+    ],
 )
 def test_below_the_base_speed_limit_and_available_torque_are_constant(speed, capacity):
     power = cut(STEADY, speed)["power"][-1]
-    scenario = changed(
+    by_torque = changed(
         with_spindle(base_speed=300.0, reading="torque"), limits={"power": 0.5 * power}
     )
-    record = cut(scenario, speed)
+    record = cut(by_torque, speed)
+    reading = read(record["observation"], by_torque)
+    measured_power = record["measured_power"][-1]
     assert record["power"][-1] == power
     assert record["spindle_load"][-1] == pytest.approx(power / (7.5 * capacity), rel=1e-6)
     assert record["cost_power"][-1] == pytest.approx(2 / capacity - 1, rel=1e-6)
-    told = read(record["observation"], scenario)
-    assert told.load[-1] == pytest.approx(record["measured_power"][-1] / (7.5 * capacity), rel=1e-6)
-    assert told.power[-1] == pytest.approx(record["measured_power"][-1], rel=1e-5)
-    plain = cut(changed(scenario, spindle={"reading": "power"}), speed)
-    assert plain["spindle_load"][-1] == pytest.approx(power / 7.5)
-    assert plain["cost_power"][-1] == record["cost_power"][-1]
+    assert reading.load[-1] == pytest.approx(measured_power / (7.5 * capacity), rel=1e-6)
+    assert reading.power[-1] == pytest.approx(measured_power, rel=1e-5)
+
+    by_power = cut(changed(by_torque, spindle={"reading": "power"}), speed)
+    assert by_power["spindle_load"][-1] == pytest.approx(power / 7.5)
+    assert by_power["cost_power"][-1] == record["cost_power"][-1]
 
 
 def test_the_idle_torque_adds_to_that_of_the_cut_and_is_predicted():
-    plain, idling = cut(STEADY, 3 * BASE), cut(with_spindle(idle_torque=10.0), 3 * BASE)
-    assert idling["torque"][1:] - plain["torque"][1:] == pytest.approx(10.0)
-    assert idling["power"][1:] - plain["power"][1:] == pytest.approx(
-        10.0 * 2 * math.pi * 300 / 60 / 1000, rel=1e-6
-    )
-    assert idling["measured_power"][-1] == pytest.approx(idling["power"][-1])
-    assert read(idling["observation"], with_spindle(idle_torque=10.0)).power_ratio[
-        -1
-    ] == pytest.approx(1.0)
+    scenario = with_spindle(idle_torque=10.0)
+    without = cut(STEADY, 3 * BASE)
+    record = cut(scenario, 3 * BASE)
+    reading = read(record["observation"], scenario)
+    idle_power = 10.0 * 2 * math.pi * 300 / 60 / 1000  # [kW] at 300 rev/min
+    assert record["torque"][1:] - without["torque"][1:] == pytest.approx(10.0)
+    assert record["power"][1:] - without["power"][1:] == pytest.approx(idle_power, rel=1e-6)
+    assert record["measured_power"][-1] == pytest.approx(record["power"][-1])
+    assert reading.power_ratio[-1] == pytest.approx(1.0)
+
+
+def test_the_spindle_idles_in_air():
     scenario = changed(Scenario(), spindle={"idle_torque": 10.0}, sensors={"power_noise": 0.0})
-    in_air = play(RoughTurningEnv(scenario), 1, fixed_actions(1, 1)[:, 0])
-    assert (in_air["cutting"][0], in_air["power"][0]) == (0, pytest.approx(10.0 * 125 / 3000))
+    record = play(RoughTurningEnv(scenario), 1, fixed_actions(1, 1)[:, 0])
+    assert not record["cutting"][0]
+    assert record["power"][0] == pytest.approx(10.0 * 125 / 3000)
 
 
 @pytest.mark.parametrize("diameter", [100.0, 50.0])
@@ -77,16 +92,22 @@ def test_the_highest_speed_limits_the_cutting_speed_by_the_diameter(diameter):
 def test_short_overload_is_allowed_until_the_motor_is_hot():
     power = cut(STEADY, 4 * BASE)["power"][-1]
     rated = power / 1.25
-    spindle = {"short_time_load": 1.25, "thermal_time_constant": 0.5, "base_speed": 399.0}
-    base = changed(STEADY, machine={"rated_power": rated}, limits={"power": rated * 1.01})
-    cold = cut(changed(base, spindle=spindle), 4 * BASE, 60)
-    minutes = np.cumsum(cold["time"]) / 60
+    limited = changed(STEADY, machine={"rated_power": rated}, limits={"power": rated * 1.01})
+    overloadable = changed(
+        limited,
+        spindle={"short_time_load": 1.25, "thermal_time_constant": 0.5, "base_speed": 399.0},
+    )
+    excess = 1.25 / 1.01 - 1
+
+    record = cut(overloadable, 4 * BASE, steps=60)
+    minutes = np.cumsum(record["time"]) / 60
     heat = 1.25**2 * (1 - np.exp(-minutes / 0.5))
-    assert cold["spindle_heat"] == pytest.approx(heat, rel=1e-9)
     hot = heat >= 1.0
+    assert record["spindle_heat"] == pytest.approx(heat, rel=1e-9)
     assert 0 < hot.sum() < len(hot)
-    assert cold["overload_time"][~hot].sum() == 0.0
-    assert cold["cost_power"][1:][hot[:-1]] == pytest.approx(1.25 / 1.01 - 1)
-    never = cut(changed(base, spindle={"short_time_load": 1.0}), 4 * BASE, 5)
-    assert never["cost_power"][1:] == pytest.approx(1.25 / 1.01 - 1)
-    assert (never["spindle_heat"] == 0.0).all()
+    assert record["overload_time"][~hot].sum() == 0.0
+    assert record["cost_power"][1:][hot[:-1]] == pytest.approx(excess)
+
+    never = cut(limited, 4 * BASE, steps=5)
+    assert never["cost_power"][1:] == pytest.approx(excess)
+    assert never["spindle_heat"].tolist() == [0.0] * 6

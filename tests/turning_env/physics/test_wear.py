@@ -22,12 +22,11 @@ WEAR_CRITERION = UNDISTURBED.tool.wear_criterion
     sub_steps=st.integers(1, 50),
 )
 def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_steps):
-    env = RoughTurningEnv(
-        changed(SCENARIOS[rule], control={"interval": interval, "sub_steps": sub_steps})
-    )
+    control = {"interval": interval, "sub_steps": sub_steps}
+    env = RoughTurningEnv(changed(SCENARIOS[rule], control=control))
     env.reset(seed=0)
     for _ in range(10):
-        *_, terminated, _, info = env.step(set_points)
+        _, _, terminated, _, info = env.step(set_points)
         expected = WEAR_LAW(info["cutting_speed"], info["feed"], 2.5, time=info["cutting_time"])
         assert info["wear"] == pytest.approx(expected, rel=1e-9)
         assert terminated == (info["wear"] >= WEAR_CRITERION)
@@ -35,37 +34,54 @@ def test_the_environment_wears_by_the_same_law(rule, set_points, interval, sub_s
             break
 
 
+def used_life(wear):
+    """Return D = (W / W_max)^(1/n)."""
+    return (wear / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
+
+
 def rates_of_wear(actions, **failure):
-    """Return speed [m/min], wear before [mm] and rate of wear over that of the power law [-] in steps of one sub-step."""
+    """Play steps of one sub-step.
+
+    Return their speed [m/min], wear before [mm], and rate of wear over that of the power law [-].
+    """
     scenario = changed(UNDISTURBED, edge_failure=failure, control={"interval": 3, "sub_steps": 1})
     record = play(RoughTurningEnv(scenario), 0, np.array(actions, np.float32))
-    speed, wear = record["cutting_speed"][1:], record["wear"]
-    used = (wear / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
-    by_law = (WEAR_LAW(speed, record["feed"][1:], 2.5, time=3 / 60) / WEAR_CRITERION) ** (
-        1 / WEAR_LAW.time
-    )
-    return speed, wear[:-1], np.diff(used) / by_law
+    speed = record["cutting_speed"][1:]
+    feed = record["feed"][1:]
+    growth = np.diff(used_life(record["wear"]))
+    growth_by_law = used_life(WEAR_LAW(speed, feed, 2.5, time=3 / 60))
+    return speed, record["wear"][:-1], growth / growth_by_law
 
 
 def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
-    phases = {
-        "running_in": 0.6,
-        "running_in_wear": 0.1,
-        "tertiary_wear": 0.2,
-        "tertiary_rate": 12.0,
-    }
-    _, wear, rate = rates_of_wear([(1.0, 1.0)] * 64, **phases)
-    assert wear[-1] > 0.25
-    assert rate == pytest.approx(
-        (1 + 0.6 * np.exp(-wear / 0.1)) * np.exp(12 * np.maximum(wear - 0.2, 0)), rel=1e-6
+    _, wear, rate = rates_of_wear(
+        [(1.0, 1.0)] * 64,
+        running_in=0.6,
+        running_in_wear=0.1,
+        tertiary_wear=0.2,
+        tertiary_rate=12.0,
     )
+    running_in = 1 + 0.6 * np.exp(-wear / 0.1)
+    tertiary = np.exp(12 * np.maximum(wear - 0.2, 0))
+    assert wear[-1] > 0.25
+    assert rate == pytest.approx(running_in * tertiary, rel=1e-6)
 
 
 def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():
     """One slow step at each speed; the power law's exponent over the range is taken out."""
     built_up = {"built_up_edge": 40.0, "built_up_speed": 90.0, "built_up_width": 0.25}
-    steps = [rates_of_wear([(action, -1.0)], **built_up) for action in np.linspace(-1, 1, 81)]
-    speed, _, rate = np.concatenate(steps, axis=1)
-    assert rate == pytest.approx(1 + 40 * np.exp(-((np.log(speed / 90) / 0.25) ** 2)), rel=1e-6)
+    speeds = []
+    rates = []
+    for action in np.linspace(-1, 1, 81):
+        speed, _, rate = rates_of_wear([(action, -1.0)], **built_up)
+        speeds.append(speed[0])
+        rates.append(rate[0])
+    speed = np.array(speeds)
+    rate = np.array(rates)
+    distance = np.log(speed / 90) / 0.25
+    assert rate == pytest.approx(1 + 40 * np.exp(-(distance**2)), rel=1e-6)
+
     wear = rate * (speed / 90) ** (WEAR_LAW.cutting_speed / WEAR_LAW.time)
-    assert wear[speed > 90].min() < min(wear[np.abs(speed - 90).argmin()], wear[-1])
+    lowest_above = wear[speed > 90].min()
+    assert lowest_above < wear[np.abs(speed - 90).argmin()]
+    assert lowest_above < wear[-1]
