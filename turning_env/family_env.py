@@ -40,8 +40,7 @@ def vector_env(
 
     The source is a scenario or a ``Family``, or the name of either.
     """
-    is_family_name = isinstance(source, str) and source in families()
-    if is_family_name or isinstance(source, Family):
+    if isinstance(source, Family) or (isinstance(source, str) and source in families()):
         return FamilyVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
     return RoughTurningVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
 
