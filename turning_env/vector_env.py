@@ -192,7 +192,7 @@ class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.fl
         ``table`` has the rows of a report.
         """
         masks = self._masks if mask is self._all else dict.fromkeys(_MASK_KEYS, mask)
-        infos = info_of(table) | masks
+        infos: Infos = info_of(table) | masks
         if self._batch.jobs is not None:
             infos["job"] = self._batch.job_numbers.copy()
             infos["_job"] = mask
