@@ -107,6 +107,7 @@ class BarView:
         """
         start, end = self._stretch(history.along)
         across = Ruler(start=start, end=end, first=LEFT, last=RIGHT)
+        # Both layers are drawn once per bar; every step only moves the border between them.
         wanted = _Layer(history.key, history.bar, start)
         if wanted != self._drawn:
             self._drawn = wanted
@@ -120,6 +121,7 @@ class BarView:
         else:
             tip = round(across.within(history.along))
         view = frame[_ROOF:_AXIS_BOTTOM, LEFT - _MARGIN : RIGHT + _MARGIN]
+        # A whole part is shown uncut under its passes.
         width_of_cut = tip - LEFT + _MARGIN
         view[:] = self._uncut
         view[:, :width_of_cut] = self._cut[:, :width_of_cut]

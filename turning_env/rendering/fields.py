@@ -31,8 +31,11 @@ def read_fields(  # type: ignore[no-untyped-def]  # noqa: PLR0913 - compiled, so
         for i in range(count):
             state.seed[i] = seed
             state.episode[i] = episode
+            # Another bar than any, so that the nodes of this one are drawn.
             state.bar[i] = -1.0
+            # The whole blank, as before its first pass.
             state.pass_ceiling[i] = np.inf
+            # Fields are only looked up in metal, at the middle of a cut.
             work.engaged[i] = 1.0
             work.middle[i] = bar * p.bar_length[i] + places[first + i]
         look_up_fields(state, work, 0, count, p)

@@ -44,6 +44,7 @@ class Frame:
         self._chart = LoadChart(scenario)
         self._gauges = Gauges(scenario, _GAUGES)
         self._map = OperatingMap(scenario, _MAP)
+        # What never changes is drawn once, into the array in which the views redraw their parts.
         background = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
         for box in (_BAR, _GAUGES, _MAP):
             ImageDraw.Draw(background).rounded_rectangle(
@@ -94,6 +95,7 @@ class Frame:
     def _sums(self, history: History) -> list[str]:
         """Return the machine time and, if the whole episode was recorded, metal and return."""
         control = self.scenario.control
+        # Episodes of so short steps take seconds.
         if control.interval < 0.1:
             clock = f"{history.time:.1f} s"
         else:

@@ -125,6 +125,7 @@ def _picture_of(gauge: _Gauge, now: dict[str, float]) -> Image.Image:
     """
     image = Image.new("RGB", (_WIDTH, _HEIGHT), CARD)
     draw = ImageDraw.Draw(image)
+    # Room beyond the limit, so that an overload shows.
     across = Ruler(start=0.0, end=1.5 * gauge.limit, first=0.0, last=_WIDTH - 1.0)
     value = now[gauge.value]
     write(image, (0, 3), gauge.title, size=_TITLE_SIZE)
@@ -134,6 +135,7 @@ def _picture_of(gauge: _Gauge, now: dict[str, float]) -> Image.Image:
         _draw_bar_with_reference(image, gauge, across=across, now=now)
     else:
         _draw_bar_with_limit(image, gauge, across=across, value=value)
+    # Before the first step nothing is measured.
     if gauge.measured and now[gauge.measured] > 0.0:
         measured = now[gauge.measured]
         x = across.within(measured)

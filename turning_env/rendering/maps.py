@@ -128,6 +128,7 @@ def wear_bound(
         limit = criterion * (life_left / minutes) ** law.time
     else:
         wear_left = max(criterion * (1.0 - used_life**law.time), 1e-9)
+        # The published rule: wear grows by K ((t + dt)^n - t^n), whatever was cut before.
         end = cutting_time + minutes
         limit = wear_left / (end**law.time - cutting_time**law.time)
     return bound(law, limit / wear_factor, Cut(cut.depth, cut.hardness, wear=1.0))
@@ -312,9 +313,11 @@ class OperatingMap:
         depth = history.depth
         if history.passes:
             depth = max(history.passes[-1].depth, MIN_DEPTH)
+        # Limits are those of the edge as it is; they close in as it wears.
         cut = Cut(depth, history.hardness, history.wear)
         limits = self._limits(cut, now["wear_factor"], used_life=now["used_life"], now=now)
         allowed = self._region(limits)
+        # A polygon of fewer corners is empty.
         if len(allowed) > 2:
             draw.polygon(self._pixels(allowed), fill=mixed(ALLOWED, 0.22))
         for contour in self._contours:

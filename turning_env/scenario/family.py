@@ -377,6 +377,7 @@ class Family(Section):
     def digest(self) -> str:
         """Return the SHA-256 of all values; a field that was added later counts if it is used."""
         values = self.model_dump(mode="json")
+        # Families without these later fields keep the digest that they had before.
         for name in ("hidden", "shown"):
             if not values[name]:
                 del values[name]
@@ -495,6 +496,7 @@ class Family(Section):
                     f"{_MAX_ATTEMPTS} jobs in a row make no sense in split {split!r}: "
                     f"check ranges and limits{self._fields_outside(jobs)}"
                 )
+        # All in one, so that arrays have one row for each number, whenever it was accepted.
         return self._attempt(split, numbers, attempts)
 
     def _fields_outside(self, jobs: DrawnJobs) -> str:
@@ -537,6 +539,7 @@ class Family(Section):
 
         true_fields = {}
         for name, value in nominal_fields.items():
+            # What the control knows, and what follows from its plan, is as the control has it.
             if always_known(name) or name in self.planned:
                 true_fields[name] = value
             else:
@@ -569,6 +572,7 @@ class Family(Section):
         names = [*self.variables, *self.tables]
         names += [f"{name}.truth" for name in self._deviations]
         keys = np.array([crc32(name.encode()) for name in names], np.uint64)
+        # Training jobs do not depend on the key of the others, which an organiser may change.
         if split == "train":
             split_key = crc32(b"train")
         else:
@@ -576,6 +580,7 @@ class Family(Section):
         words = philox_4x32(
             keys[:, np.newaxis], attempts, JOB_CHANNEL, numbers, np.uint64(split_key)
         )
+        # Words of 32 bits become numbers above 0 and below 1: their logarithms are finite.
         first = (words[0] + 0.5) * 2.0**-32
         second = (words[1] + 0.5) * 2.0**-32
         return {name: (first[row], second[row]) for row, name in enumerate(names)}

@@ -39,9 +39,12 @@ class SetPointGrid:
 
     def __init__(self, scenarios: ScenarioBatch) -> None:
         s = scenarios
+        material = s.material
+        limits = s.limits
+        count = s.num_scenarios
         lowest_feed, highest_feed = s.feed_range
-        log_speed = _log_grid(s.machine.cutting_speed_min, s.cutting_speed_max, s.num_scenarios)
-        log_feed = _log_grid(lowest_feed, highest_feed, s.num_scenarios)
+        log_speed = _log_grid(s.machine.cutting_speed_min, s.cutting_speed_max, count)
+        log_feed = _log_grid(lowest_feed, highest_feed, count)
         self._scenarios = s
         self._log_speed = log_speed[:, :, np.newaxis]
         self._log_feed = log_feed[:, np.newaxis, :]
@@ -52,16 +55,17 @@ class SetPointGrid:
         # The wear law W = K t^n solved for the life t at W = criterion.
         log_wear = log_response_at(s, "wear", used_life=0.0)
         self.life_rate = self._response(
-            s.material.wear,
+            material.wear,
             log_rest=log_wear - log(s.tool.wear_criterion),
-            exponent=1.0 / s.material.wear.time,
+            exponent=1.0 / material.wear.time,
         )
 
         # Shares of the limits of force and power; ``excess`` has the factors of wear and bars.
-        self._force_share = self._response(s.material.thrust_force, -log(s.limits.thrust_force))
-        self._power_share = self._response(s.material.power, -log(s.limits.power))
-        idle_power = s.spindle.idle_torque / (30.0 * s.workpiece.diameter) / s.limits.power
-        self._idle_share = _column(idle_power) * self.speed
+        self._force_share = self._response(material.thrust_force, -log(limits.thrust_force))
+        self._power_share = self._response(material.power, -log(limits.power))
+        idle_power = s.spindle.idle_torque / (30.0 * s.workpiece.diameter)  # [kW min/m]
+        self._idle_share = _column(idle_power / limits.power) * self.speed
+        # Below the base speed, the spindle has only a share of its power.
         base_speed = np.maximum(s.base_cutting_speed, 1e-9)
         self._capacity = np.minimum(self.speed / _column(base_speed), 1.0)
 
@@ -160,10 +164,11 @@ def plan_of(s: ScenarioBatch) -> Plan:
     value = grid.removal_rate / np.maximum(_column(removal_rate), 1e-9)
     value = value - edge_price * grid.life_rate
 
-    speed = np.empty((count, len(USED_LIVES)))
-    feed = np.empty((count, len(USED_LIVES)))
-    life = np.empty((count, len(USED_LIVES)))
-    feasible = np.empty((count, len(USED_LIVES)), np.bool_)
+    shape = (count, len(USED_LIVES))
+    speed = np.empty(shape)
+    feed = np.empty(shape)
+    life = np.empty(shape)
+    feasible = np.empty(shape, np.bool_)
     for n, excess in enumerate(excesses):
         within_limits = excess <= 0.0
         worth = np.where(within_limits, value, _INFEASIBLE - excess)
@@ -254,7 +259,9 @@ def _power_limit(s: ScenarioBatch, plan: Plan) -> Any:
 def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
     """Return the numbers whose logarithms describe the nominal models."""
     work = s.workpiece
+    tool = s.tool
     machine = s.machine
+    economics = s.economics
     speed = plan.speed[:, MIDDLE]
     feed = plan.feed[:, MIDDLE]
     travel = speed * feed * 1000.0 / (np.pi * work.diameter) / 60.0  # feed velocity [mm/s]
@@ -263,11 +270,11 @@ def _positive_numbers(s: ScenarioBatch, plan: Plan) -> dict[str, Any]:
     return {
         "life": plan.life[:, MIDDLE],
         "removal_rate": plan.removal_rate,
-        "edge_price": s.economics.edge_cost,
-        "edge_change_time": s.economics.edge_change_time,
+        "edge_price": economics.edge_cost,
+        "edge_change_time": economics.edge_change_time,
         "idle_power": idle_power / _power_limit(s, plan),
-        "edge_strength": s.tool.edge_strength / s.limits.thrust_force,
-        "wear_factor_spread": s.tool.wear_factor_spread,
+        "edge_strength": tool.edge_strength / s.limits.thrust_force,
+        "wear_factor_spread": tool.wear_factor_spread,
         "depth_bar_spread": work.depth_bar_spread / work.depth_of_cut,
         "depth_along_spread": work.depth_along_spread / work.depth_of_cut,
         "hardness_bar_spread": work.hardness_bar_spread,

@@ -247,6 +247,7 @@ class Scenario(Section, DerivedQuantities):
                     "scenario", {"name": "custom"} | dict(source), folder=Path()
                 )
             return cls._read(source)
+        # Files that are based on each other would be read without end.
         except RecursionError as error:
             title = "the dict" if isinstance(source, Mapping) else source
             raise ScenarioError(
@@ -429,6 +430,7 @@ def start_in_range(values: dict[str, Any], stated: Collection[str]) -> dict[str,
 
     Values that are not valid come back as they are: the scenario's own validation names the fault.
     """
+    # Sections are validated one by one, before the scenario compares them with each other.
     try:
         machine = sections.Machine.model_validate(values.get("machine", {}))
         spindle = sections.Spindle.model_validate(values.get("spindle", {}))

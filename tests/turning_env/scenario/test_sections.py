@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from turning_env import PowerLaw, Scenario
-from turning_env.scenario.section import Section
+from turning_env.scenario.section import Section, names_instead
 
 SECTIONS = [type(value) for value in dict(Scenario()).values() if isinstance(value, Section)]
 SECTIONS.append(PowerLaw)
@@ -53,3 +53,24 @@ def test_a_number_has_a_unit_and_a_range_that_holds_its_default(
         with pytest.raises(ValidationError, match=name) as refusal:
             section(**required | {name: outside})
         assert f"{low} to {high} {unit}" in str(refusal.value)
+
+
+MANY = [f"name_{number}" for number in range(20)]
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed", "advice"),
+    [
+        pytest.param("forgin", ["forging", "casting"], "did you mean forging?", id="similar"),
+        pytest.param("x", ["forging", "casting"], "allowed are forging, casting", id="few"),
+        pytest.param("x", MANY, "list all with: a command", id="many"),
+    ],
+)
+def test_an_unknown_name_gets_advice(name: str, allowed: list[str], advice: str) -> None:
+    assert names_instead(name, allowed, lists_all="a command") == advice
+
+
+def test_without_a_command_the_advice_has_the_first_of_many_names() -> None:
+    advice = names_instead("x", MANY)
+    assert advice.startswith("allowed are name_0, name_1, ")
+    assert advice.endswith("name_7 and 12 others")
