@@ -1,4 +1,8 @@
-"""Find what is implausible in a part program: moves and values that no machinist would run."""
+"""Find what is implausible in a part program: moves and values that no machinist would run.
+
+Each finding names its lines and asks for the likely mistake. Whether a program is refused for them
+is decided in ``command``.
+"""
 
 from collections.abc import Iterable
 
@@ -8,141 +12,248 @@ from turning_nc.cutting import Play, Situation
 from turning_nc.edges import parts_per_edge
 from turning_nc.tool_shapes import tool_shape
 from turning_nc.words import at_lines
+from turning_shop import Values
 
-MAX_LOAD = 3.0  # highest plausible load over its limit [-]
-MIN_FEED, MAX_FEED = 0.002, 5.0  # range of plausible feeds in metal [mm/rev]
-MAX_PARTS = 10_000.0  # highest plausible number of parts per edge [-]
-MIN_DEEP, MIN_BACK = (
-    3.0,
-    1.0,
-)  # depths of cut below which its share of the diameter, and its direction, do not count [mm]
-BACKWARDS = 0.5  # share of a move along Z, away from the tool's hand, from which the back cuts [-]
-MIN_BACKWARDS = 2.0  # length of a tool's cuts with its back below which they do not count [mm]
-MIN_ASIDE = 0.2  # distance of a tool's body from its path, over its distance from the tip, from which its side counts [-]
-MAX_INCH_FEED, MAX_INCH_DIAMETER = 0.06, 15.0
-"""Highest feed per revolution and diameter that speak for inches in a program without a unit."""
+Mask = NDArray[np.bool_]
+
+# All bounds are assumptions: they lie well beyond what sample programs do.
+MAX_LOAD = 3.0  # over its limit [-]
+MIN_FEED = 0.002  # in metal [mm/rev]
+MAX_FEED = 5.0  # in metal [mm/rev]
+MAX_PARTS = 10_000.0  # per edge
+MIN_CHECKED_DEPTH = 3.0  # from which the depth of cut is compared with the diameter [mm]
+MIN_BACK_DEPTH = 1.0  # from which it counts that a tool's back cuts [mm]
+MIN_BACK_SHARE = 0.5  # share of a move along Z, away from the tool's hand, for its back to cut [-]
+MIN_BACK_LENGTH = 2.0  # of a tool's cuts with its back, for them to count [mm]
+# Distance of a tool's body from its path, over its distance from the tip, from which its side
+# counts [-].
+MIN_ASIDE = 0.2
+MAX_INCH_FEED = 0.06  # per revolution, up to which a feed speaks for inches
+MAX_INCH_DIAMETER = 15.0  # up to which a diameter speaks for inches
+
+LEFT = 41  # G41: the tool is to the left of its path
+RIGHT = 42  # G42
 
 
 def implausible(situation: Situation, played: Play) -> dict[str, str]:
     """Return texts by the names of what is implausible; empty if nothing is."""
-    s, slices = situation, situation.removal.slices
-    on, deep = s.engaged, s.engaged & (slices.depth > MIN_BACK)
-    found: dict[str, str] = {}
+    findings = _Findings(situation)
+    _check_cuts(situation, played, findings=findings)
+    _check_tools(situation, findings)
+    _check_edge_life(situation, played, findings=findings)
+    _check_whether_it_cuts(situation, findings)
+    _check_steps(situation, findings)
+    _check_compensation(situation, findings)
+    _check_unit(situation, played, findings=findings)
+    return findings.texts
 
-    def add(name: str, where: NDArray[np.bool_] | Iterable[int], text: str) -> None:
-        lines = set(s.line[where].tolist()) if isinstance(where, np.ndarray) else set(where)
-        if lines:
-            found[name] = f"{at_lines(lines)}: {text}"
 
+class _Findings:
+    """What is implausible, by names."""
+
+    def __init__(self, situation: Situation) -> None:
+        self.texts: dict[str, str] = {}
+        self._line = situation.line
+
+    def add_lines(self, name: str, lines: Iterable[int], text: str) -> None:
+        """Add a finding if there are lines to which it applies."""
+        distinct = set(lines)
+        if distinct:
+            self.texts[name] = f"{at_lines(distinct)}: {text}"
+
+    def add_slices(self, name: str, mask: Mask, text: str) -> None:
+        """Add a finding if there are slices to which it applies."""
+        self.add_lines(name, self._line[mask].tolist(), text=text)
+
+
+def _check_cuts(situation: Situation, played: Play, findings: _Findings) -> None:
+    """Check depths, loads and feeds in metal, and the metal that rapid moves sweep."""
+    s = situation
+    slices = s.removal.slices
+    on = s.engaged
     rapids = s.removal.rapids
-    add(
-        "rapid in metal",
-        rapids,
-        f"rapid moves sweep up to {max(rapids.values(), default=0.0):.1f} mm2 of metal",
+    largest = max(rapids.values(), default=0.0)
+    findings.add_lines(
+        "rapid in metal", rapids, text=f"rapid moves sweep up to {largest:.1f} mm2 of metal"
     )
-    add(
+    findings.add_slices(
         "load",
         on & (played.load > MAX_LOAD),
-        f"the load is above {100 * MAX_LOAD:g} % of its limit",
+        text=f"the load is above {100 * MAX_LOAD:g} % of its limit",
     )
-    radial = abs(slices.end[:, 1] - slices.start[:, 1]) > abs(slices.end[:, 0] - slices.start[:, 0])
-    above = slices.depth > np.where(radial, s.removal.stock.bounds[3], slices.radius)
-    text = "the depth of cut is above half the diameter: is X a radius, DIAMOF, G8 or --radius?"
-    add("depth of cut", on & above & (slices.depth > MIN_DEEP), text)
-    add(
+
+    # A tool may cut down to the axis: by the bar's radius if it faces, by its own if it turns.
+    across = abs(slices.end[:, 1] - slices.start[:, 1])
+    along = abs(slices.end[:, 0] - slices.start[:, 0])
+    outer_radius = s.removal.stock.bounds[3]
+    max_depth = np.where(across > along, outer_radius, slices.radius)
+    is_too_deep = (slices.depth > max_depth) & (slices.depth > MIN_CHECKED_DEPTH)
+    findings.add_slices(
+        "depth of cut",
+        on & is_too_deep,
+        text="the depth of cut is above half the diameter: is X a radius, DIAMOF, G8 or --radius?",
+    )
+    findings.add_slices(
         "feed",
-        s.fed & on & (played.feed < MIN_FEED),
-        f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?",
+        on & (played.feed < MIN_FEED),
+        text=f"the feed is below {MIN_FEED:g} mm/rev: is it in mm/rev, G95 or G99?",
     )
-    high = f"the feed is above {MAX_FEED:g} mm/rev: is it in mm/min, G94 or G98?"
-    add("high feed", s.fed & on & (played.feed > MAX_FEED), high)
-    add(
+    findings.add_slices(
+        "high feed",
+        on & (played.feed > MAX_FEED),
+        text=f"the feed is above {MAX_FEED:g} mm/rev: is it in mm/min, G94 or G98?",
+    )
+    findings.add_slices(
         "spindle stands",
         on & ~s.spindle_on,
-        "the tool cuts while the spindle stands: M3 or M4 is missing",
+        text="the tool cuts while the spindle stands: M3 or M4 is missing",
     )
-    add(
+
+
+def _check_tools(situation: Situation, findings: _Findings) -> None:
+    """Check whether tools cut with their backs."""
+    findings.add_slices(
         "back of the tool",
-        _backwards(s, deep),
-        "the tool cuts with its back: is it left-hand, --tool NAME=left?",
+        _backwards(situation),
+        text="the tool cuts with its back: is it left-hand, --tool NAME=left?",
     )
-    gouged = s.removal.gouged
-    text = f"the insert's back takes {sum(gouged.values()):.1f} mm2 of the part: is it a copying one, --tool NAME=copying?"
-    add("gouged contour", gouged, text)
-    for tool, parts in parts_per_edge(s, played).items():
+    gouged = situation.removal.gouged
+    area = sum(gouged.values())
+    findings.add_lines(
+        "gouged contour",
+        gouged,
+        text=(
+            f"the insert's back takes {area:.1f} mm2 of the part: "
+            "is it a copying one, --tool NAME=copying?"
+        ),
+    )
+
+
+def _check_edge_life(situation: Situation, played: Play, findings: _Findings) -> None:
+    """Check whether edges last implausibly long."""
+    for tool, parts in parts_per_edge(situation, played).items():
         if parts > MAX_PARTS:
-            add(
+            findings.add_slices(
                 "edge life",
-                on & s.by_tool[tool],
-                f"an edge of {tool} would last {parts:,.0f} parts",
+                situation.engaged & situation.by_tool[tool],
+                text=f"an edge of {tool} would last {parts:,.0f} parts",
             )
-    if not on.any() and (s.fed & ~s.threads_and_drills).any():
-        add(
+
+
+def _check_whether_it_cuts(situation: Situation, findings: _Findings) -> None:
+    """Check whether any move meets metal."""
+    turning = situation.fed & ~situation.threads_and_drills
+    if not situation.engaged.any():
+        findings.add_slices(
             "nothing cut",
-            s.fed & ~s.threads_and_drills,
-            "no move at feed meets metal: are the stock, its zero point and the unit right?",
+            turning,
+            text=("no move at feed meets metal: are the stock, its zero point and the unit right?"),
         )
-    fed_lines = set(s.line[s.fed].tolist())
-    large = {line: number for line, number in s.moves.large_numbers.items() if line in fed_lines}
-    text = f"coordinates up to {max(large.values(), default=0.0):.0f} without a decimal point look like steps: set --steps"
-    add("steps", large, text)
-    for side, where in _wrong_sides(s).items():
-        add(
+
+
+def _check_steps(situation: Situation, findings: _Findings) -> None:
+    """Check whether large numbers without a decimal point are steps of the control."""
+    fed_lines = set(situation.line[situation.fed].tolist())
+    large_numbers = situation.moves.large_numbers
+    lines = [line for line in large_numbers if line in fed_lines]
+    largest = max((large_numbers[line] for line in lines), default=0.0)
+    findings.add_lines(
+        "steps",
+        lines,
+        text=(
+            f"coordinates up to {largest:.0f} without a decimal point look like steps: set --steps"
+        ),
+    )
+
+
+def _check_compensation(situation: Situation, findings: _Findings) -> None:
+    """Check whether the nose radius is compensated to the side on which the tool is."""
+    other_side = {LEFT: RIGHT, RIGHT: LEFT}
+    for side, mask in _wrong_sides(situation).items():
+        findings.add_slices(
             "compensation",
-            where,
-            f"G{side} has the tool on the other side of the contour: is G{83 - side} right?",
+            mask,
+            text=(
+                f"G{side} has the tool on the other side of the contour: "
+                f"is G{other_side[side]} right?"
+            ),
         )
-    if not s.moves.states_unit and (fed := s.fed & on).any():
-        feed, diameter = float(played.feed[fed].max()), 2.0 * float(slices.radius[fed].max())
-        if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
-            text = f"feeds up to {feed:.3g} per revolution and diameters up to {diameter:.3g} speak for inches: set --unit inch"
-            add("unit", on, text)
-    return found
 
 
-def _wrong_sides(s: Situation) -> dict[int, NDArray[np.bool_]]:
-    """Return where the nose radius is compensated to the side on which the tool is not, for G41 and G42.
+def _check_unit(situation: Situation, played: Play, findings: _Findings) -> None:
+    """Check whether a program that states no unit is in inches."""
+    on = situation.engaged
+    if situation.moves.states_unit or not on.any():
+        return
+    feed = float(played.feed[on].max())
+    diameter = 2.0 * float(situation.removal.slices.radius[on].max())
+    if feed <= MAX_INCH_FEED and diameter <= MAX_INCH_DIAMETER:
+        findings.add_slices(
+            "unit",
+            on,
+            text=(
+                f"feeds up to {feed:.3g} per revolution and diameters up to {diameter:.3g} "
+                "speak for inches: set --unit inch"
+            ),
+        )
 
-    A tool counts if it is on the wrong side for most of its path in metal. It is to the left of its path if its body is.
+
+def _wrong_sides(situation: Situation) -> dict[int, Mask]:
+    """Return where the nose radius is compensated to the wrong side, for G41 and G42.
+
+    A tool counts if it is on the wrong side for most of its path in metal.
     """
+    s = situation
     slices = s.removal.slices
-    step = slices.end - slices.start
-    left = np.zeros(len(slices.length))  # how far to the left the body is: -1 to 1
-    for tool, mine in s.by_tool.items():
-        shape = tool_shape(s.removal.tools[tool])
-        if shape is not None:
-            z, x = shape.mean(axis=0) / np.linalg.norm(shape.mean(axis=0))
-            left[mine] = (x * step[mine, 0] - z * step[mine, 1]) / np.maximum(
-                slices.length[mine], 1e-9
-            )
     compensation = np.array([move.compensation for move in s.moves.moves])[slices.move]
-    clear = (
-        s.engaged & (abs(left) > MIN_ASIDE) & (slices.start[:, 1] > 0.0)
-    )  # tools beyond the axis do not count
-    wrong = clear & np.where(left > 0.0, compensation == 42, compensation == 41)
-    right = clear & (compensation > 0) & ~wrong
-    found: dict[int, NDArray[np.bool_]] = {}
-    for mine in s.by_tool.values():
-        if slices.length[wrong & mine].sum() > slices.length[right & mine].sum():
-            for side in (41, 42):
-                there = wrong & mine & (compensation == side)
-                found[side] = found.get(side, np.zeros(len(left), np.bool_)) | there
-    return found
+    left = _body_to_the_left(s)
+    is_clear = s.engaged & (abs(left) > MIN_ASIDE)
+    is_clear &= slices.start[:, 1] > 0.0  # tools beyond the axis do not count
+    contrary = np.where(left > 0.0, compensation == RIGHT, compensation == LEFT)
+    wrong = is_clear & contrary
+    right = is_clear & (compensation > 0) & ~wrong
+    marks: dict[int, Mask] = {}
+    for is_tool in s.by_tool.values():
+        wrong_length = slices.length[wrong & is_tool].sum()
+        if wrong_length > slices.length[right & is_tool].sum():
+            for side in (LEFT, RIGHT):
+                mark = wrong & is_tool & (compensation == side)
+                marks[side] = marks.get(side, np.zeros(len(left), np.bool_)) | mark
+    return marks
 
 
-def _backwards(s: Situation, deep: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _body_to_the_left(situation: Situation) -> Values:
+    """Return how far to the left of its path the body of each slice's tool is: -1 to 1."""
+    slices = situation.removal.slices
+    step = slices.end - slices.start
+    length = np.maximum(slices.length, 1e-9)
+    left = np.zeros(len(slices.length))
+    for tool, is_tool in situation.by_tool.items():
+        shape = tool_shape(situation.removal.tools[tool])
+        if shape is None:
+            continue
+        centre = shape.mean(axis=0)
+        z, x = centre / np.linalg.norm(centre)
+        across = x * step[is_tool, 0] - z * step[is_tool, 1]
+        left[is_tool] = across / length[is_tool]
+    return left
+
+
+def _backwards(situation: Situation) -> Mask:
     """Return where a tool that is not neutral moves away from its hand in deep metal."""
-    slices = s.removal.slices
-    along = (slices.end[:, 0] - slices.start[:, 0]) / np.maximum(slices.length, 1e-9)
-    hand = np.zeros(len(along))
-    for tool, mine in s.by_tool.items():
-        kind = s.removal.tools[tool]
+    slices = situation.removal.slices
+    hand = np.zeros(len(slices.length))
+    for tool, is_tool in situation.by_tool.items():
+        kind = situation.removal.tools[tool]
         if not kind.startswith(("groove", "drill", "neutral")):
-            hand[mine] = -1.0 if "left" in kind else 1.0
-    back = deep & (along * hand > BACKWARDS)
-    enough = [
-        back & mine
-        for mine in s.by_tool.values()
-        if slices.length[back & mine].sum() > MIN_BACKWARDS
-    ]
-    return np.asarray(np.any([np.zeros_like(deep), *enough], axis=0))
+            hand[is_tool] = -1.0 if "left" in kind else 1.0
+    length = np.maximum(slices.length, 1e-9)
+    along = (slices.end[:, 0] - slices.start[:, 0]) / length
+    is_deep = situation.engaged & (slices.depth > MIN_BACK_DEPTH)
+    is_back = is_deep & (along * hand > MIN_BACK_SHARE)
+    marked = np.zeros(len(along), np.bool_)
+    for is_tool in situation.by_tool.values():
+        back_of_tool = is_back & is_tool
+        if slices.length[back_of_tool].sum() > MIN_BACK_LENGTH:
+            marked |= back_of_tool
+    return marked
