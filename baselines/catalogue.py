@@ -1,4 +1,4 @@
-"""The catalogue of all rule-based controllers by name; their edge changes, if a task commands them."""
+"""All rule-based controllers by name, and their edge changes, if a task commands them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,8 +12,7 @@ from baselines.rule import Mask, Parameters, Range, Rule
 from turning_env import Family, Scenario, read
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec, ScenarioId
 
-RULES: dict[str, Rule] = {}  # all rules by name
-for _file in (  # files that declare rules; a new one is added here
+_FILES = (  # files that declare rules; a new one is added here
     "trivial",
     "fixed",
     "grid_search",
@@ -28,21 +27,28 @@ for _file in (  # files that declare rules; a new one is added here
     "self_tuning",
     "contextual",
     "part_planning",
-):
+)
+RULES: dict[str, Rule] = {}  # all rules by name
+for _file in _FILES:
     RULES |= import_module(f"baselines.{_file}").RULES
 
-CHANGE_AT = "change_at"  # parameter of rules that do not change edges: nominal wear over the criterion at the change [-]
+CHANGE_AT = "change_at"
+"""Parameter of rules that change no edges: nominal wear over the criterion at the change [-]."""
 
 
 class TimelyChanges(Policy):
-    """A policy that adds edge changes at a nominal wear, as tool-life management does, to another's cutting speed and feed.
+    """A policy that adds edge changes at a nominal wear, as tool-life management does.
 
-    ``change_at``, over the criterion [-], is tuned: inserts wear faster or slower than nominal, and an edge that wears out
-    without a command costs more time.
+    Args:
+        policy: the policy that sets cutting speed and feed.
+        scenario: nominal model.
+        change_at: wear at the change over the criterion [-]. It is tuned: inserts wear faster or
+            slower than nominal, and an edge that wears out without a command costs more time.
     """
 
     def __init__(self, policy: Policy, scenario: Scenario, change_at: float) -> None:
-        self._policy, self._scenario = policy, scenario
+        self._policy = policy
+        self._scenario = scenario
         self._wear = change_at * scenario.tool.wear_criterion
 
     def reset(self, mask: Mask) -> None:
@@ -50,9 +56,8 @@ class TimelyChanges(Policy):
 
     def act(self, observations: Observations) -> Actions:
         actions = self._policy.act(observations).copy()
-        actions[:, -1] = np.where(
-            read(observations, self._scenario).nominal_wear >= self._wear, 1.0, -1.0
-        )
+        nominal_wear = read(observations, self._scenario).nominal_wear
+        actions[:, -1] = np.where(nominal_wear >= self._wear, 1.0, -1.0)
         return actions
 
 
@@ -64,20 +69,28 @@ def names(scenario: Scenario) -> list[str]:
 def names_on(family: Family) -> list[str]:
     """Return the names of the controllers that can play the jobs of a family."""
     scenario = family.job(0).scenario
-    by_numbers = [
-        name for name, rule in RULES.items() if rule.needs_numbers and rule.plays(scenario)
-    ]
-    return names(scenario) + [name for name in by_numbers if tuned.on_family(family, name)]
+    found = names(scenario)
+    for name, rule in RULES.items():
+        tuned_on_family = rule.needs_numbers and tuned.on_family(family, name)
+        if tuned_on_family and rule.plays(scenario):
+            found.append(name)
+    return found
 
 
 def playable(name: str, scenario: Scenario) -> Rule:
-    """Return the rule of a name as it plays a scenario, perhaps with timely edge changes; KeyError or ValueError if it cannot."""
+    """Return the rule of a name as it plays a scenario, perhaps with timely edge changes.
+
+    Raises:
+        KeyError: there is no controller of this name.
+        ValueError: it cannot play the scenario.
+    """
     if name not in RULES:
         raise KeyError(f"no controller is called {name!r}; there are {', '.join(RULES)}")
     rule = RULES[name]
     if not rule.plays(scenario):
         raise ValueError(
-            f"{name} cannot play scenario {scenario.name!r}, which lacks actions, inputs or models that it needs"
+            f"{name} cannot play scenario {scenario.name!r}, "
+            "which lacks actions, inputs or models that it needs"
         )
     if scenario.control.edge_changes != "commanded" or rule.changes_edges:
         return rule
@@ -85,11 +98,11 @@ def playable(name: str, scenario: Scenario) -> Rule:
     def build(
         scenario: Scenario, num_envs: int, change_at: float, **parameters: float
     ) -> TimelyChanges:
-        return TimelyChanges(rule.controller(scenario, num_envs, **parameters), scenario, change_at)
+        policy = rule.controller(scenario, num_envs, **parameters)
+        return TimelyChanges(policy, scenario, change_at=change_at)
 
-    return replace(
-        rule, controller=build, parameters={**rule.parameters, CHANGE_AT: Range(0.5, 1.3)}
-    )
+    parameters = {**rule.parameters, CHANGE_AT: Range(0.5, 1.3)}
+    return replace(rule, controller=build, parameters=parameters)
 
 
 def spec(
@@ -99,21 +112,28 @@ def spec(
     own: Parameters | None = None,
     numbers: Sequence[Mapping[str, float]] | None = None,
 ) -> PolicySpec:
-    """Return a controller built with a scenario's nominal model and its tuned parameters, if it has any.
+    """Return a controller built with a scenario's nominal model and its tuned parameters, if any.
 
-    ``scenario``: one to play, or one for each environment if the rule plays them ``together``. ``tuned_on``: scenario on which
-    its parameters were tuned; None: the one that it plays, or the first. ``own``: further parameters, which replace others.
-    ``numbers``: the catalogue's numbers of each scenario, for rules that need them.
+    Args:
+        name: name of the controller.
+        scenario: one to play, or one for each environment if the rule plays them ``together``.
+        tuned_on: scenario on which its parameters were tuned; None: the one that it plays, or the
+            first.
+        own: further parameters, which replace others.
+        numbers: the catalogue's numbers of each scenario, for rules that need them.
 
-    KeyError if there is no controller of this name; NotTuned if it has not been tuned on that scenario, in this version and these
-    parameters; ValueError if it cannot play the scenario, or a file of tuned parameters is damaged.
+    Raises:
+        KeyError: there is no controller of this name.
+        NotTuned: it has not been tuned on that scenario, in this version and these parameters.
+        ValueError: it cannot play the scenario, or a file of tuned parameters is damaged.
     """
-    first = scenario if isinstance(scenario, Scenario) else scenario[0]
-    nominal = (
-        scenario.nominal()
-        if isinstance(scenario, Scenario)
-        else [each.nominal() for each in scenario]
-    )
+    nominal: Any
+    if isinstance(scenario, Scenario):
+        first = scenario
+        nominal = scenario.nominal()
+    else:
+        first = scenario[0]
+        nominal = [model.nominal() for model in scenario]
     rule = playable(name, first.nominal())
     if isinstance(nominal, list) and not rule.together:
         raise ValueError(f"{name} plays one scenario at a time, got {len(nominal)}")
@@ -124,10 +144,11 @@ def spec(
                 f"{name} needs the catalogue's numbers of a job: it plays jobs of a family only"
             )
         inputs["numbers"] = numbers
-    found, command = (
-        tuned.setting(name, rule, (tuned_on or first).nominal()) if rule.ranges else ({}, None)
-    )
-    parameters = rule.fixed | found | (own or {})
+    tuned_parameters: Parameters = {}
+    command = None
+    if rule.ranges:
+        tuned_parameters, command = tuned.setting(name, rule, (tuned_on or first).nominal())
+    parameters = rule.fixed | tuned_parameters | (own or {})
     return PolicySpec(
         name=name,
         version=rule.version,

@@ -1,18 +1,20 @@
-"""Hold a constant cutting force, and so a constant roughness, with the feed (roughness control paper).
+"""Hold a constant cutting force, and so a constant roughness, with the feed.
 
-The commanded feed is
+The law is that of the roughness control paper. The commanded feed is
 
     f_c = f(t - 1) F_ref / F
 
-with F the measured force, F_ref its reference and f(t - 1) the previous feed. (The paper's equation (6) is lost; like the text's,
-this form grows without bound as the force vanishes.) If f(t - 1) is the actual feed, the feed servo integrates the deviation, and
-the loop is stable. If it is the commanded feed, the command runs ahead of the lags of servo and chip, and the feed swings between
-its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), equals the reference of Ra. Without a reference
-of Ra, it is a share of the force limit. The law acts only after the force has been above 100 N for some time; until then it
-commands the programmed feed, or the feed that a neural network recommends for the desired Ra (the paper's step 2).
+with F the measured force, F_ref its reference and f(t - 1) the previous feed. (The paper's equation
+(6) is lost; like the text's, this form grows without bound as the force vanishes.) If f(t - 1) is
+the actual feed, the feed servo integrates the deviation, and the loop is stable. If it is the
+commanded feed, the command runs ahead of the lags of servo and chip, and the feed swings between
+its bounds. F_ref is the force at which Ra = a exp(b F), the paper's equation (5), equals the
+reference of Ra. Without a reference of Ra, it is a share of the force limit. The law acts only
+after the force has been above 100 N for some time; until then it commands the programmed feed, or
+the feed that a neural network recommends for the desired Ra (the paper's step 2).
 
-It needs of the nominal model: the roughness of a force and the law of thrust force. Roughness must depend on the force, and, if
-the model gives the feed, the force must grow with the feed.
+Uses from the nominal model: the roughness of a force and the law of thrust force. Roughness must
+depend on the force, and, if the model gives the feed, the force must grow with the feed.
 """
 
 import math
@@ -34,40 +36,58 @@ from turning_env.numerics.functions import exp, log, sine_and_cosine
 from turning_env.scenario.sections import Surface
 from turning_env.scoring.policy import Actions, Observations, Policy
 
-THRESHOLD = (
-    100.0  # force below which the tool counts as out of the metal [N] (roughness control paper)
-)
+THRESHOLD = 100.0
+"""Force below which the tool counts as out of the metal [N] (roughness control paper)."""
 ENGAGED_TIME = 0.1
-"""Time above the threshold after which the law acts [s]: one turn of the paper's spindle, in which a chip reaches its thickness
-(assumption; the paper says "a specified time")."""
-SAMPLES, UNITS, WIDTH = 64, 6, 0.3
-"""Samples of the model between the task's lowest and highest reference of Ra; hidden units, and their width over that range."""
-DECAY = 1e-3  # weight decay: the fit minimises the sum of squares of the errors plus that of DECAY times each weight
+"""Time above the threshold after which the law acts [s].
+
+It is one turn of the paper's spindle, in which a chip reaches its thickness (assumption; the paper
+says "a specified time").
+"""
+MIN_WEAR = 1e-3  # flank wear over the criterion in place of 0, before the first cut [-]
+# The network of the recommended feed (assumptions).
+SAMPLES = 64  # of the model between the task's lowest and highest reference of Ra
+UNITS = 6  # hidden units
+WIDTH = 0.3  # width of the hidden units over the range of samples
+DECAY = 1e-3
+"""Weight decay: the fit minimises the squares of errors plus those of DECAY times weights."""
 
 
 def force_of_roughness(surface: Surface, roughness: Array) -> Array:
-    """Return the thrust force [N], at least 1 N, for a roughness Ra [um]: the inverse of the paper's equation (5)."""
-    return np.asarray(
-        np.maximum(log(roughness / surface.roughness_at_no_force) / surface.roughness_rate, 1.0)
-    )
+    """Return the thrust force [N], at least 1 N, for a roughness Ra [um].
+
+    It is the inverse of the paper's equation (5).
+    """
+    log_ratio = log(roughness / surface.roughness_at_no_force)
+    return np.asarray(np.maximum(log_ratio / surface.roughness_rate, 1.0))
 
 
 def feed_of_roughness(scenario: Scenario, roughness: Array, wear: Array | float = 0.0) -> Array:
-    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um], at a flank wear [mm]."""
-    law, machine = scenario.material.thrust_force, scenario.machine
-    wear = np.maximum(wear, 1e-3 * scenario.tool.wear_criterion)  # before the first cut it is 0
+    """Return the feed [mm/rev] at which the nominal model has the force for a roughness Ra [um].
+
+    ``wear``: flank wear [mm].
+    """
+    law = scenario.material.thrust_force
+    machine = scenario.machine
     at_unit_feed = law(
-        scenario.control.initial_cutting_speed, 1.0, scenario.workpiece.depth_of_cut, wear=wear
+        scenario.control.initial_cutting_speed,
+        1.0,
+        scenario.workpiece.depth_of_cut,
+        wear=np.maximum(wear, MIN_WEAR * scenario.tool.wear_criterion),
     )
-    feed = exp(log(force_of_roughness(scenario.surface, roughness) / at_unit_feed) / law.feed)
+    log_ratio = log(force_of_roughness(scenario.surface, roughness) / at_unit_feed)
+    feed = exp(log_ratio / law.feed)
     return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
 
 class ConstantForce(Policy):
     """The paper's control law.
 
-    ``force_share``: reference of force over the force limit [-], unless a roughness is to be held; ``on_command``: whether
-    f(t - 1) is the commanded feed, not the actual one.
+    Args:
+        program: the part program, whose feed is overridden.
+        num_envs: number of environments.
+        force_share: reference of force over the force limit [-], unless a roughness is to be held.
+        on_command: whether f(t - 1) is the commanded feed, not the actual one.
     """
 
     def __init__(
@@ -77,8 +97,9 @@ class ConstantForce(Policy):
         force_share: float = 1.0,
         on_command: bool = False,
     ) -> None:
-        self._program, self._on_command = program, on_command
-        self._reference: Array | float = force_share * program.scenario.limits.thrust_force
+        self._program = program
+        self._on_command = on_command
+        self._force_reference = force_share * program.scenario.limits.thrust_force
         self._steps_needed = max(1, round(ENGAGED_TIME / program.scenario.control.interval))
         self._steps_engaged = np.zeros(num_envs, np.int64)
 
@@ -87,60 +108,84 @@ class ConstantForce(Policy):
 
     def act(self, observations: Observations) -> Actions:
         scenario = self._program.scenario
-        reading, reference = read(observations, scenario), self._reference
-        self._steps_engaged = np.where(reading.thrust_force > THRESHOLD, self._steps_engaged + 1, 0)
+        reading = read(observations, scenario)
+        above = reading.thrust_force > THRESHOLD
+        self._steps_engaged = np.where(above, self._steps_engaged + 1, 0)
+        reference: Array | float = self._force_reference
         if scenario.control.aim == "roughness":
             reference = force_of_roughness(scenario.surface, reading.roughness_reference)
-        before = reading.commanded_feed if self._on_command else reading.feed
-        feed = before * reference / np.maximum(reading.thrust_force, THRESHOLD)
-        return self._program.act(
-            reading, self._override(reading, feed, self._steps_engaged >= self._steps_needed)
-        )
+        feed_before = reading.commanded_feed if self._on_command else reading.feed
+        feed = feed_before * reference / np.maximum(reading.thrust_force, THRESHOLD)
+        engaged = self._steps_engaged >= self._steps_needed
+        return self._program.act(reading, self._override(reading, feed, engaged))
 
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
-        """Return the override [-] for the law's feed [mm/rev], which acts where the tool is ``engaged``."""
+        """Return the override [-] for the law's feed [mm/rev], which acts where engaged."""
         return np.where(engaged, feed / self._program.feed, 1.0)
 
 
 def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
     """Return the recommended feed [mm/rev] as a function of the desired Ra [um].
 
-    It is a radial basis network, w_0 + sum of w_j exp(-(x - centre j)^2 / (2 width^2)), with Ra scaled to x of 0..1. The paper
-    does not print its own. This one is fitted to the nominal model: its centres are samples, its weights the least squares'.
+    It is a radial basis network, w_0 + sum of w_j exp(-(x - centre j)^2 / (2 width^2)), with Ra
+    scaled to x of 0..1. The paper does not print its own. This one is fitted to the nominal model:
+    its centres are samples, its weights minimise the sum of squares.
     """
-    surface, machine = scenario.surface, scenario.machine
-    samples = exp(np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES))
-    low, span = samples.min(), np.ptp(samples) or 1.0
-    centres = ((samples - low) / span)[np.linspace(0, SAMPLES - 1, UNITS).round().astype(np.int64)]
+    surface = scenario.surface
+    machine = scenario.machine
+    log_samples = np.linspace(log(surface.reference_min), log(surface.reference_max), SAMPLES)
+    samples = exp(log_samples)
+    low = samples.min()
+    span = np.ptp(samples) or 1.0
+    places = np.linspace(0, SAMPLES - 1, UNITS).round().astype(np.int64)
+    centres = ((samples - low) / span)[places]
 
     def hidden(roughness: Array) -> Array:
-        distance = (((roughness - low) / span)[:, np.newaxis] - centres) ** 2
+        """Return the outputs of the hidden units, 1 first, shape (samples, 1 + UNITS)."""
+        x = (roughness - low) / span
+        distance = (x[:, np.newaxis] - centres) ** 2
         return np.column_stack([np.ones(len(roughness)), exp(-0.5 * distance / WIDTH**2)])
 
+    # Normal equations of the decayed least squares: (U' U + DECAY^2 I) w = U' feeds.
     units = hidden(samples)
-    rows = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0) + DECAY**2 * np.eye(
-        UNITS + 1
-    )
-    rows = np.column_stack(
-        [rows, (units * feed_of_roughness(scenario, samples)[:, np.newaxis]).sum(axis=0)]
-    )
-    for k in range(
-        len(rows)
-    ):  # Gauss-Jordan elimination: the bits of NumPy's solver differ between processors
+    feeds = feed_of_roughness(scenario, samples)
+    matrix = (units[:, :, np.newaxis] * units[:, np.newaxis]).sum(axis=0)
+    matrix = matrix + DECAY**2 * np.eye(UNITS + 1)
+    weights = _solve(matrix, (units * feeds[:, np.newaxis]).sum(axis=0))
+
+    def recommend(roughness: Array) -> Array:
+        feed = (hidden(roughness) * weights).sum(axis=1)
+        return np.clip(feed, machine.feed_min, machine.feed_max)
+
+    return recommend
+
+
+def _solve(matrix: Array, values: Array) -> Array:
+    """Solve a system of linear equations by Gauss-Jordan elimination.
+
+    The bits of NumPy's solver differ between processors.
+    """
+    rows = np.column_stack([matrix, values])
+    for k in range(len(rows)):
         rows[k] /= rows[k, k]
         others = np.arange(len(rows)) != k
         rows[others] -= rows[others, k, np.newaxis] * rows[k]
-    return lambda desired: np.clip(
-        (hidden(desired) * rows[:, -1]).sum(axis=1), machine.feed_min, machine.feed_max
-    )
+    return rows[:, -1]
 
 
 class ConstantForceNetwork(ConstantForce):
-    """The paper's control law around the recommended feed, within the chip thickness (steps 2 to 9).
+    """The paper's control law around the recommended feed (steps 2 to 9).
 
-    The tool enters the metal with the recommended feed, and the override acts on it. The feed is restricted to those of an
-    allowed chip thickness h = f sin(kappa) [mm], with kappa the angle between the edge and the feed's direction [deg]. The paper
-    names this restriction without numbers; they are assumptions.
+    The tool enters the metal with the recommended feed, and the override acts on it. The feed is
+    restricted to those of an allowed chip thickness h = f sin(kappa). The paper names this
+    restriction without numbers; they are assumptions.
+
+    Args:
+        program: the part program, whose feed is overridden.
+        num_envs: number of environments.
+        chip_thickness_min: lowest h [mm].
+        chip_thickness_max: highest h [mm].
+        entering_angle: kappa, the angle between the edge and the feed's direction [deg].
     """
 
     def __init__(
@@ -153,32 +198,29 @@ class ConstantForceNetwork(ConstantForce):
     ) -> None:
         super().__init__(program, num_envs)
         self._recommended = recommended_feed(program.scenario)
-        over_feed, _ = sine_and_cosine(entering_angle / 360.0)
-        self._feed_range = chip_thickness_min / over_feed, chip_thickness_max / over_feed
+        thickness_per_feed, _ = sine_and_cosine(entering_angle / 360.0)
+        self._feed_min = chip_thickness_min / thickness_per_feed
+        self._feed_max = chip_thickness_max / thickness_per_feed
 
     def _override(self, reading: Reading, feed: Array, engaged: Mask) -> Array:
         recommended = self._recommended(reading.roughness_reference)
-        feed = np.where(
-            engaged, np.minimum(feed, self._program.override_max * recommended), recommended
-        )
-        return np.clip(feed, *self._feed_range) / self._program.feed
+        highest = self._program.override_max * recommended
+        feed = np.where(engaged, np.minimum(feed, highest), recommended)
+        return np.clip(feed, self._feed_min, self._feed_max) / self._program.feed
 
 
 class ModelFeed(Policy):
-    """Open-loop control of a task: the feed at which the nominal model has the force for the reference of Ra."""
+    """Open-loop control by the nominal model: its feed for the reference of Ra."""
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
 
     def act(self, observations: Observations) -> Actions:
-        scenario, reading = self._scenario, read(observations, self._scenario)
+        scenario = self._scenario
+        reading = read(observations, scenario)
         speed = np.full(len(observations), scenario.control.initial_cutting_speed)
-        return towards(
-            reading,
-            scenario,
-            speed,
-            feed_of_roughness(scenario, reading.roughness_reference, reading.nominal_wear),
-        )
+        feed = feed_of_roughness(scenario, reading.roughness_reference, wear=reading.nominal_wear)
+        return towards(reading, scenario, speed, feed)
 
 
 def holds_roughness(scenario: Scenario) -> bool:
@@ -196,31 +238,39 @@ RULES = {
     "constant_force": Rule(
         "constant cutting force for constant roughness (roughness control paper)",
         on_program(ConstantForce),
-        holds_roughness,
-        {},
+        plays=holds_roughness,
+        parameters={},
     ),
     "constant_force_limit": Rule(
-        "constant cutting force at a share of the force limit, by override (roughness control paper)",
+        "constant cutting force at a share of the force limit, by override "
+        "(roughness control paper)",
         on_program(ConstantForce),
-        on_override,
-        {"force_share": FORCE_SHARE},
+        plays=on_override,
+        parameters={"force_share": FORCE_SHARE},
     ),
     "constant_force_with_speed": Rule(
-        "constant cutting force at a share of the force limit (roughness control paper), with the program's speed and feed tuned",
+        "constant cutting force at a share of the force limit (roughness control paper), "
+        "with the program's speed and feed tuned",
         on_program(ConstantForce),
-        on_speed_and_feed,
-        {"force_share": FORCE_SHARE, **PROGRAM},
+        plays=on_speed_and_feed,
+        parameters={"force_share": FORCE_SHARE, **PROGRAM},
     ),
     "model_feed": Rule(
-        "the feed of the nominal model for the reference of roughness, without measuring (to compare with constant_force)",
+        "the feed of the nominal model for the reference of roughness, without measuring "
+        "(to compare with constant_force)",
         ModelFeed,
-        _plays_by_model,
-        {},
+        plays=_plays_by_model,
+        parameters={},
     ),
     "constant_force_network": Rule(
-        "constant_force around a feed that a neural network recommends, within a chip thickness (roughness control paper)",
+        "constant_force around a feed that a neural network recommends, within a chip thickness "
+        "(roughness control paper)",
         on_program(ConstantForceNetwork),
-        _plays_by_model,
-        {"chip_thickness_min": 0.05, "chip_thickness_max": 0.3, "entering_angle": 75.0},
+        plays=_plays_by_model,
+        parameters={
+            "chip_thickness_min": 0.05,
+            "chip_thickness_max": 0.3,
+            "entering_angle": 75.0,
+        },
     ),
 }

@@ -1,9 +1,10 @@
-"""``self_tuning`` whose highest speed follows from the catalogue's numbers of a job by a linear law.
+"""``self_tuning`` whose highest speed is a linear law of the catalogue's numbers of a job.
 
     log(highest speed / start speed) = speed + sum of speed_NAME * (number NAME - 0.5)
 
-Edges are changed at the used life ``change_at``. ``python -m baselines.tune_contextual`` finds the law on the training jobs of a
-family; its parameters ship in ``baselines/tuned/families``. The rule uses from the nominal model what ``optimiser`` uses.
+Edges are changed at the used life ``change_at``. ``python -m baselines.tune_contextual`` finds the
+law on the training jobs of a family; its parameters ship in ``baselines/tuned/families``. The rule
+uses from the nominal model what ``optimiser`` uses.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,9 +18,11 @@ from baselines.rule import Array, Scenarios
 from baselines.self_tuning import SelfTuning
 from turning_env.numerics.functions import exp
 
-SPEED, CHANGE_AT = "speed", "change_at"  # names of the parameters that are no slopes
+# Names of the parameters that are no slopes.
+SPEED = "speed"
+CHANGE_AT = "change_at"
 MIDDLE = 0.5
-"""Middle of the catalogue's numbers, most of which run from 0 to 1: there the law is its constant."""
+"""Middle of the catalogue's numbers, most of which run from 0 to 1."""
 
 Numbers = Sequence[Mapping[str, float]]
 """The catalogue's numbers of each job, by name (``Job.numbers``)."""
@@ -33,7 +36,8 @@ def slope_name(number: str) -> str:
 def log_speeds(parameters: Mapping[str, float], numbers: Numbers) -> Array:
     """Return the log highest speed over the start speed of each job by the law [-], shape (jobs,).
 
-    ValueError if the law needs a number that a job lacks.
+    Raises:
+        ValueError: the law needs a number that a job lacks.
     """
     values = np.full(len(numbers), float(parameters[SPEED]))
     for name, slope in parameters.items():
@@ -43,7 +47,8 @@ def log_speeds(parameters: Mapping[str, float], numbers: Numbers) -> Array:
         for job, known in enumerate(numbers):
             if number not in known:
                 raise ValueError(
-                    f"{name} needs the number {number!r} of the job, but there are {', '.join(known)}"
+                    f"{name} needs the number {number!r} of the job, "
+                    f"but there are {', '.join(known)}"
                 )
             values[job] += slope * (known[number] - MIDDLE)
     return values
@@ -87,7 +92,8 @@ def contextual(
 RULES = {
     "contextual": replace(
         self_tuning.RULES["self_tuning"],
-        description="self_tuning with a highest speed by a regression on the catalogue's numbers of the job",
+        description="self_tuning with a highest speed by a regression on the catalogue's numbers "
+        "of the job",
         controller=contextual,
         version=1,
         needs_numbers=True,

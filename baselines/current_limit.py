@@ -1,18 +1,24 @@
-"""Adapt the feed to a limit on the cutting force, estimated from the feed motor's current (servo current paper).
+"""Adapt the feed to a limit on the cutting force, estimated from the feed motor's current.
 
-A Butterworth low-pass of 10th order removes ripple and noise from the current. The estimate is the force whose steady current
-is the root mean square of the last filtered samples. The feed velocity shifts the no-load current, and the feed belongs to the
-estimated force, so both pass the same filter, the feed after the lag of the chip (assumption; the rest is the paper's).
+The method is that of the servo current paper. A Butterworth low-pass of 10th order removes ripple
+and noise from the current. The estimate is the force whose steady current is the root mean square
+of the last filtered samples. The feed velocity shifts the no-load current, and the feed belongs to
+the estimated force, so both pass the same filter, the feed after the lag of the chip (assumption;
+the rest is the paper's).
 
-The nominal exponent of feed scales the force to every grade of the feed switch. If the force is above the upper limit, a share of
-the force limit, the controller takes the highest grade within that limit; if it is below the lower limit, the lowest grade above
-that one. The distance between the limits prevents chatter of the switch. (The paper adapts the feed to the calculated force and
-the limit, but states no law: assumption.) In air, and in metal until the estimate has settled, the feed is the programmed one.
+The nominal exponent of feed scales the force to every grade of the feed switch. If the force is
+above the upper limit, a share of the force limit, the controller takes the highest grade within
+that limit; if it is below the lower limit, the lowest grade above that one. The distance between
+the limits prevents chatter of the switch. (The paper adapts the feed to the calculated force and
+the limit, but states no law: assumption.) In air, and in metal until the estimate has settled, the
+feed is the programmed one.
 
-It needs of the nominal model: the law of thrust force's exponent of feed, the lag of the chip, and the motor's current per force.
+Uses from the nominal model: the law of thrust force's exponent of feed, the lag of the chip, and
+the motor's current per force.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,62 +32,90 @@ from turning_env.physics.records import parameter_records
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 FEED_GRADES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 1.5)
-"""Feed override at each position of a panel's switch, a four-bit code (servo current paper, section 5.2) [-]."""
+"""Feed override at each position of a panel's switch [-].
+
+The positions have a four-bit code (servo current paper, section 5.2).
+"""
+PROGRAMMED = FEED_GRADES.index(1.0)  # position of the programmed feed
 ORDER = 10  # order of the low-pass filter (servo current paper)
 HYSTERESIS = 0.05  # distance between the limits over the upper one [-] (assumption)
-CUTOFF, WINDOW = (
-    0.8,
-    3,
-)  # arguments of Smoother [-], [samples]: the loop is stable with this filter's lag (assumption)
-_PROGRAMMED = FEED_GRADES.index(1.0)
+# Arguments of ``Smoother`` (assumption): the loop is stable with this filter's lag.
+CUTOFF = 0.8
+WINDOW = 3
+# Signals of ``ForceEstimator`` that pass the filter.
+SENSED = 0  # servo current [A], or thrust force [N] if it is measured
+FEED_VELOCITY = 1  # [mm/min]
+CHIP_FEED = 2  # feed that the force follows [mm/rev]
+SIGNALS = 3
 
 
 def low_pass(cutoff: float) -> Array:
-    """Return the Butterworth low-pass of a cut-off over the Nyquist frequency as second-order sections, shape (sections, 6).
+    """Return the Butterworth low-pass of a cut-off over the Nyquist frequency.
 
-    It is the bilinear transform of the analogue filter. SciPy's own design gives other bits on other processors.
+    It is the bilinear transform of the analogue filter. SciPy's own design gives other bits on
+    other processors.
+
+    Returns:
+        Second-order sections as in SciPy, shape (sections, 6).
     """
+    # With W = tan(pi cutoff / 2) and d_k = 2 sin(pi (k + 1/2) / ORDER / 2), section k is
+    #     W^2 (1 + z^-1)^2 / ((1 + d W + W^2) + 2 (W^2 - 1) z^-1 + (1 - d W + W^2) z^-2)
     sine, cosine = sine_and_cosine(0.25 * cutoff)
-    warped = sine / cosine  # tan(pi cutoff / 2)
+    warped = sine / cosine
     damping = 2.0 * sine_and_cosine((np.arange(ORDER // 2) + 0.5) / (2.0 * ORDER))[0]
     scale = 1.0 / (1.0 + damping * warped + warped * warped)
-    gain, last = warped * warped * scale, (1.0 - damping * warped + warped * warped) * scale
-    return np.stack(
-        [gain, 2.0 * gain, gain, np.ones(len(gain)), 2.0 * (warped * warped - 1.0) * scale, last],
-        axis=1,
-    )
+    gain = warped * warped * scale
+    sections = np.empty((len(gain), 6))
+    sections[:, 0] = gain
+    sections[:, 1] = 2.0 * gain
+    sections[:, 2] = gain
+    sections[:, 3] = 1.0
+    sections[:, 4] = 2.0 * (warped * warped - 1.0) * scale
+    sections[:, 5] = (1.0 - damping * warped + warped * warped) * scale
+    return sections
 
 
 def delay(cutoff: float) -> float:
-    """Return the filter's delay of slow changes [samples].
-
-    The analogue Butterworth filter of order n has the delay 1 / (w sin(pi / 2n)), with w the cut-off frequency in rad/s. The
-    bilinear transform gives w = 2 tan(pi cutoff / 2) per sample.
-    """
+    """Return the filter's delay of slow changes [samples]."""
+    # The analogue Butterworth filter of order n has the delay 1 / (w sin(pi / 2n)), with w the
+    # cut-off frequency in rad/s. The bilinear transform gives w = 2 tan(pi cutoff / 2) per sample.
     sine, cosine = sine_and_cosine(0.25 * cutoff)
     return float(cosine / (sine_and_cosine(0.25 / ORDER)[0] * 2.0 * sine))
 
 
 class Smoother:
-    """A Butterworth low-pass and the root mean square of its last outputs, for several signals of each environment.
+    """A Butterworth low-pass and the root mean square of its last outputs, for several signals.
 
-    The first sample after ``reset`` counts as steady before; the root mean square then covers the samples since. ``cutoff``:
-    half-power frequency over the Nyquist frequency [-], between 0 and 1; ``window``: samples of the root mean square, from 1.
+    The first sample after ``reset`` counts as steady before; the root mean square then covers the
+    samples since.
+
+    Args:
+        num_envs: number of environments.
+        signals: number of signals of each environment.
+        cutoff: half-power frequency over the Nyquist frequency [-], between 0 and 1.
+        window: samples of the root mean square, 1 or more.
+
+    Attributes:
+        count: samples that each environment's root mean square covers, shape (num_envs, 1).
     """
 
     def __init__(self, num_envs: int, signals: int, cutoff: float, window: int) -> None:
-        from scipy.signal import sosfilt  # takes as long as all other imports of the catalogue
+        # This import takes as long as all others of the catalogue.
+        from scipy.signal import sosfilt
 
-        self._filter, self._sections = sosfilt, low_pass(cutoff)
-        b, a = self._sections[:, :3], self._sections[:, 3:]
-        steady = np.stack(
-            [1.0 - b[:, 0], b[:, 2] - a[:, 2]], axis=1
-        )  # state per unit of a constant signal
+        self._filter = sosfilt
+        self._sections = low_pass(cutoff)
+        numerator = self._sections[:, :3]
+        denominator = self._sections[:, 3:]
+        # State of each section per unit of a constant signal, which it passes unchanged.
+        steady = np.empty((len(self._sections), 2))
+        steady[:, 0] = 1.0 - numerator[:, 0]
+        steady[:, 1] = numerator[:, 2] - denominator[:, 2]
         self._steady = steady[:, np.newaxis, np.newaxis, :]
         self._state = np.zeros((len(self._sections), num_envs, signals, 2))
         self._window = np.zeros((window, num_envs, signals))
-        self.count = np.zeros((num_envs, 1), np.int64)  # of each environment's samples
-        self._next = 0
+        self.count = np.zeros((num_envs, 1), np.int64)
+        self._next = 0  # place in the window of the next output
 
     def reset(self, mask: Mask) -> None:
         self._window[:, mask] = 0.0
@@ -100,84 +134,123 @@ class Smoother:
         return np.asarray(np.sqrt((self._window**2).sum(axis=0) / self.count))
 
 
+class Estimate(NamedTuple):
+    """Force and feed of one moment; arrays of shape (num_envs,)."""
+
+    force: Array  # thrust force [N]
+    feed: Array  # feed that belongs to it [mm/rev]
+
+
 class ForceEstimator:
-    """An estimator of thrust force from the servo current or, if measured, the force; for the arguments see ``Smoother``."""
+    """An estimator of thrust force from the servo current or, if measured, the force.
+
+    Args:
+        scenario: nominal model.
+        num_envs: number of environments.
+        cutoff: see ``Smoother``.
+        window: see ``Smoother``.
+
+    Attributes:
+        delay: delay of an estimate [samples].
+    """
 
     def __init__(self, scenario: Scenario, num_envs: int, cutoff: float, window: int) -> None:
-        self._parameters, self._machine = parameter_records(scenario)[0], scenario.machine
+        self._parameters = parameter_records(scenario)[0]
+        self._machine = scenario.machine
         self._senses_current = scenario.sensors.force == "servo_current"
-        self._smoother = Smoother(num_envs, 3, cutoff, window)
-        turn = 60.0 / (
+        self._smoother = Smoother(num_envs, SIGNALS, cutoff=cutoff, window=window)
+        turns_per_minute = (
             self._parameters.revolutions_per_metre[0] * scenario.control.initial_cutting_speed
-        )  # [s]
-        self._remains = 1.0 - lag_share(scenario.control.interval, turn * self._machine.chip_lag)
-        self._chip_feed = np.zeros(num_envs)  # feed that the force follows [mm/rev]
-        self.reset = self._smoother.reset
-        self.delay = delay(cutoff) + 0.5 * (window - 1)  # delay of an estimate [samples]
-
-    def update(self, reading: Reading) -> tuple[Array, Array]:
-        """Return thrust force [N] and feed [mm/rev] of one moment, ``delay`` samples ago, after the next reading."""
-        sensed = reading.servo_current if self._senses_current else reading.thrust_force
-        feed_velocity = (
-            reading.cutting_speed * self._parameters.revolutions_per_metre[0] * reading.feed
         )
+        turn = 60.0 / turns_per_minute  # [s]
+        chip_time = turn * self._machine.chip_lag
+        self._remains = 1.0 - lag_share(scenario.control.interval, chip_time)
+        self._chip_feed = np.zeros(num_envs)
+        self.delay = delay(cutoff) + 0.5 * (window - 1)
+
+    def reset(self, mask: Mask) -> None:
+        self._smoother.reset(mask)
+
+    def update(self, reading: Reading) -> Estimate:
+        """Return the estimate after the next reading, of ``delay`` samples ago."""
+        turns_per_minute = reading.cutting_speed * self._parameters.revolutions_per_metre[0]
         remains = self._remains * (self._smoother.count[:, 0] > 0)
         self._chip_feed = reading.feed - remains * (reading.feed - self._chip_feed)
-        force, feed_velocity, feed = self._smoother.update(
-            np.stack([sensed, feed_velocity, self._chip_feed], axis=1)
-        ).T
+        samples = np.empty((len(reading.feed), SIGNALS))
+        samples[:, SENSED] = reading.servo_current if self._senses_current else reading.thrust_force
+        samples[:, FEED_VELOCITY] = turns_per_minute * reading.feed
+        samples[:, CHIP_FEED] = self._chip_feed
+        smooth = self._smoother.update(samples).T
+        force = smooth[SENSED]
         if self._senses_current:
-            force = force_from_current(self._parameters, 0, force, feed_velocity)  # type: ignore[no-untyped-call]
-        return np.maximum(force, 0.0), np.clip(
-            feed, self._machine.feed_min, self._machine.feed_max
-        )  # the filter overshoots
+            force = force_from_current(  # type: ignore[no-untyped-call]
+                self._parameters, 0, force, smooth[FEED_VELOCITY]
+            )
+        # The filter overshoots.
+        return Estimate(
+            force=np.maximum(force, 0.0),
+            feed=np.clip(smooth[CHIP_FEED], self._machine.feed_min, self._machine.feed_max),
+        )
 
 
 class CurrentLimit(Policy):
-    """Control that keeps the estimated force below ``force_share`` [-] of its limit with the 16 grades of the feed switch."""
+    """Control that keeps the estimated force below a limit with the 16 grades of the feed switch.
+
+    Args:
+        program: the part program, whose feed is overridden.
+        num_envs: number of environments.
+        force_share: upper limit over the scenario's force limit [-].
+
+    Attributes:
+        settling_steps: steps in metal during which the estimate is ignored.
+    """
 
     def __init__(self, program: PartProgram, num_envs: int, force_share: float) -> None:
-        self._program, scenario = program, program.scenario
+        scenario = program.scenario
+        machine = scenario.machine
+        self._program = program
         self._overrides = np.minimum(FEED_GRADES, program.override_max)
-        self._feeds = np.clip(
-            self._overrides * program.feed, scenario.machine.feed_min, scenario.machine.feed_max
-        )
+        self._feeds = np.clip(self._overrides * program.feed, machine.feed_min, machine.feed_max)
         self._upper = force_share * scenario.limits.thrust_force
         self._lower = self._upper * (1.0 - HYSTERESIS)
-        self._estimator = ForceEstimator(scenario, num_envs, CUTOFF, WINDOW)
-        self.settling_steps = math.ceil(
-            2.0 * self._estimator.delay
-        )  # steps in metal during which the estimate is ignored
+        self._estimator = ForceEstimator(scenario, num_envs, cutoff=CUTOFF, window=WINDOW)
+        self.settling_steps = math.ceil(2.0 * self._estimator.delay)
         self._steps_in_metal = np.zeros(num_envs, np.int64)
-        self._grade = np.full(num_envs, _PROGRAMMED)
+        self._grade = np.full(num_envs, PROGRAMMED)
 
     def reset(self, mask: Mask) -> None:
         self._estimator.reset(mask)
         self._steps_in_metal[mask] = 0
-        self._grade[mask] = _PROGRAMMED
+        self._grade[mask] = PROGRAMMED
 
     def act(self, observations: Observations) -> Actions:
         scenario = self._program.scenario
         reading = read(observations, scenario)
         self.reset(~reading.cutting)
         self._steps_in_metal += reading.cutting
-        force, feed = (estimate[:, np.newaxis] for estimate in self._estimator.update(reading))
-        force = force * real_power(
-            self._feeds / feed, scenario.material.thrust_force.feed
-        )  # (num_envs, grades)
-        lowest, highest = (
-            np.maximum((force <= limit).sum(axis=1) - 1, 0) for limit in (self._lower, self._upper)
+        estimate = self._estimator.update(reading)
+        ratio = real_power(
+            self._feeds / estimate.feed[:, np.newaxis], scenario.material.thrust_force.feed
         )
+        force_at_grade = estimate.force[:, np.newaxis] * ratio  # shape (num_envs, grades)
+        lowest = _highest_grade_within(force_at_grade, self._lower)
+        highest = _highest_grade_within(force_at_grade, self._upper)
         settled = self._steps_in_metal > self.settling_steps
         self._grade = np.where(settled, np.clip(self._grade, lowest, highest), self._grade)
         return self._program.act(reading, self._overrides[self._grade])
 
 
+def _highest_grade_within(force_at_grade: Array, limit: float) -> Array:
+    """Return the highest grade whose force is within a limit, or the lowest one; forces ascend."""
+    return np.maximum((force_at_grade <= limit).sum(axis=1) - 1, 0)
+
+
 RULES = override_rules(
     "current_limit",
-    "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it (servo current paper)",
-    CurrentLimit,
-    {"force_share": FORCE_SHARE},
-    {"force_share": FORCE_SHARE, **PROGRAM},
-    lambda scenario: scenario.material.thrust_force.feed > 0.0,
+    "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it "
+    "(servo current paper)",
+    controller=CurrentLimit,
+    parameters={"force_share": FORCE_SHARE},
+    with_speed={"force_share": FORCE_SHARE, **PROGRAM},
+    plays=lambda scenario: scenario.material.thrust_force.feed > 0.0,
 )

@@ -2,12 +2,14 @@
 
     python -m baselines.law_errors shop
 
-writes ``law_errors.json``, what ``self_tuning`` expects of every lathe. Errors count from the initial speed and feed, the nominal
-depth and half the wear criterion. Those of force and power are correlated, as both follow from the specific cutting force.
+writes ``law_errors.json``, the errors that ``self_tuning`` expects of every lathe. Errors count
+from the initial speed and feed, the nominal depth and half the wear criterion. Those of force and
+power are correlated, as both follow from the specific cutting force.
 """
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +27,7 @@ from turning_env.scenario.family import CHUNK, DrawnJobs
 from turning_env.scenario.power_law import log_response
 
 FILE = Path(__file__).with_suffix(".json")
+DIGITS = 6  # decimals in the file
 
 
 def read() -> LawErrors:
@@ -33,34 +36,45 @@ def read() -> LawErrors:
     return LawErrors(np.array(values["mean"]), np.array(values["covariance"]))
 
 
-def errors_of(draw: DrawnJobs) -> Array:
+def errors_of(jobs: DrawnJobs) -> Array:
     """Return the errors of some jobs, shape (jobs, errors), in the order of ``LawErrors``."""
-    true, nominal = draw.true.material, draw.nominal.material
-    control, depth = draw.true.control, draw.true.workpiece.depth_of_cut
-    place = log(control.initial_cutting_speed), log(control.initial_feed), log(depth), 0.0
-
-    def bias(law: str) -> Any:
-        wear = 0.0 if law == "wear" else log(0.5 * draw.true.tool.wear_criterion)
-        responses = [
-            log_response(getattr(model, law), *place, wear, 0.0) for model in (true, nominal)
-        ]  # type: ignore[no-untyped-call]
-        return responses[0] - responses[1]
+    true = jobs.true.material
+    nominal = jobs.nominal.material
 
     def error(law: str, exponent: str) -> Any:
         return getattr(getattr(true, law), exponent) - getattr(getattr(nominal, law), exponent)
 
-    wear = nominal.wear
-    found = [
-        bias("wear") / wear.time,
-        error("wear", "cutting_speed") / wear.cutting_speed,
-        error("wear", "feed") / wear.time,
+    columns = [
+        _log_error(jobs, "wear") / nominal.wear.time,
+        error("wear", "cutting_speed") / nominal.wear.cutting_speed,
+        error("wear", "feed") / nominal.wear.time,
     ]
     for law in ("thrust_force", "power"):
-        found += [
-            bias(law),
-            *(error(law, exponent) for exponent in ("cutting_speed", "feed", "wear")),
-        ]
-    return np.stack([np.broadcast_to(each, len(draw.plan.life)) for each in found], axis=1)
+        columns.append(_log_error(jobs, law))
+        columns.append(error(law, "cutting_speed"))
+        columns.append(error(law, "feed"))
+        columns.append(error(law, "wear"))
+    num_jobs = len(jobs.plan.life)
+    return np.stack([np.broadcast_to(column, num_jobs) for column in columns], axis=1)
+
+
+def _log_error(jobs: DrawnJobs, law: str) -> Any:
+    """Return the log ratio of a law's true and nominal responses, at the place described above."""
+    control = jobs.true.control
+    depth = jobs.true.workpiece.depth_of_cut
+    criterion = jobs.true.tool.wear_criterion
+    responses = {}
+    for name, model in (("true", jobs.true), ("nominal", jobs.nominal)):
+        responses[name] = log_response(  # type: ignore[no-untyped-call]
+            getattr(model.material, law),
+            log(control.initial_cutting_speed),
+            log_feed=log(control.initial_feed),
+            log_depth_of_cut=log(depth),
+            log_time=0.0,
+            log_wear=0.0 if law == "wear" else log(0.5 * criterion),
+            log_hardness=0.0,
+        )
+    return responses["true"] - responses["nominal"]
 
 
 @exits(ScenarioError)
@@ -69,17 +83,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baselines.law_errors", **described(__doc__))
     parser.add_argument("family", help="family, or its TOML file")
     family = Family.load(parser.parse_args(arguments).family)
-    errors = np.concatenate(
-        [errors_of(family.draw("train", chunk)) for chunk in range(-(-family.jobs // CHUNK))]
-    )
-    mean, covariance = (
-        found.round(6).tolist() for found in (errors.mean(axis=0), np.cov(errors, rowvar=False))
-    )
-    values = {"family": family.name, "mean": mean, "covariance": covariance}
-    replace_file(
-        FILE,
-        lambda path: path.write_text(json.dumps(values).replace("], [", "],\n[") + "\n", "utf-8"),
-    )
+    chunks = range(math.ceil(family.jobs / CHUNK))
+    errors = np.concatenate([errors_of(family.draw("train", chunk)) for chunk in chunks])
+    values = {
+        "family": family.name,
+        "mean": errors.mean(axis=0).round(DIGITS).tolist(),
+        "covariance": np.cov(errors, rowvar=False).round(DIGITS).tolist(),
+    }
+    text = json.dumps(values).replace("], [", "],\n[") + "\n"
+    replace_file(FILE, lambda path: path.write_text(text, "utf-8"))
     return 0
 
 

@@ -2,21 +2,24 @@
 
 A command passes three lags of first order before its effect is measured:
 
-    commanded feed -> (servo) -> actual feed f -> load k f^m -> (chip) -> load -> (sensor) -> measured load
+    commanded feed -> (servo) -> actual feed f -> k f^m -> (chip) -> load -> (sensor) -> reading
 
-The published law of constant force (``constant_force``) scales the feed by the ratio of reference and measured load. It does not
-account for these lags, so it is slow, or swings. This controller knows their time constants and the exponent m of feed:
+The published law of constant force (``constant_force``) scales the feed by the ratio of reference
+and measured load. It does not account for these lags, so it is slow, or swings. This controller
+knows their time constants and the exponent m of feed:
 
-1. It sends f^m through the lags of chip and sensor, as the load goes. The measured load divided by the result is k, which
-   changes only with depth, hardness and wear. k is smoothed over ``estimate_time``.
+1. It sends f^m through the lags of chip and sensor, as the load goes. The measured load divided by
+   the result is k, which changes only with depth, hardness and wear. k is smoothed over
+   ``estimate_time``.
 2. The reference divided by k is the wanted value of f^m behind the chip.
-3. It commands the feed at which each lag covers, within one step, the distance that a lag with ``response_time`` would. The
-   commanded feed therefore overshoots, and the load does not.
+3. It commands the feed at which each lag covers, within one step, the distance that a lag with
+   ``response_time`` would. The commanded feed therefore overshoots, and the load does not.
 
-In air it commands the override ``approach``. The lead and the estimate are this project's; both are textbook control.
+In air it commands the override ``approach``. The lead and the estimate are this project's; both are
+textbook control.
 
-Uses from the nominal model: the exponent of feed in the law of the load, the law's value before the first reading, the lags of
-servo, chip and sensor, and for roughness the force of a roughness.
+Uses from the nominal model: the exponent of feed in the law of the load, the law's value before the
+first reading, the lags of servo, chip and sensor, and for roughness the force of a roughness.
 """
 
 import math
@@ -33,7 +36,10 @@ from turning_env.scenario.power_law import PowerLaw
 from turning_env.scoring.policy import Actions, Observations, Policy
 
 MIN_CHIP = 0.1
-"""Least f^m behind the lags over the programmed feed's [-] at which readings are used: below it, the tool has just entered."""
+"""Lower bound of f^m behind the lags over the programmed feed's at which readings are used [-].
+
+Below it, the tool has just entered.
+"""
 
 
 class LeadControl(Policy):
@@ -96,6 +102,8 @@ class LeadControl(Policy):
         self._follow(reading, chip_share)
         self._estimate(reading)
 
+        # A lag with the share s covers s (wanted - actual) in a step. To cover r (wanted - actual),
+        # with r the share of ``response_time``, it is sent actual + r / s (wanted - actual).
         wanted_chip = self._reference(reading) / exp(self._log_k)
         towards_chip = self._response_share / chip_share * (wanted_chip - self._chip)
         wanted_load = np.maximum(self._chip + towards_chip, 0.0)
@@ -206,24 +214,25 @@ def _plays_power(scenario: Scenario) -> bool:
     return on_override(scenario) and scenario.material.power.feed > 0.0
 
 
-TIME = Range(
-    0.005, 0.5, logarithmic=True
-)  # [s]: half an interval of these tasks to several times their longest lag
+TIME = Range(0.005, 0.5, logarithmic=True)
+"""Time constants [s]: half an interval of these tasks to several times their longest lag."""
 APPROACH = Range(0.5, 2.0)
 
 RULES = {
     "constant_force_lead": Rule(
-        "constant_force with an estimate of force per feed and a lead for the lags of servo and chip (this project)",
+        "constant_force with an estimate of force per feed and a lead for the lags of servo and "
+        "chip (this project)",
         on_program(ForceLead),
-        _plays_force,
-        {"estimate_time": TIME, "response_time": TIME, "approach": APPROACH},
+        plays=_plays_force,
+        parameters={"estimate_time": TIME, "response_time": TIME, "approach": APPROACH},
         worth_tuning=True,
     ),
     "constant_power_lead": Rule(
-        "constant spindle power with an estimate of power per feed and a lead for the lags of servo and chip (this project)",
+        "constant spindle power with an estimate of power per feed and a lead for the lags of "
+        "servo and chip (this project)",
         on_program(PowerLead),
-        _plays_power,
-        {
+        plays=_plays_power,
+        parameters={
             "target": Range(0.7, 1.0),
             "estimate_time": TIME,
             "response_time": TIME,

@@ -1,8 +1,9 @@
 """Tuned parameters of the rules, kept as data: one JSON file per scenario.
 
-The presets' files ship in ``baselines/tuned``, and those of families that a rule plays with parameters of its own in
-``baselines/tuned/families``. The file of your own scenario, ``my_mill.toml``, is ``my_mill.tuned.json`` beside it. A file belongs
-to the scenario whose digest it states; names do not matter.
+The presets' files ship in ``baselines/tuned``, and those of families that a rule plays with
+parameters of its own in ``baselines/tuned/families``. The file of your own scenario,
+``my_mill.toml``, is ``my_mill.tuned.json`` beside it. A file belongs to the scenario whose digest
+it states; names do not matter.
 """
 
 import json
@@ -16,24 +17,38 @@ from turning_env import Family, Scenario, presets
 FOLDER = Path(__file__).parent / "tuned"  # the folder of the tuned values that ship
 
 
-class NotTuned(ValueError):
+class NotTuned(ValueError):  # noqa: N818 - it names a state of the rules
     """A rule has not been tuned for this scenario."""
 
 
 def path(scenario: Scenario) -> Path:
-    """Return the path of a scenario's tuned parameters: beside the scenario's file or, if it ships, the file that ships."""
+    """Return the path of a scenario's tuned parameters.
+
+    It is beside the scenario's file or, if the scenario ships, the file that ships.
+    """
     file = scenario.file
-    return file.with_name(f"{file.stem}.tuned.json") if file else FOLDER / f"{scenario.name}.json"
+    if file is None:
+        return FOLDER / f"{scenario.name}.json"
+    return file.with_name(f"{file.stem}.tuned.json")
 
 
 def command(scenario: Scenario) -> str:
     """Return the command that tunes the rules for a scenario."""
-    shipped = f"{scenario.name} --shipped" if scenario.name in presets() else "FILE.toml"
-    return f"python -m baselines.tune --scenario {shlex.quote(str(scenario.file)) if scenario.file else shipped}"
+    if scenario.file:
+        task = shlex.quote(str(scenario.file))
+    elif scenario.name in presets():
+        task = f"{scenario.name} --shipped"
+    else:
+        task = "FILE.toml"
+    return f"python -m baselines.tune --scenario {task}"
 
 
 def read(file: Path) -> dict[str, Any]:
-    """Return the contents of a file of tuned parameters, an empty dict if there is no file; ValueError if it is damaged."""
+    """Return the contents of a file of tuned parameters, an empty dict if there is no file.
+
+    Raises:
+        ValueError: the file is damaged.
+    """
     try:
         values: dict[str, Any] = json.loads(file.read_text("utf-8"))
         for rule in values["rules"].values():
@@ -48,24 +63,29 @@ def read(file: Path) -> dict[str, Any]:
 
 
 def contents(scenario: Scenario) -> dict[str, Any]:
-    """Return the contents of the file for a scenario with these values; NotTuned says which command makes one."""
-    own = read(path(scenario))
-    for values in (own, *map(read, sorted(FOLDER.glob("*.json")))):
-        if values.get("scenario_digest") == scenario.digest():
+    """Return the contents of the file for a scenario with these values.
+
+    Raises:
+        NotTuned: there is no such file; the message names the command that makes one.
+    """
+    digest = scenario.digest()
+    beside_scenario = read(path(scenario))
+    if beside_scenario.get("scenario_digest") == digest:
+        return beside_scenario
+    for file in sorted(FOLDER.glob("*.json")):
+        values = read(file)
+        if values.get("scenario_digest") == digest:
             return values
-    found = "were tuned for other values" if own else "have not been tuned"
-    raise NotTuned(f"the rules of scenario {scenario.name!r} {found}: run `{command(scenario)}`")
+    state = "were tuned for other values" if beside_scenario else "have not been tuned"
+    raise NotTuned(f"the rules of scenario {scenario.name!r} {state}: run `{command(scenario)}`")
 
 
 def on_family(family: Family, name: str) -> Parameters:
     """Return the parameters that a rule has on the jobs of this family alone."""
     values = read(family_path(family))
-    own = (
-        values["rules"].get(name, {})
-        if values.get("family_digest") == family_digest(family)
-        else {}
-    )
-    return dict(own.get("parameters", {}))
+    if values.get("family_digest") != family_digest(family):
+        return {}
+    return dict(values["rules"].get(name, {}).get("parameters", {}))
 
 
 def family_path(family: Family) -> Path:
@@ -79,18 +99,25 @@ def family_digest(family: Family) -> str:
 
 
 def setting(name: str, rule: Rule, scenario: Scenario) -> tuple[Parameters, str]:
-    """Return one rule's tuned parameters and their command, for a scenario or ``rule.tuned_on``; NotTuned if there are none."""
-    home = scenario if rule.tuned_on is None else Scenario.load(rule.tuned_on)
-    values = contents(home)
-    known = values["rules"].get(name)
-    if known is None:
-        found = "has not been tuned"
-    elif (version := known.get("version", 1)) != rule.version:
-        found = f"was tuned in version {version}, and is now version {rule.version},"
-    elif known["parameters"].keys() != rule.ranges.keys():
-        found = "was tuned in other parameters"
+    """Return a rule's tuned parameters and the command that found them.
+
+    They are those for the scenario or, if the rule has one, for ``rule.tuned_on``.
+
+    Raises:
+        NotTuned: there are none.
+    """
+    tuned_on = scenario if rule.tuned_on is None else Scenario.load(rule.tuned_on)
+    values = contents(tuned_on)
+    entry = values["rules"].get(name)
+    if entry is None:
+        state = "has not been tuned"
+    elif entry.get("version", 1) != rule.version:
+        version = entry.get("version", 1)
+        state = f"was tuned in version {version}, and is now version {rule.version},"
+    elif entry["parameters"].keys() != rule.ranges.keys():
+        state = "was tuned in other parameters"
     else:
-        return dict(known["parameters"]), f"{values['command']} --rules {name}"
+        return dict(entry["parameters"]), f"{values['command']} --rules {name}"
     raise NotTuned(
-        f"{name} {found} for scenario {home.name!r}: run `{command(home)} --rules {name}`"
+        f"{name} {state} for scenario {tuned_on.name!r}: run `{command(tuned_on)} --rules {name}`"
     )

@@ -1,1 +1,4 @@
-"""A bound on the return of any policy, and an oracle that knows the hidden state. Policies belong in ``baselines``."""
+"""Oracles and bounds: what a policy could earn that knows what no control measures.
+
+They are shown beside the policies and are not ranked.
+"""
