@@ -155,7 +155,7 @@ def recommended_feed(scenario: Scenario) -> Callable[[Array], Array]:
 
     def recommend(roughness: Array) -> Array:
         feed = (hidden(roughness) * weights).sum(axis=1)
-        return np.clip(feed, machine.feed_min, machine.feed_max)
+        return np.asarray(np.clip(feed, machine.feed_min, machine.feed_max))
 
     return recommend
 

@@ -21,6 +21,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baselines.constant_force import FORCE_SHARE
 from baselines.models.part_program import PROGRAM, PartProgram, override_rules
@@ -240,9 +241,9 @@ class CurrentLimit(Policy):
         return self._program.act(reading, self._overrides[self._grade])
 
 
-def _highest_grade_within(force_at_grade: Array, limit: float) -> Array:
+def _highest_grade_within(force_at_grade: Array, limit: float) -> NDArray[np.int64]:
     """Return the highest grade whose force is within a limit, or the lowest one; forces ascend."""
-    return np.maximum((force_at_grade <= limit).sum(axis=1) - 1, 0)
+    return np.asarray(np.maximum((force_at_grade <= limit).sum(axis=1) - 1, 0))
 
 
 RULES = override_rules(

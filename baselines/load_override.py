@@ -176,8 +176,10 @@ class LearnedPower(Policy):
         """Return the power [kW] that the cut would take at the programmed feed and speed."""
         program = self._program
         law = program.scenario.material.power
-        power = reading.power * real_power(program.feed / reading.feed, law.feed)
-        return power * real_power(program.cutting_speed / reading.cutting_speed, law.cutting_speed)
+        feed_ratio = program.feed / reading.feed
+        speed_ratio = program.cutting_speed / reading.cutting_speed
+        power = reading.power * real_power(feed_ratio, law.feed)
+        return np.asarray(power * real_power(speed_ratio, law.cutting_speed))
 
     def _learn(self, reading: Reading, power: Array) -> Array:
         """Learn from a power; return the learned power [kW], inf while an edge learns."""
