@@ -1,4 +1,7 @@
-"""Training of agents: one readable file per algorithm, with run folders, tuning, learning curves and export."""
+"""Training of agents: one readable file per algorithm.
+
+The package also has run folders, tuning, learning curves and export.
+"""
 
 from turning_env.extras import tell_plainly
 

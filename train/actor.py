@@ -12,9 +12,10 @@ from turning_env.scoring.policy import Actions, Observations
 class Actor(torch.nn.Module):
     """A module that returns an agent's most likely action.
 
-    It includes scaling, memory and clipping. ``forward(observation, memory)`` takes float32 tensors of shape (num_envs, entries) and
-    (num_envs, memory_size). It returns the action in -1..1 of shape (num_envs, actions) and the
-    memory for the next call. The memory is 0 before an episode's first observation.
+    It includes scaling, memory and clipping. ``forward(observation, memory)`` takes float32 tensors
+    of shape (num_envs, entries) and (num_envs, memory_size). It returns the action in -1..1 of
+    shape (num_envs, actions) and the memory for the next call. The memory is 0 before an episode's
+    first observation.
     """
 
     memory_size: int = 0

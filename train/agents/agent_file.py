@@ -1,11 +1,13 @@
-"""An agent as one file for any machine: a network in ONNX, with metadata on the agent and its training.
+"""An agent as one file for any machine: a network in ONNX with metadata.
 
-The network takes ``observation`` (float32, num_envs x entries) and, where the agent has a memory, ``memory`` (float32,
-num_envs x memory_size); it gives ``action`` (num_envs x actions, -1..1) and then also ``next_memory``. Before an episode's first
-observation the memory is 0. All that belongs to the agent is inside: scaling, clipping, weights.
+The network takes ``observation`` (float32, num_envs x entries). If the agent has a memory, it also
+takes ``memory`` (float32, num_envs x memory_size). It returns ``action`` (num_envs x actions,
+-1..1), and with a memory also ``next_memory``. Before an episode's first observation the memory is
+0. All that belongs to the agent is inside: scaling, clipping, weights.
 
-A file may come from anywhere, so it is refused unless it is small, plain arithmetic from inputs to outputs, and says all that
-``Metadata`` names. Nothing in it can run code, read another file, loop, or ask for more memory than stated here.
+A file may come from anywhere. So it is refused unless it is small, plain arithmetic from inputs to
+outputs (``network.py``), and states all that ``Metadata`` names. Nothing in it can run code, read
+another file, loop, or ask for more memory than stated here.
 """
 
 import hashlib
@@ -19,6 +21,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from gymnasium.spaces import Box
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from baselines.belief import Belief, BeliefPolicy, with_belief
@@ -32,10 +35,12 @@ from turning_env.scenario import PortableScenario
 from turning_env.scoring.policy import Policy, PolicyFactory, PolicySpec, ScenarioId
 from turning_env.scoring.sandbox_child import Outline
 
-NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"  # pattern of agents' names, which also name files
+NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}$"
+"""Pattern of agents' names, which also name files."""
 FORMAT: Literal["rough-turning/agent/2"] = "rough-turning/agent/2"
 ONNX_SUFFIX = ".onnx"
-MAX_NUMBER = 2**63 - 1  # largest training seed, which also names files, and largest number of steps
+MAX_NUMBER = 2**63 - 1
+"""Largest training seed, which also names files, and largest number of steps."""
 _STRICT = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -54,22 +59,31 @@ class Space(BaseModel):
 
 
 class Metadata(BaseModel):
-    """The metadata of an agent's file: one ONNX property per field, text as it is, all else as JSON."""
+    """The metadata of an agent's file.
+
+    Each field is one ONNX property: text as it is, all else as JSON.
+    """
 
     model_config = _STRICT
 
     format: Literal["rough-turning/agent/2"]
     algorithm: str = Field(pattern="^[a-z][a-z0-9_]{0,63}$")
-    name: str = Field(pattern=NAME)  # name on leaderboards; a file without it has its algorithm's
-    seed: int = Field(ge=0, le=MAX_NUMBER)  # training seed
+    name: str = Field(pattern=NAME)
+    """Name on leaderboards; a file without it has its algorithm's."""
+    seed: int = Field(ge=0, le=MAX_NUMBER)
+    """Training seed."""
     env_id: str
-    scenario: PortableScenario  # scenario of the training: its name and the values that differ from the defaults
+    scenario: PortableScenario
+    """Scenario of the training: its name and the values that differ from the defaults."""
     observation_space: Space
     action_space: Space
-    parameters: dict[str, JsonValue]  # the algorithm's hyperparameters
+    parameters: dict[str, JsonValue]
+    """The algorithm's hyperparameters, and what else the training states of itself."""
     trained_steps: int = Field(ge=0, le=MAX_NUMBER)
-    command: str  # command line of the training
-    versions: dict[str, str]  # versions of the packages that made the file
+    command: str
+    """Command line of the training."""
+    versions: dict[str, str]
+    """Versions of the packages that made the file."""
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -77,12 +91,12 @@ class Metadata(BaseModel):
             raise ValueError(
                 f"env_id is {self.env_id!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}"
             )
-        for name, box in (
-            ("observation_space", seen_space(self.env_id, self.scenario, self.parameters)),
-            ("action_space", acting_space(self.scenario, self.parameters)),
-        ):
-            if getattr(self, name) != Space.of(box):
-                raise ValueError(f"{name} is not that of scenario {self.scenario.name!r}")
+        observation_space = seen_space(self.env_id, self.scenario, self.parameters)
+        if self.observation_space != Space.of(observation_space):
+            raise ValueError(f"observation_space is not that of scenario {self.scenario.name!r}")
+        action_space = acting_space(self.scenario, self.parameters)
+        if self.action_space != Space.of(action_space):
+            raise ValueError(f"action_space is not that of scenario {self.scenario.name!r}")
         return self
 
     @property
@@ -92,9 +106,8 @@ class Metadata(BaseModel):
 
     def properties(self) -> dict[str, str]:
         """Return the metadata as ONNX keeps it."""
-        values = self.model_dump(
-            mode="json", exclude={"name"} if self.name == self.algorithm else None
-        )
+        implied = {"name"} if self.name == self.algorithm else None
+        values = self.model_dump(mode="json", exclude=implied)
         return {
             name: value if isinstance(value, str) else json.dumps(value)
             for name, value in values.items()
@@ -102,16 +115,17 @@ class Metadata(BaseModel):
 
     @classmethod
     def of(cls, properties: dict[str, str]) -> Self:
-        """Read the metadata from an ONNX model's properties. Raise ValueError if something is missing, unknown or not allowed."""
+        """Read the metadata from an ONNX model's properties.
+
+        Raises:
+            ValueError: something is missing, unknown or not allowed.
+        """
         values: dict[str, Any] = {"name": properties.get("algorithm", "")}
         for name, text in properties.items():
             field = cls.model_fields.get(name)
+            is_json = field is not None and field.annotation in _JSON_FIELDS
             try:
-                values[name] = (
-                    _from_json(text)
-                    if field is not None and field.annotation in _JSON_FIELDS
-                    else text
-                )
+                values[name] = _from_json(text) if is_json else text
             except (ValueError, RecursionError) as error:
                 raise ValueError(f"metadata {name} is not JSON: {error}") from error
         try:
@@ -119,15 +133,28 @@ class Metadata(BaseModel):
         except ValidationError as error:
             details = error.errors()[0]
             place = ".".join(str(part) for part in details["loc"])
-            raise ValueError(
-                f"metadata {place}: {details['msg']}".replace(
-                    "metadata : Value error, ", "metadata "
-                )
-            ) from error
+            message = f"metadata {place}: {details['msg']}"
+            # The message of a validator of this class, which has no place.
+            message = message.replace("metadata : Value error, ", "metadata ")
+            raise ValueError(message) from error
+
+
+_JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
+
+
+def _from_json(text: str) -> Any:
+    value = json.loads(text)
+    # Halves of surrogate pairs can be read, but not written.
+    json.dumps(value, ensure_ascii=False).encode()
+    return value
 
 
 def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
-    """Return the space of an agent's observations: the environment's, with what its parameters name of model and belief."""
+    """Return the space of an agent's observations.
+
+    It is the environment's, with the entries of model and belief that its parameters name; or that
+    of a guide's features.
+    """
     try:
         context = len(parameters["context"]["names"]) if env_id == FAMILY_ID else 0
     except (KeyError, TypeError) as error:
@@ -142,8 +169,10 @@ def seen_space(env_id: str, scenario: Scenario, parameters: Mapping[str, Any]) -
 
 
 def acting_space(scenario: Scenario, parameters: Mapping[str, Any]) -> Box:
-    """Return the space of an agent's actions: the environment's, or a guide's decisions if its parameters say so."""
-    space: Any = decision_space() if parameters.get("guide") is True else action_space(scenario)
+    """Return the space of an agent's actions: the environment's, or of a guide's decisions."""
+    if parameters.get("guide") is True:
+        return decision_space()
+    space: Any = action_space(scenario)
     box: Box = space
     return box
 
@@ -153,52 +182,55 @@ def informed(
     scenarios: Scenario | Sequence[Scenario],
     shown: Mapping[str, float] | None = None,
 ) -> PolicyFactory:
-    """Return the function that makes an agent, with the belief or the rule that its parameters name, for the scenarios it plays.
+    """Return the function that makes an agent for scenarios, with its belief or its rule.
 
-    If the nominal model of its training was wrong, the belief expects errors of the laws. ``shown`` is what a guide must know of
-    scenarios that are no jobs of a family, beside their nominal models: the values of ``Family.shown`` of its training. The
-    function raises ValueError if one is missing, or has another name.
+    The agent's parameters say whether it has one. If the nominal model of its training was wrong,
+    the belief expects errors of the laws.
+
+    Args:
+        agent: the agent.
+        scenarios: the scenarios that it plays: one for all environments, or one each.
+        shown: what a guide must know of scenarios that are no jobs of a family, beside their
+            nominal models: the values of ``Family.shown`` of its training. The function raises
+            ValueError if one is missing, or has another name.
     """
     guides = agent.parameters.get("guide") is True
-    if not guides and agent.parameters.get("belief") is not True:
+    has_belief = agent.parameters.get("belief") is True
+    if not guides and not has_belief:
         return agent.make
 
-    def with_model(num_envs: int) -> Policy:
+    def make(num_envs: int) -> Policy:
         played = [scenarios] * num_envs if isinstance(scenarios, Scenario) else scenarios
-        models = [each.nominal() for each in played]
+        models = [scenario.nominal() for scenario in played]
         if guides:
-            context = None
-            if shown is not None:
-                family = Family.load(str(agent.parameters["family"]))
-                context = np.stack([family.context_of(each, shown) for each in played]).astype(
-                    np.float32
-                )
+            context = None if shown is None else _context(agent, played, shown)
             return GuidedPolicy(agent.make(num_envs), models, context)
         learns_laws = agent.trained_on is not None and bool(agent.trained_on.nominal_model)
         return BeliefPolicy(agent.make(num_envs), Belief(models, learns_laws))
 
-    return with_model
+    return make
 
 
-def _from_json(text: str) -> Any:
-    value = json.loads(text)
-    json.dumps(
-        value, ensure_ascii=False
-    ).encode()  # halves of surrogate pairs can be read, but not written
-    return value
-
-
-_JSON_FIELDS = (int, Scenario, Space, dict[str, JsonValue], dict[str, str])
+def _context(
+    agent: PolicySpec, scenarios: Sequence[Scenario], shown: Mapping[str, float]
+) -> NDArray[np.float32]:
+    """Return the context of scenarios as the family of an agent's training shows it."""
+    family = Family.load(str(agent.parameters["family"]))
+    contexts = [family.context_of(scenario, shown) for scenario in scenarios]
+    return np.stack(contexts).astype(np.float32)
 
 
 def description_of_training(parameters: Mapping[str, Any], steps: Any, scenario: str) -> str:
-    """Return the length of a training in environment steps, and what it was trained on: the jobs of a family, or a scenario."""
-    count = steps * HOLD if type(steps) is int and parameters.get("guide") is True else steps
-    length = (
-        f"{count:,} environment steps"
-        if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER
-        else "an unstated length"
-    )
+    """Return a description of a training.
+
+    It states the length in environment steps, and the jobs of a family, or the scenario. A
+    stranger's file may hold anything as these.
+    """
+    counts_decisions = type(steps) is int and parameters.get("guide") is True
+    count = steps * HOLD if counts_decisions else steps
+    length = "an unstated length"
+    if type(count) is int and 0 <= count <= HOLD * MAX_NUMBER:
+        length = f"{count:,} environment steps"
     family = parameters.get("family")
     name = family.get("name") if isinstance(family, dict) else family
     if name is None:
@@ -224,26 +256,33 @@ def trained_policy(
     )
 
 
+MEANINGFUL_FIELDS = (
+    "control.action",
+    "control.aim",
+    "control.edge_changes",
+    "sensors.force",
+    "sensors.probe",
+)
+"""Fields of a scenario that decide what actions and observations mean."""
+
+
 def check_fits(agent: PolicySpec, scenario: Scenario) -> None:
-    """Raise ValueError if actions or observations of a scenario mean something else than where an agent was trained."""
+    """Raise ValueError if an agent's actions or observations mean something else on a scenario."""
     if "context" in agent.parameters:
         raise ValueError(
-            f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}: add --env {FAMILY_ID}"
+            f"{agent.name} plays jobs of {FAMILY_ID}, not scenario {scenario.name!r}: "
+            f"add --env {FAMILY_ID}"
         )
     trained_on = agent.trained_on or scenario
-    for field in (
-        "control.action",
-        "control.aim",
-        "control.edge_changes",
-        "sensors.force",
-        "sensors.probe",
-    ):
+    for field in MEANINGFUL_FIELDS:
         section, name = field.split(".")
-        mine, its = (getattr(getattr(each, section), name) for each in (trained_on, scenario))
-        if mine != its:
+        trained_value = getattr(getattr(trained_on, section), name)
+        value = getattr(getattr(scenario, section), name)
+        if value != trained_value:
             raise ValueError(
-                f"{agent.name}, trained on scenario {trained_on.name!r} with {field} = {mine!r}, cannot play {scenario.name!r}, "
-                f"where it is {its!r}: actions or observations would mean something else"
+                f"{agent.name}, trained on scenario {trained_on.name!r} with "
+                f"{field} = {trained_value!r}, cannot play {scenario.name!r}, where it is "
+                f"{value!r}: actions or observations would mean something else"
             )
 
 
@@ -262,7 +301,11 @@ class AgentFile:
 
 
 def read(path: Path) -> AgentFile:
-    """Read an agent's file of one's own or raise ValueError; load a stranger's with ``onnx_policy.load``."""
+    """Read an agent's file of your own; load a stranger's with ``onnx_policy.load``.
+
+    Raises:
+        ValueError: the file is no agent's.
+    """
     content = read_content(path)
     try:
         return checked(content)
@@ -271,31 +314,39 @@ def read(path: Path) -> AgentFile:
 
 
 def read_content(path: Path) -> bytes:
-    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed; links, pipes and devices are refused."""
+    """Read a file, or the only ONNX file in a folder, up to a byte more than is allowed.
+
+    Links, pipes and devices are refused.
+    """
     if path.is_dir() and not path.is_symlink():
-        found = sorted(path.glob(f"*{ONNX_SUFFIX}"))
-        if (path / "run.json").exists():
-            raise ValueError(
-                f"{path} holds a training run: python -m train.export {path} --out FOLDER makes a file of it"
-            )
-        if len(found) != 1:
-            raise ValueError(
-                f"{path} is a folder with {len(found)} {ONNX_SUFFIX} files: give a file, or a folder with one"
-            )
-        path = found[0]
-    # Not to wait for whoever may write into a pipe. A link would have another file read than the one that was given.
-    flags = (
-        os.O_RDONLY
-        | getattr(os, "O_NOFOLLOW", 0)
-        | getattr(os, "O_NONBLOCK", 0)
-        | getattr(os, "O_BINARY", 0)
-    )
+        path = _only_file(path)
     if path.is_symlink():
         raise ValueError(f"{path} is a link: give the file itself")
+    # O_NONBLOCK: do not wait for whoever may write into a pipe. O_NOFOLLOW: a link would have
+    # another file read than the one that was given. Some systems lack some of the flags.
+    flags = os.O_RDONLY
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):
+        flags |= getattr(os, name, 0)
     with os.fdopen(os.open(path, flags), "rb") as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
             raise ValueError(f"{path} is not an ordinary file")
         return stream.read(MAX_BYTES + 1)
+
+
+def _only_file(folder: Path) -> Path:
+    """Return the only ONNX file in a folder."""
+    files = sorted(folder.glob(f"*{ONNX_SUFFIX}"))
+    if (folder / "run.json").exists():
+        raise ValueError(
+            f"{folder} holds a training run: "
+            f"python -m train.export {folder} --out FOLDER makes a file of it"
+        )
+    if len(files) != 1:
+        raise ValueError(
+            f"{folder} is a folder with {len(files)} {ONNX_SUFFIX} files: "
+            "give a file, or a folder with one"
+        )
+    return files[0]
 
 
 def checked(content: bytes) -> AgentFile:
@@ -307,21 +358,25 @@ def checked(content: bytes) -> AgentFile:
 
 
 def of_outline(content: bytes, outline: Outline) -> AgentFile:
-    """Check the metadata and shapes of a file whose graph is plain; raises ValueError as ``read``."""
+    """Check metadata and shapes of a file whose graph is plain; raises ValueError as ``read``."""
     metadata = Metadata.of(outline.properties)
-    entries, actions = len(metadata.observation_space.low), len(metadata.action_space.low)
-    inputs, outputs = outline.inputs, outline.outputs
-    memory = inputs.get("memory", 0)
-    expected_inputs = {"observation": entries} | ({"memory": memory} if "memory" in inputs else {})
-    expected_outputs = {"action": actions} | ({"next_memory": memory} if "memory" in inputs else {})
-    for what, found, expected in (
-        ("inputs", inputs, expected_inputs),
-        ("outputs", outputs, expected_outputs),
-    ):
-        if found != expected:
-            raise ValueError(
-                f"has {what} {found}, but must have {expected} entries per environment for its scenario"
-            )
-    if "memory" in inputs and not 1 <= memory <= MAX_MEMORY:
-        raise ValueError(f"has a memory of {memory} entries, but may have 1 to {MAX_MEMORY}")
-    return AgentFile(content, metadata, memory)
+    inputs = {"observation": len(metadata.observation_space.low)}
+    outputs = {"action": len(metadata.action_space.low)}
+    memory_size = 0
+    if "memory" in outline.inputs:
+        memory_size = outline.inputs["memory"]
+        inputs["memory"] = memory_size
+        outputs["next_memory"] = memory_size
+    _check_entries("inputs", outline.inputs, expected=inputs)
+    _check_entries("outputs", outline.outputs, expected=outputs)
+    if "memory" in outline.inputs and not 1 <= memory_size <= MAX_MEMORY:
+        raise ValueError(f"has a memory of {memory_size} entries, but may have 1 to {MAX_MEMORY}")
+    return AgentFile(content, metadata, memory_size)
+
+
+def _check_entries(kind: str, entries: Mapping[str, int], expected: Mapping[str, int]) -> None:
+    if entries != expected:
+        raise ValueError(
+            f"has {kind} {entries}, but must have {expected} entries per environment "
+            "for its scenario"
+        )

@@ -1,13 +1,13 @@
-"""Load an agent's ONNX file, which may come from anywhere, and play it in a process of its own, without PyTorch.
+"""Load an agent's ONNX file, which may come from anywhere, and play it without PyTorch.
 
-from pathlib import Path
-from train.agents import onnx_policy
+    from pathlib import Path
+    from train.agents import onnx_policy
 
-agent = onnx_policy.load(Path("ppo-seed0.onnx"))
-policy = agent.make(1)
+    agent = onnx_policy.load(Path("ppo-seed0.onnx"))
+    policy = agent.make(1)
 
-``turning_env/scoring/sandbox.py`` talks to that process, and ``sandbox_child.py`` is what it runs. This side never looks into the
-file itself.
+The file is played in a process of its own. ``turning_env/scoring/sandbox.py`` talks to that
+process, which runs ``sandbox_child.py``. This side never looks into the file itself.
 """
 
 from contextlib import closing
@@ -40,7 +40,10 @@ __all__ = [
 
 
 class Sandbox(sandbox.Sandbox):
-    """A process that checks and plays an agent's file, which says all that its metadata must."""
+    """A process that checks and plays an agent's file.
+
+    The file states all that ``Metadata`` names.
+    """
 
     file: AgentFile
 
@@ -62,10 +65,15 @@ class Sandbox(sandbox.Sandbox):
 
 
 def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
-    """Load an agent from its file, which may come from anywhere: it is checked, can run no code, and each play has limits.
+    """Load an agent from its file, which may come from anywhere.
 
-    Raise AgentTimeoutError if it gives no actions in time, AgentFileError with the reason if the file is refused or cannot be read, and
-    ModuleNotFoundError if onnx or onnxruntime is not installed. AgentTimeoutError is an AgentFileError. So are errors of its policies.
+    The file is checked, can run no code, and each play has limits. Errors of the agent's policies
+    are AgentFileErrors, too.
+
+    Raises:
+        AgentTimeoutError: the agent gives no actions in time; this is an AgentFileError.
+        AgentFileError: the file is refused or cannot be read.
+        ModuleNotFoundError: onnx or onnxruntime is not installed.
     """
     sandbox.require("onnx", "onnxruntime")
     try:

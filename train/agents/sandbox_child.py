@@ -1,7 +1,8 @@
-"""The process that checks and runs a network that enters a leaderboard; ``onnx_policy.py`` is its parent.
+"""The process that checks and runs a network that enters a leaderboard.
 
-It checks the file before anything runs it, and the network's actions while it plays. ``turning_env/scoring/sandbox_child.py`` has
-all else of such a process: how it confines itself, and how it talks.
+Its parent is ``onnx_policy.py``. The process checks the file before anything runs it, and the
+network's actions while it plays. ``turning_env/scoring/sandbox_child.py`` has all else of such a
+process: how it confines itself, and how it talks.
 """
 
 from typing import Any
@@ -13,12 +14,13 @@ from turning_env.scoring import sandbox_child
 from turning_env.scoring.onnx_session import Floats, OnnxPolicy
 from turning_env.scoring.sandbox_child import Outline
 
-_FIRST_CHECKS = 2  # the first actions are checked ...
-_CHECK_EVERY = 32  # ... and then one of so many at random, which no network can foresee
+# The first actions are checked, and then one of so many at random, which no network can foresee.
+_FIRST_CHECKS = 2
+_CHECK_EVERY = 32
 
 
 class CheckedNetwork:
-    """A network that is plain arithmetic of moderate size, and acts reproducibly for each environment alone."""
+    """A network that is plain arithmetic of moderate size, and acts reproducibly."""
 
     def read(self, content: bytes) -> Outline:
         """Return the outline, or raise ValueError if the file is not plain arithmetic."""
@@ -27,17 +29,24 @@ class CheckedNetwork:
         return self._outline
 
     def session(self) -> Any:
-        """Return the session, or raise ValueError if sizes are too large, or a trial fails."""
+        """Return the session. Raise ValueError if sizes are too large, or a trial fails."""
         network.check_sizes(self._model)
         del self._model
         self._generator = np.random.default_rng()
-        inputs, outputs = self._outline.inputs, self._outline.outputs
+        outline = self._outline
         return network.tried(
-            self._content, inputs["observation"], outputs["action"], inputs.get("memory", 0)
+            self._content,
+            entries=outline.inputs["observation"],
+            actions=outline.outputs["action"],
+            memory_size=outline.inputs.get("memory", 0),
         )
 
     def act(self, policy: OnnxPolicy, observations: Floats, call: int) -> Floats:
-        """Return a policy's actions, or raise ValueError if a check finds that they depend on more than the observations."""
+        """Return a policy's actions, and check some of them.
+
+        Raises:
+            ValueError: actions depend on more than the observations.
+        """
         if call < _FIRST_CHECKS or self._generator.integers(_CHECK_EVERY) == 0:
             return network.act_checked(policy, observations, self._generator)
         return policy.act(observations)
