@@ -3,7 +3,7 @@
 from random import Random
 
 from shop.examples.adapt_programs import COLLECTION, path_of
-from shop.tests.turning_nc.test_moves import CUTS, ISO, SIEMENS
+from shop.tests.turning_nc.programs import EVERYDAY, ISO, SIEMENS
 
 NUMBERS: tuple[str, ...] = (
     "0",
@@ -129,7 +129,10 @@ _NOISE = (*"();[]#=/%-.09,\0\ufeff\r\n\t\u2028é", '"', "N1", "M99")
 def program(random: Random) -> str:
     """Return a program of some lines, in either dialect."""
     if random.random() < 0.35:
-        head = "%_N_T_MPF\nG90 G95 G71 DIAMON T1 D1\nG96 S150 LIMS=2500 F0.2 M4\nR1=5 R2=1\nG0 X62 Z2\n"
+        head = (
+            "%_N_T_MPF\nG90 G95 G71 DIAMON T1 D1\nG96 S150 LIMS=2500 F0.2 M4\n"
+            "R1=5 R2=1\nG0 X62 Z2\n"
+        )
         tail = (
             "M30\n%_N_C_SPF\nG1 X30 Z0\nZ-20\nX50 Z-30\nM17\n%_N_L5_SPF\nG1 X40 Z-5\nG0 X62\nRET\n"
         )
@@ -210,7 +213,8 @@ def valid(random: Random) -> str:
     """Return a program of the collection, or of the tests."""
     if random.random() < 0.3:
         return path_of(random.choice(list(COLLECTION))).read_text("latin-1")
-    return random.choice((*CUTS, ISO, SIEMENS))
+    everyday = [example.text for example in EVERYDAY.values()]
+    return random.choice([*everyday, ISO, SIEMENS])
 
 
 def any_program(random: Random) -> str:
