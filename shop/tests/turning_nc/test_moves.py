@@ -156,11 +156,36 @@ def test_programs_that_are_none_are_refused(text: str, named: str) -> None:
 
 
 PIECES = (
-    """
-G71 P100 S0 G2 ( ; - 0 " U-5. Z-1e5 R1e9 R1= #1= X=R1 Z#1 ,R2. RND=1 $A= ß
-CYCLE95( CYCLE97(2, AC(
-""".split()
-    + ["M98 P7", "I0 K0", "PROC A", "ID=1 DO", "G76 P1", "G73 P1 Q2", "U0 W0 R3"]
+    "G71",
+    "P100",
+    "M98 P7",
+    "Z-1e5",
+    "S0",
+    "R1e9",
+    "I0 K0",
+    "G2",
+    "(",
+    ";",
+    "-",
+    "0",
+    "CYCLE95(",
+    '"',
+    "U-5.",
+    "AC(",
+    "PROC A",
+    "R1=",
+    "#1=",
+    "X=R1",
+    "Z#1",
+    ",R2.",
+    "RND=1",
+    "ID=1 DO",
+    "$A=",
+    "CYCLE97(2,",
+    "G76 P1",
+    "G73 P1 Q2",
+    "U0 W0 R3",
+    "ß",
 )
 
 
