@@ -1,17 +1,19 @@
-"""Tune the rules for a scenario, all with the same budget, and write the best parameters beside its file.
+"""Tune the rules for a scenario, all with the same budget, and write the best parameters to a file.
 
     python -m baselines.tune --scenario my_mill.toml --quick
     python -m baselines.tune --scenario my_mill.toml --rules fixed_tuned rescaled_grid_search
     python -m baselines.tune --scenario forging --out my_forging.tuned.json
 
-The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find them. Every rule gets the same
-number of trials on the same tuning seeds, however many parameters it has. The file states this budget, also in episodes and
-steps. An agent's budget is ``steps`` in ``train/hyperparameters/ppo.toml``. With ``--jobs``, rules are tuned in parallel, with
-the same result.
+The parameters of ``my_mill.toml`` go to ``my_mill.tuned.json`` beside it, where all commands find
+them. Every rule gets the same number of trials on the same tuning seeds, however many parameters it
+has. The file states this budget, also in episodes and steps. An agent's budget is ``steps`` in
+``train/hyperparameters/ppo.toml``. With ``--jobs``, rules are tuned in parallel, with the same
+result.
 
-The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others. The best mean return wins
-among the feasible trials, or among all if none is feasible. A trial's parameters depend only on its number and the trials before
-it. So the same command resumes an interrupted tuning; it takes the trials that were played from a log.
+The first trial is the middle of every range; a tree-structured Parzen estimator chooses the others.
+The best mean return wins among the feasible trials, or among all if none is feasible. A trial's
+parameters depend only on its number and the trials before it. So the same command resumes an
+interrupted tuning; it takes the trials that were played from a log.
 """
 
 import argparse
@@ -45,7 +47,10 @@ from turning_env.scoring.workers import Workers, spread, workers
 BUDGET = {"trials": 64, "seeds": 32}
 QUICK = {"trials": 12, "seeds": 16}
 _CANDIDATES = 128
-"""Number of candidates from which the estimator picks. With Optuna's 24, it stays farther from the limit of feasibility."""
+"""Number of candidates from which the estimator picks.
+
+With Optuna's 24, it stays farther from the limit of feasibility.
+"""
 
 
 class Played(NamedTuple):
@@ -60,12 +65,19 @@ class Played(NamedTuple):
     @classmethod
     def of(cls, *episodes: Episodes) -> Self:
         """Return the result of all these episodes."""
-        names = ("return", "severe_overload_time", "engaged_time", "steps")
-        returns, severe, engaged, steps = (
-            np.concatenate([each[name] for each in episodes]) for name in names
-        )
+
+        def joined(name: str) -> Any:
+            return np.concatenate([batch[name] for batch in episodes])
+
+        severe = joined("severe_overload_time")
+        engaged = joined("engaged_time")
         limit = Bootstrap(len(severe)).severe_limit(severe[None], engaged[None], "")
-        return cls(float(returns.mean()), severe_share(severe, engaged), limit, int(steps.sum()))
+        return cls(
+            mean_return=float(joined("return").mean()),
+            severe_share=severe_share(severe, engaged),
+            severe_limit=limit,
+            steps=int(joined("steps").sum()),
+        )
 
 
 class Trial(NamedTuple):
@@ -79,27 +91,65 @@ class Trial(NamedTuple):
         return self.played.severe_limit <= allowance, self.played.mean_return
 
 
+class TrialLog:
+    """The trials of a task that ended, in a file with one of them in a line.
+
+    Args:
+        path: the file, which may hold other tasks, too.
+        task: what determines a trial beside its setting; values that JSON can hold.
+    """
+
+    def __init__(self, path: Path, task: list[Any]) -> None:
+        self._path = path
+        self._task = task
+
+    def read(self) -> list[Trial]:
+        """Return the trials; lines that a killed process left incomplete are skipped."""
+        if not self._path.exists():
+            return []
+        trials = []
+        for line in self._path.read_text("utf-8", "replace").splitlines():
+            with suppress(ValueError, TypeError, RecursionError):
+                task, setting, played = json.loads(line)
+                if task == self._task:
+                    trials.append(Trial(setting, Played(*played)))
+        return trials
+
+    def append(self, trial: Trial) -> None:
+        """Append a trial."""
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(f"\n{json.dumps([self._task, *trial])}\n")
+
+
 def trials(
     ranges: Mapping[str, BaseDistribution],
     first: Mapping[str, Any],
     count: int,
-    log: Path,
-    task: list[Any],
+    log: TrialLog,
     allowance: float,
     play: Callable[[dict[str, Any]], Played],
     over: Workers | None = None,
     parallel: int = 1,
     **sampler: Any,
 ) -> Iterator[Trial]:
-    """Yield the trials of a search as they end, after those of the same ``task`` that ``log`` holds, one in a line.
+    """Yield the trials of a search as they end, after those that its log holds.
 
-    ``play`` plays a setting, ``first`` before all others; ``over`` workers, ``parallel`` settings at the same time. A setting is
-    feasible up to a ``severe_limit`` of ``allowance`` [-]. ``sampler`` are options of Optuna's ``TPESampler``.
+    Args:
+        ranges: ranges of the parameters.
+        first: the setting that is played before all others.
+        count: number of trials.
+        log: the log, to which trials are appended.
+        allowance: highest ``severe_limit`` of a feasible setting [-].
+        play: plays a setting.
+        over: workers that play; None: this process.
+        parallel: number of settings that are played at the same time.
+        sampler: options of Optuna's ``TPESampler``.
     """
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    study, running = optuna.create_study(direction="maximize"), list[optuna.Trial]()
+    study = optuna.create_study(direction="maximize")
 
-    def told(trial: optuna.Trial, played: Played) -> Trial:
+    def tell(trial: optuna.Trial, played: Played) -> Trial:
+        """Tell the study a result."""
         if played.failed:
             study.tell(trial, state=TrialState.PRUNED)
         else:
@@ -107,45 +157,41 @@ def trials(
             study.tell(trial, played.mean_return)
         return Trial(trial.params, played)
 
-    known = _read(log, task)[:count]
+    known = log.read()[:count]
     for setting, played in known:
         study.enqueue_trial(setting)
-        yield told(study.ask(dict(ranges)), played)
+        yield tell(study.ask(dict(ranges)), played)
     if not known:
         study.enqueue_trial(dict(first))
+    running: list[optuna.Trial] = []
     for ended in range(len(known), count):
         while len(running) < min(parallel, count - ended):
             # A sampler per trial: its random numbers must not depend on interruptions.
             study.sampler = TPESampler(seed=ended + len(running), **sampler)
-            running.append(study.ask(dict(ranges)))
+            trial = study.ask(dict(ranges))
+            running.append(trial)
             if over:
-                over.start(running[-1], play, running[-1].params)
-        trial, played = over.finished() if over else (running[0], play(running[0].params))
+                over.start(trial, play, trial.params)
+        if over:
+            trial, played = over.finished()
+        else:
+            trial = running[0]
+            played = play(trial.params)
         running.remove(trial)
-        with log.open("a", encoding="utf-8") as file:
-            file.write(f"\n{json.dumps([task, trial.params, played])}\n")
-        yield told(trial, played)
-
-
-def _read(log: Path, task: list[Any]) -> list[Trial]:
-    """Return the trials of a task that a log holds; lines that a killed process left incomplete are skipped."""
-    found = []
-    for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
-        with suppress(ValueError, TypeError, RecursionError):
-            about, setting, played = json.loads(line)
-            if about == task:
-                found.append(Trial(setting, Played(*played)))
-    return found
+        log.append(Trial(trial.params, played))
+        yield tell(trial, played)
 
 
 def play_trial(
     name: str, rule: Rule, scenario: Scenario, setting: Parameters, seeds: Sequence[int]
 ) -> Played:
     """Play a rule with some parameters on seeds; note both on an exception."""
+
+    def make(num_envs: int) -> Any:
+        return rule.controller(scenario, num_envs, **setting)
+
     try:
-        return Played.of(
-            play(lambda num_envs: rule.controller(scenario, num_envs, **setting), scenario, seeds)
-        )
+        return Played.of(play(make, scenario, seeds))
     except Exception as error:
         error.add_note(f"while tuning {name} with {setting}")
         raise
@@ -160,36 +206,37 @@ def search(
     play: Callable[[str, Rule, Scenario, Parameters, Sequence[int]], Played] = play_trial,
 ) -> dict[str, Any]:
     """Return a rule's entry in a file of tuned parameters: the best trial and the budget of all."""
-    seeds, allowance = tuning_seeds(budget["seeds"]), scenario.limits.overload_allowance
-    ranges = {
-        key: FloatDistribution(each.low, each.high, log=each.logarithmic)
-        for key, each in rule.ranges.items()
-    }
-    first = {key: middle(each) for key, each in rule.ranges.items()}
+    seeds = tuning_seeds(budget["seeds"])
+    allowance = scenario.limits.overload_allowance
+    ranges = {}
+    first = {}
+    for key, values in rule.ranges.items():
+        ranges[key] = FloatDistribution(values.low, values.high, log=values.logarithmic)
+        first[key] = middle(values)
     task = [MODEL_VERSION, rule.version, scenario.digest(), len(seeds), rule.fixed]
 
-    def played_with(setting: Parameters) -> Played:
+    def play_setting(setting: Parameters) -> Played:
         return play(name, rule, scenario, rule.fixed | setting, seeds)
 
-    played = [
-        *trials(
+    played = list(
+        trials(
             ranges,
             first,
-            budget["trials"],
-            log,
-            task,
-            allowance,
-            played_with,
+            count=budget["trials"],
+            log=TrialLog(log, task),
+            allowance=allowance,
+            play=play_setting,
             n_ei_candidates=_CANDIDATES,
         )
-    ]
+    )
     best = max(played, key=lambda trial: trial.merit(allowance))
+    feasible, mean_return = best.merit(allowance)
     return {
         "version": rule.version,
         "parameters": best.setting,
-        "mean_return": best.played.mean_return,
+        "mean_return": mean_return,
         "severe_share": best.played.severe_share,
-        "feasible": best.merit(allowance)[0],
+        "feasible": feasible,
         "episodes_played": len(played) * len(seeds),
         "steps_played": sum(trial.played.steps for trial in played),
     }
@@ -197,48 +244,68 @@ def search(
 
 def middle(values: Range) -> float:
     """Return the middle of a range, geometric for a logarithmic one."""
-    return (
-        math.sqrt(values.low * values.high)
-        if values.logarithmic
-        else 0.5 * (values.low + values.high)
-    )
+    if values.logarithmic:
+        return math.sqrt(values.low * values.high)
+    return 0.5 * (values.low + values.high)
 
 
 def chosen_rules(
     wanted: Sequence[str] | None, scenario: Scenario, quick: bool = False
 ) -> dict[str, Rule]:
-    """Return the named rules, or all to tune on the scenario, or if ``quick`` the best of them; ValueError if one cannot be."""
+    """Return the rules to tune on a scenario.
 
-    def tunes(rule: Rule) -> bool:
-        return bool(rule.ranges) and (
-            not rule.tuned_on or Scenario.load(rule.tuned_on).digest() == scenario.digest()
+    Args:
+        wanted: names of the rules; None: all that can be tuned.
+        scenario: scenario on which they are tuned.
+        quick: whether to leave out all but the best of them.
+
+    Raises:
+        ValueError: a wanted rule cannot be tuned on the scenario.
+    """
+
+    def is_tunable(rule: Rule) -> bool:
+        if not rule.ranges:
+            return False
+        if rule.tuned_on is None:
+            return True
+        return Scenario.load(rule.tuned_on).digest() == scenario.digest()
+
+    rules = {}
+    fixed = []
+    for name in names(scenario) if wanted is None else wanted:
+        rule = playable(name, scenario)
+        if is_tunable(rule):
+            rules[name] = rule
+        else:
+            fixed.append(name)
+    if wanted is not None and fixed:
+        raise ValueError(
+            f"{', '.join(sorted(set(fixed)))} has nothing to tune on scenario {scenario.name!r}"
         )
-
-    rules = {
-        name: playable(name, scenario) for name in (names(scenario) if wanted is None else wanted)
-    }
-    if wanted is not None and (
-        fixed := sorted(name for name, rule in rules.items() if not tunes(rule))
-    ):
-        raise ValueError(f"{', '.join(fixed)} has nothing to tune on scenario {scenario.name!r}")
-    return {
-        name: rule
-        for name, rule in rules.items()
-        if tunes(rule) and (rule.worth_tuning or wanted or not quick)
-    }
+    if quick and not wanted:
+        return {name: rule for name, rule in rules.items() if rule.worth_tuning}
+    return rules
 
 
 def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
-    """Return the file to write; ValueError unless it ends in .json, and if one that ships is written without ``shipped``."""
+    """Return the file to write.
+
+    Raises:
+        ValueError: it does not end in .json, or it ships and ``shipped`` is not set.
+    """
     target = out or tuned.path(scenario)
     ships = target.resolve().parent == tuned.FOLDER.resolve()
     if shipped and (out is not None or not ships):
         raise ValueError(
-            f"--shipped rewrites the parameters of a preset, one of {', '.join(presets())}, without --out"
+            "--shipped rewrites the parameters of a preset, "
+            f"one of {', '.join(presets())}, without --out"
         )
     if ships and not shipped:
-        said = f"{target} ships with the project: give the scenario as a TOML file of your own, or another --out FILE.json"
-        raise ValueError(f"{said}; a maintainer rewrites it by --shipped")
+        raise ValueError(
+            f"{target} ships with the project: "
+            "give the scenario as a TOML file of your own, or another --out FILE.json; "
+            "a maintainer rewrites it by --shipped"
+        )
     if target.suffix != ".json":
         raise ValueError(f"--out {target} must end in .json")
     return target
@@ -247,31 +314,36 @@ def _target(scenario: Scenario, out: Path | None, shipped: bool) -> Path:
 def _kept(
     chosen: Collection[str], scenario: Scenario, target: Path, budget: dict[str, int]
 ) -> dict[str, Any]:
-    """Return a file's entries for the rules that are not tuned now; ValueError if they were tuned with another budget."""
+    """Return a file's entries for the rules that are not tuned now.
+
+    Raises:
+        ValueError: they were tuned with another budget.
+    """
     values = tuned.read(target)
     if values.get("scenario_digest") != scenario.digest():
         return {}
-    kept = {
-        name: values["rules"][name]
-        for name in RULES
-        if name in values["rules"] and name not in chosen
-    }
+    kept = {}
+    for name in RULES:
+        if name in values["rules"] and name not in chosen:
+            kept[name] = values["rules"][name]
     if kept and values.get("budget") != budget:
         raise ValueError(
-            f"{target} keeps {', '.join(kept)}, tuned with another budget: tune all rules, or give another --out"
+            f"{target} keeps {', '.join(kept)}, tuned with another budget: "
+            "tune all rules, or give another --out"
         )
     return kept
 
 
 def log_of(name: str, target: Path) -> Path:
-    """Return the path of the log of a rule's unfinished search, beside the file that will hold its result."""
+    """Return the path of the log of a rule's unfinished search, beside the file of its result."""
     return target.with_name(f".unfinished-{target.stem}-{name}.log")
 
 
-@exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
+def _parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", **described(__doc__))
+    worth_tuning = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
+    quick = " and ".join(f"{number} {unit}" for unit, number in QUICK.items())
     parser.add_argument(
         "--scenario", required=True, metavar="PRESET_OR_TOML", help="scenario on which to tune"
     )
@@ -281,10 +353,10 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="NAME",
         help="tune only these rules, and keep the others in the file",
     )
-    which = ", ".join(name for name, rule in RULES.items() if rule.worth_tuning)
-    quick = " and ".join(f"{number} {what}" for what, number in QUICK.items())
     parser.add_argument(
-        "--quick", action="store_true", help=f"tune for about a minute: {quick}, and only {which}"
+        "--quick",
+        action="store_true",
+        help=f"tune for about a minute: {quick}, and only {worth_tuning}",
     )
     parser.add_argument(
         "--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)"
@@ -313,66 +385,90 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="N",
         help="number of processes, one rule each (default: 1)",
     )
-    parsed = parser.parse_args(arguments)
-    budget = {
-        what: getattr(parsed, what) or number
-        for what, number in (QUICK if parsed.quick else BUDGET).items()
-    }
-    for what in ("trials", "seeds", "jobs"):
-        if getattr(parsed, what) is not None and getattr(parsed, what) < 1:
-            raise ValueError(
-                f"{getattr(parsed, what)} {what} asked for, but there must be 1 or more"
-            )
+    return parser
+
+
+def _budget(parsed: argparse.Namespace) -> dict[str, int]:
+    """Return the budget that a command line asks for."""
+    for option in ("trials", "seeds", "jobs"):
+        number = getattr(parsed, option)
+        if number is not None and number < 1:
+            raise ValueError(f"{number} {option} asked for, but there must be 1 or more")
+    budget = dict(QUICK if parsed.quick else BUDGET)
+    if parsed.trials is not None:
+        budget["trials"] = parsed.trials
+    if parsed.seeds is not None:
+        budget["seeds"] = parsed.seeds
+    return budget
+
+
+def _command(parsed: argparse.Namespace, budget: dict[str, int]) -> str:
+    """Return the command that gives the same result for all rules."""
+    words = ["python", "-m", "baselines.tune", "--scenario", parsed.scenario]
+    if parsed.shipped:
+        words.append("--shipped")
+    for option, number in budget.items():
+        words.append(f"--{option}")
+        words.append(str(number))
+    return shlex.join(words)
+
+
+def _tune(
+    chosen: Mapping[str, Rule],
+    scenario: Scenario,
+    budget: dict[str, int],
+    logs: Mapping[str, Path],
+    jobs: int,
+) -> dict[str, Any]:
+    """Return the entries of the chosen rules, and print them as they are found."""
+    entries = {}
+    pieces = []
+    for name, rule in chosen.items():
+        pieces.append((name, (name, rule, scenario, budget, logs[name])))
+    with workers(jobs, None) as over:
+        found = spread(over, lambda piece: search(*piece), pieces)
+        for name, entry in tqdm(found, "tuning", total=len(pieces), unit="rule", disable=None):
+            entries[name] = entry
+            result = f"mean return {entry['mean_return']:.1f} s over {budget['seeds']} seeds"
+            feasible = "feasible" if entry["feasible"] else "not feasible"
+            tqdm.write(f"{name}: {entry['parameters']}, {result}, {feasible}")
+    return entries
+
+
+@exits(KeyError, ValueError, interrupted="interrupted: run the same command again to go on")
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parsed = _parser().parse_args(arguments)
+    budget = _budget(parsed)
     scenario = Scenario.load(parsed.scenario)
     if scenario != scenario.nominal():
         raise ValueError(
             f"scenario {scenario.name!r} has a model mismatch: tune the rules on its nominal model"
         )
-    target = _target(scenario, parsed.out, parsed.shipped)
-    chosen = chosen_rules(parsed.rules, scenario, parsed.quick)
-    some = parsed.quick or parsed.rules is not None
-    _kept(
-        chosen if some else RULES, scenario, target, budget
-    )  # refuse before hours of playing, not after
-    command = [
-        "python",
-        "-m",
-        "baselines.tune",
-        "--scenario",
-        parsed.scenario,
-        *["--shipped"] * parsed.shipped,
-    ]
-    command += [word for what, number in budget.items() for word in (f"--{what}", str(number))]
-    values = {
-        "command": shlex.join(command),
-        "scenario_digest": scenario.digest(),
-        "budget": budget,
-    }
+    target = _target(scenario, parsed.out, shipped=parsed.shipped)
+    chosen = chosen_rules(parsed.rules, scenario, quick=parsed.quick)
+    keeps_others = parsed.quick or parsed.rules is not None
+    # Refuse before hours of playing, not after.
+    _kept(chosen if keeps_others else RULES, scenario, target, budget)
     logs = {name: log_of(name, target) for name in chosen}
-    with workers(parsed.jobs, None) as over, ExitStack() as held:
-        for path in logs.values():
-            held.enter_context(file_lock(path))
-        found = {}
-        pieces = [
-            (name, (name, rule, scenario, budget, logs[name])) for name, rule in chosen.items()
-        ]
-        work = spread(over, lambda piece: search(*piece), pieces)
-        for name, best in tqdm(work, "tuning", len(pieces), unit="rule", disable=None):
-            found[name] = best
-            result = f"mean return {best['mean_return']:.1f} s over {budget['seeds']} seeds"
-            tqdm.write(
-                f"{name}: {best['parameters']}, {result}, {'' if best['feasible'] else 'not '}feasible"
-            )
-        with folder_lock(
-            target.parent, wait=True
-        ):  # read again: another process may have tuned another rule
-            rules = found | (_kept(found, scenario, target, budget) if some else {})
-            values["rules"] = {name: rules[name] for name in RULES if name in rules}
-            replace_file(
-                target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
-            )
-        for path in logs.values():
-            path.unlink(missing_ok=True)
+    with ExitStack() as locks:
+        for log in logs.values():
+            locks.enter_context(file_lock(log))
+        entries = _tune(chosen, scenario, budget, logs, jobs=parsed.jobs)
+        with folder_lock(target.parent, wait=True):
+            # Read the file again: another process may have tuned another rule meanwhile.
+            if keeps_others:
+                entries |= _kept(entries, scenario, target, budget)
+            values = {
+                "command": _command(parsed, budget),
+                "scenario_digest": scenario.digest(),
+                "budget": budget,
+                "rules": {name: entries[name] for name in RULES if name in entries},
+            }
+            text = json.dumps(values, indent=1) + "\n"
+            replace_file(target, lambda path: path.write_text(text, "utf-8"))
+        for log in logs.values():
+            log.unlink(missing_ok=True)
     print(target)
     return 0
 

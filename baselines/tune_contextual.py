@@ -1,15 +1,18 @@
-"""Tune the rule ``contextual`` for a family, and write its parameters to the family's file in ``baselines/tuned/families``.
+"""Tune the rule ``contextual`` for a family, and write its parameters to the family's file.
+
+Files of families are in ``baselines/tuned/families``.
 
     python -m baselines.tune_contextual unmodelled
     python -m baselines.tune_contextual shop --jobs 64 --out my_shop.json
 
 1. ``self_tuning`` plays training jobs with every highest speed of a grid.
-2. Linear laws of the speed are fitted to the returns of this grid: a constant; a regression of each job's best speed on the
-   catalogue's numbers that the family shows; the law of these numbers that earns most in the grid; and that of two of them.
+2. Linear laws of the speed are fitted to the returns of this grid: a constant; a regression of each
+   job's best speed on the catalogue's numbers that the family shows; the law of these numbers that
+   earns most in the grid; and that of two of them.
 3. These candidates play validation jobs. The highest mean return wins.
 
-No other jobs are played. The same command gives the same file, and resumes an interrupted tuning: it takes the batches that were
-played from a log.
+No other jobs are played. The same command gives the same file, and resumes an interrupted tuning:
+it takes the batches that were played from a log.
 """
 
 import argparse
@@ -45,14 +48,13 @@ LIFE = 0.8  # used life at the change of edges [-]: that of ``self_tuning`` on `
 BATCH = 128  # environments that are played together, about
 STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)  # steps of the search over the parameters of a law
 START = -0.3  # log speed at which searches begin
-DIGITS = (
-    3  # decimals of the parameters: their last bits, which depend on the processor, do not count
-)
+DIGITS = 3
+"""Decimals of the parameters: their last bits depend on the processor and do not count."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The returns of training jobs at all speeds of the grid, and the catalogue's numbers of these jobs."""
+    """The returns of training jobs at all speeds of the grid, and their catalogue numbers."""
 
     returns: Array  # [s], shape (jobs, speeds)
     numbers: Array  # numbers less ``MIDDLE``, shape (jobs, numbers)
@@ -64,13 +66,15 @@ class Grid:
         return np.asarray(self.numbers[:, places])
 
     def mean_return(self, log_speeds: Array) -> float:
-        """Return the mean over jobs of the returns at log speeds, shape (jobs,), by linear interpolation.
+        """Return the mean over jobs of the returns at log speeds, shape (jobs,).
 
-        Beyond the ends of the grid, the return is that of the end.
+        Returns are interpolated linearly. Beyond the ends of the grid, the return is that of the
+        end.
         """
         points = np.array(LOG_SPEEDS)
         inside = np.clip(log_speeds, points[0], points[-1])
-        below = np.clip(np.searchsorted(points, inside, side="right") - 1, 0, len(points) - 2)
+        below = np.searchsorted(points, inside, side="right") - 1
+        below = np.clip(below, 0, len(points) - 2)
         share = (inside - points[below]) / (points[below + 1] - points[below])
         job = np.arange(len(self.returns))
         low = self.returns[job, below]
@@ -79,7 +83,9 @@ class Grid:
 
     def earned(self, law: Parameters) -> float:
         """Return the mean over jobs of the returns by a law of the speed."""
-        numbers = [dict(zip(self.names, row, strict=True)) for row in self.numbers + MIDDLE]
+        numbers = []
+        for row in self.numbers + MIDDLE:
+            numbers.append(dict(zip(self.names, row, strict=True)))
         return self.mean_return(log_speeds(law, numbers))
 
     def best_log_speeds(self) -> Array:
@@ -88,72 +94,88 @@ class Grid:
 
 
 def climb(value: Callable[[Array], float], start: Array) -> Array:
-    """Return the numbers with the highest value that a search along one number after the other finds, in smaller steps."""
+    """Return the numbers with the highest value that a search from ``start`` finds.
+
+    The search changes one number after the other as long as that helps, then takes smaller steps.
+    """
     best = start.round(DIGITS)
-    reached = value(best)
+    best_value = value(best)
     for step in STEPS:
         improved = True
         while improved:
             improved = False
             for place in range(len(best)):
                 for change in (-step, step):
-                    other = best.copy()
-                    other[place] += change
-                    other_value = value(other)
-                    if other_value > reached:
-                        best, reached, improved = other, other_value, True
+                    trial = best.copy()
+                    trial[place] += change
+                    trial_value = value(trial)
+                    if trial_value > best_value:
+                        best = trial
+                        best_value = trial_value
+                        improved = True
     return best.round(DIGITS)
 
 
 def shifted(grid: Grid, slopes: Parameters) -> Parameters:
-    """Return given slopes of the speed with the best constant beside them: too fast costs more than too slow."""
+    """Return given slopes of the speed with the best constant beside them.
+
+    It is lower than that of least squares, because too fast costs more than too slow.
+    """
     names = [name.removeprefix(slope_name("")) for name in slopes]
     by_numbers = grid.columns(names) @ np.array(list(slopes.values()))
-    found = climb(lambda constant: grid.mean_return(constant[0] + by_numbers), np.array([START]))
-    return {SPEED: float(found[0]), CHANGE_AT: LIFE} | slopes
+
+    def value(constant: Array) -> float:
+        return grid.mean_return(constant[0] + by_numbers)
+
+    best = climb(value, np.array([START]))
+    return {SPEED: float(best[0]), CHANGE_AT: LIFE} | slopes
 
 
 def regression(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return a least-squares law of each job's best log speed, with the best constant."""
     columns = grid.columns(names)
     best_speeds = grid.best_log_speeds()
+    # Slopes alone: ``shifted`` finds a better constant than the regression.
     centred = columns - columns.mean(axis=0)
-    slopes = np.linalg.lstsq(centred, best_speeds - best_speeds.mean(), rcond=None)[0]
-    return shifted(
-        grid,
-        {
-            slope_name(name): round(float(slope), DIGITS)
-            for name, slope in zip(names, slopes, strict=True)
-        },
-    )
+    solution = np.linalg.lstsq(centred, best_speeds - best_speeds.mean(), rcond=None)[0]
+    slopes = {}
+    for name, slope in zip(names, solution, strict=True):
+        slopes[slope_name(name)] = round(float(slope), DIGITS)
+    return shifted(grid, slopes)
 
 
 def best_law(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return the law of some numbers that earns most in the grid."""
     columns = grid.columns(names)
     start = regression(grid, names)
-    parameters = [SPEED, *(slope_name(name) for name in names)]
-    first = np.array([start[name] for name in parameters])
-    found = climb(lambda law: grid.mean_return(law[0] + columns @ law[1:]), first)
-    law = {name: float(number) for name, number in zip(parameters, found, strict=True)}
-    return law | {CHANGE_AT: LIFE}
+
+    def value(numbers: Array) -> float:
+        constant, slopes = numbers[0], numbers[1:]
+        return grid.mean_return(constant + columns @ slopes)
+
+    parameters = [SPEED, *map(slope_name, names)]
+    best = climb(value, np.array([start[parameter] for parameter in parameters]))
+    return dict(zip(parameters, best.tolist(), strict=True)) | {CHANGE_AT: LIFE}
 
 
 def best_pair(grid: Grid, names: Sequence[str]) -> Parameters:
     """Return the law of two numbers that earns most in the grid."""
     laws = [best_law(grid, pair) for pair in combinations(names, 2)]
-    return max(laws, key=lambda law: grid.earned(law))
+    return max(laws, key=grid.earned)
 
 
 def candidates(grid: Grid, shown: Sequence[str]) -> dict[str, Parameters]:
-    """Return the laws to compare, by name; ``shown``: names of the catalogue's numbers that they may use."""
-    found = {"constant": shifted(grid, {})}
+    """Return the laws to compare, by name.
+
+    ``shown``: names of the catalogue's numbers that they may use.
+    """
+    laws = {"constant": shifted(grid, {})}
     if shown:
-        found["regression"] = regression(grid, shown)
-        found["best law"] = best_law(grid, shown)
+        laws["regression"] = regression(grid, shown)
+        laws["best law"] = best_law(grid, shown)
     if len(shown) > 1:
-        found["best law of two numbers"] = best_pair(grid, shown)
-    return found
+        laws["best law of two numbers"] = best_pair(grid, shown)
+    return laws
 
 
 class Plays:
@@ -162,13 +184,18 @@ class Plays:
     Args:
         family: the family.
         log: file of the batches that were played, one in a line.
+
+    Attributes:
+        episodes: number of episodes that the results of this object took.
     """
 
     def __init__(self, family: Family, log: Path) -> None:
-        self._family, self._log = family, log
+        self._family = family
+        self._log = log
         self._known: dict[str, list[float]] = {}
         self.episodes = 0
-        for line in log.read_text("utf-8", "replace").splitlines() if log.exists() else ():
+        lines = log.read_text("utf-8", "replace").splitlines() if log.exists() else []
+        for line in lines:
             with suppress(ValueError, TypeError):  # a line that a killed process left incomplete
                 batch, returns = json.loads(line)
                 self._known[json.dumps(batch)] = returns
@@ -178,28 +205,34 @@ class Plays:
         constants = [{SPEED: speed, CHANGE_AT: LIFE} for speed in LOG_SPEEDS]
         returns = self.laws("grid", constants, "train", jobs).T
         names = self._family.shown
-        known = [self._family.job(job).numbers for job in range(jobs)]
-        numbers = np.array([[each[name] for name in names] for each in known])
-        return Grid(returns, numbers - MIDDLE, names)
+        numbers = np.empty((jobs, len(names)))
+        for job in range(jobs):
+            known = self._family.job(job).numbers
+            numbers[job] = [known[name] for name in names]
+        return Grid(returns, numbers - MIDDLE, names=names)
 
     def laws(self, title: str, laws: Sequence[Parameters], split: str, jobs: int) -> Array:
-        """Return the returns of ``contextual`` with several parameters on the first jobs of a split, shape (laws, jobs).
+        """Return the returns of several laws on the first jobs of a split, shape (laws, jobs).
 
-        All laws play a chunk of jobs together. The jobs of a chunk take about as long, so that none waits for others.
+        All laws play a chunk of jobs together. The jobs of a chunk take about as long, so that none
+        waits for others.
         """
         limits = [self._family.job(job, split).scenario.control.time_limit for job in range(jobs)]
+        # The order of equal limits must not depend on NumPy: it names the batches in the log.
         order = np.argsort(limits, kind="stable").tolist()
         size = max(BATCH // len(laws), 1)
         chunks = [order[first : first + size] for first in range(0, jobs, size)]
         returns = np.empty((len(laws), jobs))
         for chunk in tqdm(chunks, f"{title}, {split}", unit="batch", disable=None):
-            returns[:, chunk] = np.reshape(
-                self._returns(laws, split, chunk), (len(laws), len(chunk))
-            )
+            played = self._returns(laws, split, chunk)
+            returns[:, chunk] = np.reshape(played, (len(laws), len(chunk)))
         return returns
 
     def _returns(self, laws: Sequence[Parameters], split: str, jobs: Sequence[int]) -> list[float]:
-        """Return the returns of all laws on jobs, one law after the other, from the log or by playing them."""
+        """Return the returns of all laws on jobs, one law after the other.
+
+        They come from the log, or the laws are played.
+        """
         self.episodes += len(laws) * len(jobs)
         batch = [
             MODEL_VERSION,
@@ -211,58 +244,67 @@ class Plays:
         ]
         key = json.dumps(batch)
         if key not in self._known:
-            known = [self._family.job(job, split) for job in jobs]
-            numbers = [job.numbers for job in known]
-            fixed: Any = RULES[NAME].fixed
-            policy = limited(
-                [job.scenario.nominal() for job in known] * len(laws),
-                len(jobs) * len(laws),
-                log_speed=np.concatenate([log_speeds(law, numbers) for law in laws]),
-                change_at=LIFE,
-                **fixed,
-            )
-            seeds = list(jobs) * len(laws)
-            played = play_family(self._family, split, seeds, lambda num_envs: policy, "hidden")
-            self._known[key] = played["return"].tolist()
+            self._known[key] = self._play(laws, split, jobs)
             with self._log.open("a", encoding="utf-8") as file:
                 file.write(f"\n{json.dumps([batch, self._known[key]])}\n")
         return self._known[key]
 
+    def _play(self, laws: Sequence[Parameters], split: str, jobs: Sequence[int]) -> list[float]:
+        """Play all laws on jobs, side by side; return their returns, one law after the other."""
+        drawn = [self._family.job(job, split) for job in jobs]
+        numbers = [job.numbers for job in drawn]
+        fixed: Any = RULES[NAME].fixed
+        policy = limited(
+            [job.scenario.nominal() for job in drawn] * len(laws),
+            len(jobs) * len(laws),
+            log_speed=np.concatenate([log_speeds(law, numbers) for law in laws]),
+            change_at=LIFE,
+            **fixed,
+        )
+        episodes = play_family(
+            self._family,
+            split,
+            seeds=list(jobs) * len(laws),
+            make_policy=lambda num_envs: policy,
+            context="hidden",
+        )
+        returns: list[float] = episodes["return"].tolist()
+        return returns
+
 
 def tune(family: Family, plays: Plays, jobs: int) -> dict[str, Any]:
-    """Return the entry of the rule in a file of tuned parameters, by some training and validation jobs; print all candidates."""
+    """Return the entry of the rule in a file of tuned parameters, and print all candidates.
+
+    ``jobs``: number of training jobs, and of validation jobs.
+    """
     laws = candidates(plays.grid(jobs), family.shown)
-    names = list(laws)
-    validation = dict(
-        zip(names, plays.laws("candidates", list(laws.values()), "validation", jobs), strict=True)
-    )
-    for name in names:
-        _tell(name, laws[name], validation)
-    best = max(names, key=lambda name: float(validation[name].mean()))
+    played = plays.laws("candidates", list(laws.values()), split="validation", jobs=jobs)
+    validation = dict(zip(laws, played, strict=True))
+    means = {}
+    for name, returns in validation.items():
+        _print_candidate(name, laws[name], validation)
+        means[name] = float(returns.mean())
+    best = max(means, key=means.__getitem__)
     return {
         "version": RULES[NAME].version,
         "parameters": laws[best],
         "candidate": best,
-        "validation_returns": {
-            name: round(float(returns.mean()), 1) for name, returns in validation.items()
-        },
+        "validation_returns": {name: round(mean, 1) for name, mean in means.items()},
         "jobs": jobs,
         "episodes_played": plays.episodes,
     }
 
 
-def _tell(name: str, law: Parameters, validation: Mapping[str, Array]) -> None:
-    """Print a candidate's return on the validation jobs, with its lead over the constant, and its parameters."""
+def _print_candidate(name: str, law: Parameters, validation: Mapping[str, Array]) -> None:
+    """Print a candidate's return on the validation jobs, its lead and its parameters."""
     returns = validation[name]
     leads = returns - validation["constant"]
     means = Bootstrap(len(leads)).means(leads[np.newaxis], "")
     lead = Estimate.of(leads.mean(), means)
-    lead_text = (
-        f"{lead.value:.0f} ({lead.low:.0f} to {lead.high:.0f}), median {np.median(leads):.0f}"
-    )
-    tqdm.write(
-        f"{name}: {returns.mean():.0f} s on validation jobs, over the constant {lead_text} s; {law}"
-    )
+    interval = f"{lead.low:.0f} to {lead.high:.0f}"
+    lead_text = f"{lead.value:.0f} ({interval}), median {np.median(leads):.0f}"
+    result = f"{returns.mean():.0f} s on validation jobs, over the constant {lead_text} s"
+    tqdm.write(f"{name}: {result}; {law}")
 
 
 @exits(ValueError, interrupted="interrupted: run the same command again to go on")
@@ -272,8 +314,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m baselines.tune_contextual", **described(__doc__)
     )
     parser.add_argument("family", help="family, or its TOML file")
-    which = "training jobs, and validation jobs, that are played (default: %(default)s)"
-    parser.add_argument("--jobs", type=int, default=JOBS, metavar="N", help=which)
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=JOBS,
+        metavar="N",
+        help="training jobs, and validation jobs, that are played (default: %(default)s)",
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -289,18 +336,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     target = parsed.out or tuned.family_path(family)
     log = log_of(NAME, target)
     words = ["python", "-m", "baselines.tune_contextual", parsed.family, "--jobs", str(parsed.jobs)]
+    command = shlex.join(words)
     with file_lock(log):
-        found = tune(family, Plays(family, log), parsed.jobs)
-        found["command"] = shlex.join(words)
+        entry = tune(family, Plays(family, log), parsed.jobs)
+        entry["command"] = command
         with folder_lock(target.parent, wait=True):
             values = tuned.read(target)
             digest = tuned.family_digest(family)
             if values.get("family_digest") != digest:
-                values = {"command": found["command"], "family_digest": digest, "rules": {}}
-            values["rules"][NAME] = found
-            replace_file(
-                target, lambda path: path.write_text(json.dumps(values, indent=1) + "\n", "utf-8")
-            )
+                values = {"command": command, "family_digest": digest, "rules": {}}
+            values["rules"][NAME] = entry
+            text = json.dumps(values, indent=1) + "\n"
+            replace_file(target, lambda path: path.write_text(text, "utf-8"))
         log.unlink(missing_ok=True)
     print(target)
     return 0

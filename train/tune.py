@@ -30,7 +30,7 @@ from typing import Any
 import tomli_w
 from tqdm import tqdm
 
-from baselines.tune import Played, Trial, trials
+from baselines.tune import Played, Trial, TrialLog, trials
 from train.run import ALGORITHMS, Run, hyperparameters, overrides, trained_on
 from train.training import SEEDS, add_task, algorithm_of, play_agent, train
 from turning_env import Family, Scenario
@@ -175,8 +175,7 @@ def search(
             ranges,
             {name: first_setting[name] for name in ranges},
             count=count,
-            log=log,
-            task=[],
+            log=TrialLog(log, task=[]),
             allowance=task.allowance,
             play=partial(evaluate, task),
             over=over,

@@ -1,1 +1,4 @@
-"""Models that several controllers share: processes, filters, prices of edge life. A controller is a file in ``baselines``."""
+"""Models that several controllers share: processes, filters, prices of edge life.
+
+A controller is a file in ``baselines``.
+"""
