@@ -18,6 +18,8 @@ MakeResult = Callable[..., Result]
 
 
 class Steady:
+    """A policy that always acts alike."""
+
     def __init__(self, num_envs: int, action: tuple[float, float]) -> None:
         self._actions = np.tile(np.array(action, np.float32), (num_envs, 1))
 
@@ -35,23 +37,24 @@ def spec(
     """Return a policy that always acts alike: a rule, with a training seed an agent."""
     kind = "rule" if seed is None else "agent"
     parameters = {"speed": action[0], "feed": action[1]}
-    whole = {
+    values = {
         "name": name,
         "kind": kind,
         "description": "made up",
         "parameters": parameters,
         "training_seed": seed,
+        "make": lambda num_envs: Steady(num_envs, action),
     }
-    return PolicySpec.model_validate(
-        whole | {"make": lambda num_envs: Steady(num_envs, action)} | fields
-    )
+    return PolicySpec.model_validate(values | fields)
 
 
 def on(scenario: Scenario) -> Task:
+    """Return a task of one seed on a scenario."""
     return Task(env_id=ENV_ID, scenario=scenario, seeds=[7])
 
 
 def only(path: Path) -> Result:
+    """Return the only result in a file."""
     (result,) = read_file(path)
     return result
 
@@ -64,6 +67,7 @@ def play_all(
     *,
     replace: bool = False,
 ) -> None:
+    """Have policies play a task in this process, and write the results into a folder."""
     run.play_all([run.TaskRun(task, policies, folder)], fresh, replace=replace)
 
 
@@ -85,7 +89,7 @@ def folder(tmp_path: Path, scenario: Scenario) -> Path:
 
 @pytest.fixture(scope="session")
 def make_result(task: Task) -> MakeResult:
-    """Makes a result with the given values, and a plain minute of cutting where nothing is given."""
+    """Makes a result with the given values; otherwise it is a plain minute of cutting."""
     plain = {
         "time": 60.0,
         "engaged_time": 60.0,
@@ -99,13 +103,13 @@ def make_result(task: Task) -> MakeResult:
         seed: int | None = None,
         policy: PolicySpec | None = None,
         on: Task = task,
+        returns: object = 0.0,
         **values: object,
     ) -> Result:
-        filled = {field: plain.get(field, 0.0) for field in EPISODE_FIELDS} | values
-        episodes = {
-            field: np.broadcast_to(np.asarray(value, np.float64), len(on.seeds))
-            for field, value in filled.items()
-        }
+        filled = dict.fromkeys(EPISODE_FIELDS, 0.0) | plain | {"return": returns} | values
+        episodes = {}
+        for field, given in filled.items():
+            episodes[field] = np.broadcast_to(np.asarray(given, np.float64), len(on.seeds))
         return Result.of(on, policy or spec(name, seed=seed), episodes)
 
     return make

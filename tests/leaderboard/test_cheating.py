@@ -32,6 +32,8 @@ class Spy(Steady):
 
 
 class Scribbler(Steady):
+    """Overwrites the observations that it is given."""
+
     def act(self, observations: Observations) -> Actions:
         observations[:] = np.nan
         return self._actions
@@ -57,24 +59,26 @@ def test_policies_are_given_observations_and_nothing_else(scenario: Scenario) ->
 
 
 def test_writing_into_observations_changes_nothing(scenario: Scenario) -> None:
-    honest, scribbled = (
-        play(lambda num_envs, kind=kind: kind(num_envs, (0.05, 0.1)), scenario, [7, 8, 9])
-        for kind in (Steady, Scribbler)
-    )
-    for name, values in honest.items():
+    def honest(num_envs: int) -> Steady:
+        return Steady(num_envs, (0.05, 0.1))
+
+    def scribbling(num_envs: int) -> Scribbler:
+        return Scribbler(num_envs, (0.05, 0.1))
+
+    expected = play(honest, scenario, [7, 8, 9])
+    scribbled = play(scribbling, scenario, [7, 8, 9])
+    for name, values in expected.items():
         np.testing.assert_array_equal(scribbled[name], values)
-    trajectories = [
-        record(
-            spec("one", make=lambda num_envs, kind=kind: kind(num_envs, (0.0, 0.1))), scenario, 7
-        )
-        for kind in (Steady, Scribbler)
-    ]
-    assert trajectories[0].series == trajectories[1].series
+    recorded = record(spec("one", make=honest), scenario, 7)
+    assert record(spec("one", make=scribbling), scenario, 7).series == recorded.series
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "paper", "shift"])
 def test_first_observations_do_not_tell_seeds_apart(preset: str) -> None:
-    """Before the first cut; on the other tasks the control knows the bar or a set point, and so does the policy."""
+    """Nothing is known before the first cut.
+
+    On the other tasks the control knows the bar or a set point, and so does the policy.
+    """
     for seeds in (held_out_seeds(64), tuning_seeds(64)):
         observations, _ = RoughTurningVectorEnv(64, Scenario.load(preset)).reset(seed=seeds)
         assert (observations == observations[0]).all()
@@ -88,12 +92,16 @@ def test_episodes_stay_with_their_seed(scenario: Scenario) -> None:
         env.reset(seed=seed)
         for _ in range(later):
             env.reset()
-        infos = [env.step(np.zeros(2))[4] for _ in range(12)]
-        return np.array([[info["hardness"], info["depth_of_cut"]] for info in infos])
+        rows = []
+        for _ in range(12):
+            *_, info = env.step(np.zeros(2))
+            rows.append([info["hardness"], info["depth_of_cut"]])
+        return np.array(rows)
 
     trained = [bars(TUNING_START - 1, later) for later in range(4)]
     for seed in (TUNING_START, HELD_OUT_START):
-        assert not any(np.allclose(bars(seed, 0), each) for each in trained)
+        for trained_bars in trained:
+            assert not np.allclose(bars(seed, 0), trained_bars)
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,13 @@
-"""Families as tasks: policies are built for each job, ranked, verified and described as on other leaderboards."""
+"""Families as tasks: policies are built for each job, ranked and verified as on other tasks."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 import tomli_w
+from numpy.typing import NDArray
 
 from leaderboard.__main__ import main
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Forgetful, family_task
@@ -18,7 +18,8 @@ from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
-from turning_env.scoring.policy import PolicySpec
+from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec
+from turning_env.scoring.statistics import Estimate, Floats
 
 FAMILY = Family.load(BRIEF)
 JOBS = 16
@@ -26,208 +27,233 @@ SPLITS = ("unseen_jobs", "unseen_machines", "unseen_materials")
 TASK = family_task(FAMILY, None, JOBS)
 
 
-def ranked(**returns: Any) -> dict[str, Standing]:
-    """Rank made-up policies, given by their returns; metal is worth 400 s."""
-    results = []
-    for title, values in returns.items():
-        name, _, knows = title.partition("__")
-        kind = (
-            "agent" if name.startswith("agent") else "oracle" if knows or name == CAUSAL else "rule"
-        )
-        for seed, row in enumerate(np.broadcast_to(values, (2 if kind == "agent" else 1, JOBS))):
-            policy = PolicySpec(
-                name=name,
-                kind=kind,
-                knows=knows or "nominal",
-                training_seed=seed if kind == "agent" else None,
-            )
-            severe = (
-                np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0)
-                if name == "reckless"
-                else np.zeros(JOBS)
-            )
-            episodes = {
-                "return": row,
-                "reward_metal": np.full(JOBS, 400.0),
-                "steps": np.full(JOBS, 60.0),
-            }
-            episodes |= {
-                "engaged_time": np.full(JOBS, 100.0),
-                "severe_overload_time": severe,
-                "overload_time": 1.1 * severe,
-            }
-            results.append(Result.of(TASK, policy, episodes))
-    return {each.name: each for each in rank(results)}
+WORTH = 400.0  # of the metal of each job [s]
+RULE = PolicySpec(name="rule")
+WITH_TRUE_LAWS = PolicySpec(name="rule", kind="oracle", knows="true_laws")
+LEARNED = [PolicySpec(name="agent", kind="agent", training_seed=seed) for seed in (0, 1)]
+LOWEST = PolicySpec(name=NOMINAL_OPTIMUM)
+ORACLE = PolicySpec(name=CAUSAL, kind="oracle")
 
 
-def test_jobs_are_compared_pairwise() -> None:
+def played(policy: PolicySpec, returns: Floats, severe_time: Floats | float = 0.0) -> Result:
+    """Return a made-up result of a policy, given its returns, shape (JOBS,)."""
+    severe_overload_time = np.broadcast_to(np.asarray(severe_time), JOBS)
+    episodes = {
+        "return": returns,
+        "reward_metal": np.full(JOBS, WORTH),
+        "steps": np.full(JOBS, 60.0),
+        "engaged_time": np.full(JOBS, 100.0),
+        "severe_overload_time": severe_overload_time,
+        "overload_time": 1.1 * severe_overload_time,
+    }
+    return Result.of(TASK, policy, episodes)
+
+
+def standings_of(results: Sequence[Result]) -> dict[str, Standing]:
+    """Return the standings by name, in the order of rank."""
+    return {standing.name: standing for standing in rank(results)}
+
+
+def value(estimate: Estimate | None) -> float:
+    assert estimate is not None
+    return estimate.value
+
+
+@pytest.fixture(scope="module")
+def compared() -> dict[str, Standing]:
+    """An agent that loses 1 s on four jobs and gains 7 s on the other twelve over a rule."""
     base = np.linspace(-100.0, 100.0, JOBS)
-    found = ranked(
-        bad=base - 50.0,
-        rule=base,
-        rule__true_laws=base + 10.0,
-        agent=base + np.where(np.arange(JOBS) < 4, -1.0, 7.0),
-    )
-    agent, rule = found["agent"], found["rule"]
+    with_lead = base + np.where(np.arange(JOBS) < 4, -1.0, 7.0)
+    results = [
+        played(PolicySpec(name="bad"), base - 50.0),
+        played(RULE, base),
+        played(WITH_TRUE_LAWS, base + 10.0),
+        *(played(policy, with_lead) for policy in LEARNED),
+    ]
+    return standings_of(results)
+
+
+def test_policies_that_know_more_than_others_are_not_ranked(compared: dict[str, Standing]) -> None:
+    assert list(compared) == ["agent", "rule", "bad", "rule with true laws"]
+    assert compared["rule"].best_rule == "bad"
+    assert compared["rule with true laws"].over_truth is None
+
+
+def test_jobs_are_compared_pairwise(compared: dict[str, Standing]) -> None:
+    agent = compared["agent"]
     assert agent.best_rule == "rule"
     assert agent.over_best_rule is not None
     assert agent.over_best_rule.value == pytest.approx(5.0)
     assert agent.over_best_rule.low < 5.0 < agent.over_best_rule.high
-    assert (agent.median_over_best_rule, agent.beats_best_rule) == pytest.approx((7.0, 0.75))
-    assert agent.worst_return == pytest.approx(-101.0)
+    assert agent.median_over_best_rule == pytest.approx(7.0)
+    assert agent.beats_best_rule == pytest.approx(0.75)
+    # Three of the leads of 7 s are left out.
     assert agent.over_best_rule_without_largest == pytest.approx((12 * 7.0 - 3 * 7.0 - 4.0) / 13)
-    assert agent.over_truth is not None
-    assert agent.over_truth.value == pytest.approx(-5.0)
-    assert (agent.policy_class, agent.training_seeds, agent.feasible_jobs) == (
-        "other agent",
-        (0, 1),
-        1.0,
-    )
-    assert agent.full_cost_share is not None
-    assert agent.full_cost_share.value == pytest.approx(395.0 / 400.0)
-    assert (rule.best_rule, found["rule with true laws"].over_truth) == ("bad", None)
-    assert list(found) == [
-        "agent",
-        "rule",
-        "bad",
-        "rule with true laws",
-    ]  # told more than others, it is not ranked
+    assert value(agent.over_truth) == pytest.approx(-5.0)
+
+
+def test_numbers_of_jobs_by_hand(compared: dict[str, Standing]) -> None:
+    agent = compared["agent"]
+    assert agent.policy_class == "other agent"
+    assert agent.training_seeds == (0, 1)
+    assert agent.feasible_jobs == 1.0
+    assert agent.worst_return == pytest.approx(-101.0)
+    assert value(agent.full_cost_share) == pytest.approx((WORTH - 5.0) / WORTH)
 
 
 def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> None:
-    base, gap = np.linspace(-1000.0, 0.0, JOBS), np.linspace(10.0, 500.0, JOBS)
-    rows = {NOMINAL_OPTIMUM: base, CAUSAL: base + gap, "reckless": base + 0.5 * gap}
-    found = ranked(**rows)
-    assert [found[name].job_score.value for name in rows] == pytest.approx([0.0, 1.0, 0.5])  # type: ignore[union-attr]
-    assert (found["reckless"].feasible, found["reckless"].feasible_jobs) == (False, 0.75)
-    assert found["reckless"].overload_share == pytest.approx(1.1 * found["reckless"].severe_share)
-    del rows[CAUSAL]
-    assert all(each.job_score is None for each in ranked(**rows).values())
+    base = np.linspace(-1000.0, 0.0, JOBS)
+    gap = np.linspace(10.0, 500.0, JOBS)
+    results = [played(LOWEST, base), played(ORACLE, base + gap), played(RULE, base + 0.5 * gap)]
+    standings = standings_of(results)
+    assert value(standings[NOMINAL_OPTIMUM].job_score) == pytest.approx(0.0)
+    assert value(standings[CAUSAL].job_score) == pytest.approx(1.0)
+    assert value(standings["rule"].job_score) == pytest.approx(0.5)
+
+
+def test_without_the_oracle_there_is_no_score() -> None:
+    base = np.linspace(-1000.0, 0.0, JOBS)
+    standings = standings_of([played(LOWEST, base), played(RULE, base + 5.0)])
+    assert {name: standing.job_score for name, standing in standings.items()} == {
+        NOMINAL_OPTIMUM: None,
+        "rule": None,
+    }
+
+
+def test_overload_is_counted_over_all_jobs_and_by_job() -> None:
+    on_a_quarter = np.where(np.arange(JOBS) < JOBS // 4, 90.0, 0.0)
+    (standing,) = rank([played(RULE, np.zeros(JOBS), severe_time=on_a_quarter)])
+    assert not standing.feasible
+    assert standing.feasible_jobs == 0.75
+    assert standing.severe_share == pytest.approx(0.9 / 4)
+    assert standing.overload_share == pytest.approx(1.1 * standing.severe_share)
 
 
 def test_a_forgetful_policy_is_reset_where_the_edge_is_fresh() -> None:
-    masks: list[Any] = []
-    forgetful = Forgetful(
-        SimpleNamespace(reset=masks.append, act=lambda observations: np.zeros((2, 3), np.float32))
-    )
-    for wear in ((0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)):
+    resets: list[list[bool]] = []
+
+    class Remembering(Policy):
+        def reset(self, mask: NDArray[np.bool_]) -> None:
+            resets.append(mask.tolist())
+
+        def act(self, observations: Observations) -> Actions:
+            return np.zeros((len(observations), 3), np.float32)
+
+    forgetful = Forgetful(Remembering())
+    # The second environment changes its edge before the third step.
+    for wear in [(0.0, 0.0), (0.2, 0.1), (0.3, 0.0), (0.4, 0.1)]:
         observations = np.zeros((2, 11), np.float32)
         observations[:, OBS.nominal_wear] = wear
         forgetful.act(observations)
-    assert np.sum(masks, axis=0).tolist() == [0, 1]
+    assert resets == [[False, False], [False, True], [False, False]]
 
 
 def test_a_job_does_not_depend_on_those_that_are_played_with_it() -> None:
     task = family_task(FAMILY, "unseen_jobs", 70)
     policy = one_named("idle", task)
+    assert policy.compute is not None
     ended: list[int] = []
-    episodes = policy.compute(task.scenario, task.seeds, ended.append)  # type: ignore[misc]
+    episodes = policy.compute(task.scenario, task.seeds, ended.append)
     some = [3, 41, 69]
-    alone = policy.compute(task.scenario, some, lambda ended: None)  # type: ignore[misc]
+    alone = policy.compute(task.scenario, some, lambda ended: None)
     assert len(set(episodes["steps"])) > 3
     for name, values in alone.items():
         np.testing.assert_array_equal(episodes[name][some], values)
+    # Progress is told over all batches.
     assert ended == sorted(ended)
     assert ended[-1] == 70
 
 
-def test_variants_are_of_controllers_and_jobs_are_counted() -> None:
-    assert one_named("rescaled_grid_search", TASK, None, "true_laws").kind == "oracle"
-    for wrong in (
-        lambda: one_named(CAUSAL, TASK, None, "true_laws"),
-        lambda: family_task(FAMILY, None, 10_000),
-    ):
-        with pytest.raises(ResultError, match=r"no variants|jobs"):
-            wrong()
+def test_only_controllers_have_variants() -> None:
+    assert one_named("rescaled_grid_search", TASK, knows="true_laws").kind == "oracle"
+    with pytest.raises(ResultError, match="causal has no variants"):
+        one_named(CAUSAL, TASK, knows="true_laws")
+
+
+def test_a_split_has_a_name_and_a_number_of_jobs() -> None:
     with pytest.raises(ResultError, match="no split 'nothing'; it has train"):
         family_task(FAMILY, "nothing", 1)
+    with pytest.raises(ResultError, match=r"10000 seeds asked for, but .* has \d+ jobs"):
+        family_task(FAMILY, None, 10_000)
 
 
 def test_a_family_with_forms_has_parameters_and_a_variant_of_its_own() -> None:
-    shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
-    private = family_task(
-        Family.load("unmodelled").model_copy(update={"held_out_key": "of an organiser"}),
-        "validation",
-        1,
-    )
-    usual, own, again = (
-        one_named("self_tuning", task).parameters for task in (shop, unmodelled, private)
-    )
-    assert own.keys() - usual.keys() == {"top_speed", "change_at"}
-    assert again == own
-    assert (
-        one_named("self_tuning", unmodelled, None, "true_forms").title
-        == "self_tuning with true forms"
-    )
+    shop = family_task("shop", "validation", 1)
+    unmodelled = family_task("unmodelled", "validation", 1)
+    usual = one_named("self_tuning", shop).parameters
+    of_the_family = one_named("self_tuning", unmodelled).parameters
+    assert of_the_family.keys() - usual.keys() == {"top_speed", "change_at"}
+    with_true_forms = one_named("self_tuning", unmodelled, knows="true_forms")
+    assert with_true_forms.title == "self_tuning with true forms"
+
+
+def test_private_jobs_change_no_parameters() -> None:
+    public = Family.load("unmodelled")
+    private = public.model_copy(update={"held_out_key": "of an organiser"})
+    parameters = [
+        one_named("self_tuning", family_task(family, "validation", 1)).parameters
+        for family in (public, private)
+    ]
+    assert parameters[0] == parameters[1]
 
 
 @pytest.mark.slow
 def test_a_family_of_ones_own_is_played_ranked_and_packed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "brief.toml").write_text(tomli_w.dumps(BRIEF))
-    paths = [
-        str(onnx_agents.write_of_family(tmp_path / "agents" / FAMILY_ID / "brief", FAMILY, seed))
-        for seed in (0, 1)
-    ]
+    toml = tmp_path / "brief.toml"
+    toml.write_text(tomli_w.dumps(BRIEF))
+    agents = tmp_path / "agents" / FAMILY_ID / "brief"
+    paths = [str(onnx_agents.write_of_family(agents, FAMILY, seed)) for seed in (0, 1)]
     results = ["--results", str(tmp_path / "results")]
-    theirs = ["--agents", *paths, "--keep-names", "--jobs", "2"]
-    run = [
-        "run",
-        "--env",
-        FAMILY_ID,
-        "--scenario",
-        str(tmp_path / "brief.toml"),
-        "--seeds",
-        "3",
-        "--splits",
-        *results,
-    ]
-    assert main([*run, "--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", *theirs]) == 0
+    family = ["--env", FAMILY_ID, "--scenario", str(toml)]
+    run = ["run", *family, "--seeds", "3", "--splits", *results]
+
+    rules = ["--policies", NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search"]
+    assert main([*run, *rules, "--agents", *paths, "--keep-names", "--jobs", "2"]) == 0
     printed = capsys.readouterr().out
     assert main([*run, "--policies", "rescaled_grid_search", "--forgets"]) == 0
     assert "rescaled_grid_search without memory between edges" in capsys.readouterr().out
+
     folders = [result_folder(tmp_path / "results", FAMILY_ID, f"brief-{split}") for split in SPLITS]
     before = [read_results(folder) for folder in folders]
     assert main(["pack", *results]) == 0
     assert [read_results(folder) for folder in folders] == before
     assert {path.name for path in folders[0].iterdir()} == {PACK_FILE, "manifest.json"}
+
     capsys.readouterr()
     assert main(["show", *results, "--env", FAMILY_ID, "--all", "--json"]) == 0
     boards = json.loads(capsys.readouterr().out)["leaderboards"]
     assert [board["scenario"] for board in boards] == [f"brief-{split}" for split in SPLITS]
-    assert all(
-        each["name"] in printed for each in boards[0]["standings"] if "without" not in each["name"]
-    )
-    assert main(["pack", *results, "--without", "mine"]) == 0
-    assert "mine" not in {each.policy.name for each in read_results(folders[0]).values()}
+    names = {standing["name"] for standing in boards[0]["standings"]}
+    assert {NOMINAL_OPTIMUM, CAUSAL, "rescaled_grid_search", "mine_brief"} <= names
+    for name in names - {"rescaled_grid_search without memory between edges"}:
+        assert name in printed
+
+    assert main(["pack", *results, "--without", "mine_brief"]) == 0
+    assert "mine_brief" not in {result.policy.name for result in read_results(folders[0]).values()}
     assert main(["verify", *results, "--check", "--agents", str(tmp_path)]) == 1
-    assert (
-        "cannot be played again: no family and no file is called 'brief'" in capsys.readouterr().out
-    )
+    complaint = "cannot be played again: no family and no file is called 'brief'"
+    assert complaint in capsys.readouterr().out
 
 
 def test_private_jobs_are_others_and_no_result_tells_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    key, returns = "a key of the organiser", []
-    for name, more in (("public", []), ("private", ["--private-key", key])):
-        results = tmp_path / name
-        words = [
-            "run",
-            "--env",
-            FAMILY_ID,
-            "--results",
-            str(results),
-            "--policies",
-            "idle",
-            "--seeds",
-            "2",
-            *more,
-        ]
-        assert main(words) == 0
-        result = read_results(result_folder(results, FAMILY_ID, "shop-unseen_jobs"))["idle"]
-        assert (result.task.private is None) == (not more)
-        returns.append(result.episodes["return"])
-        assert key not in "".join(path.read_text("latin-1") for path in results.rglob("*.*"))
-    assert not set(returns[0]) & set(returns[1])
+    key = "a key of the organiser"
+    run = ["run", "--env", FAMILY_ID, "--policies", "idle", "--seeds", "2", "--results"]
+
+    def result_in(results: Path) -> Result:
+        return read_results(result_folder(results, FAMILY_ID, "shop-unseen_jobs"))["idle"]
+
+    assert main([*run, str(tmp_path / "public")]) == 0
+    public = result_in(tmp_path / "public")
+    assert main([*run, str(tmp_path / "private"), "--private-key", key]) == 0
+    private = result_in(tmp_path / "private")
+    assert public.task.private is None
+    assert private.task.private is not None
+    assert not set(public.episodes["return"]) & set(private.episodes["return"])
+
+    texts = [path.read_text("latin-1") for path in (tmp_path / "private").rglob("*.*")]
+    assert texts
+    assert key not in "".join(texts) + capsys.readouterr().out

@@ -8,42 +8,65 @@ from baselines.guided import HOLD
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import AGENTS
 from tests.leaderboard.conftest import spec
-from train.agents import agent_file
 from train.agent_inputs import DistanceTracker
+from train.agents import agent_file
+from train.agents.agent_file import AgentFile
 from turning_env import Scenario
+from turning_env.scoring.policy import PolicySpec
 
 SCENARIO = Scenario.load("rough_turning")
+PPO = "python -m train.ppo --seed 0"
+ANALYTIC_GRADIENT = "python -m train.analytic_gradient --seed 0"
 
 
-def told(command: str | None, scenario: Scenario = SCENARIO, **parameters: object) -> Information:
-    found = information(spec("mine", seed=0, command=command, parameters=parameters), scenario)
-    assert found is not None
-    return found
+def agent(command: str | None, **parameters: object) -> PolicySpec:
+    return spec("mine", seed=0, command=command, parameters=parameters)
 
 
-@pytest.mark.parametrize(
-    "path",
-    sorted(AGENTS.glob("*/*/*-seed0.onnx")),
-    ids=lambda path: f"{path.parents[1].name}-{path.stem}",
-)
-def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> None:
-    file = agent_file.read(path)
-    policy = spec(
-        file.metadata.name,
-        seed=0,
-        command=file.metadata.command,
-        parameters=file.metadata.parameters,
-    )
-    found = information(policy, file.metadata.scenario)
-    assert found is not None
-    assert found.seen is not None
-    p, entries = file.metadata.parameters, len(file.metadata.observation_space.low)
-    tracker = DistanceTracker.STATES * ("position" in found.seen)
-    remembered = 2 * p.get("memory_cells", 0) + (p.get("frames", 1) - 1) * entries
-    assert file.memory_size == (p["cells"] + tracker if "cells" in p else remembered)
-    assert ("memory" in found.seen) == (file.memory_size > 0)
-    steps = HOLD if p.get("guide") else 1  # a guide's training counts decisions
-    assert found.steps == steps * file.metadata.trained_steps
+def information_of(policy: PolicySpec, scenario: Scenario = SCENARIO) -> Information:
+    stated = information(policy, scenario)
+    assert stated is not None
+    return stated
+
+
+SHIPPED = sorted(AGENTS.glob("*/*/*-seed0.onnx"))
+
+
+@pytest.fixture(params=SHIPPED, ids=lambda path: f"{path.parents[1].name}-{path.stem}")
+def shipped(request: pytest.FixtureRequest) -> AgentFile:
+    path: Path = request.param
+    return agent_file.read(path)
+
+
+def test_agents_ship() -> None:
+    assert SHIPPED
+
+
+def test_shipped_agents_have_the_memory_that_the_table_states(shipped: AgentFile) -> None:
+    metadata = shipped.metadata
+    parameters = metadata.parameters
+    stated = information_of(agent(metadata.command, **parameters), metadata.scenario)
+    assert stated.seen is not None
+    if "cells" in parameters:
+        expected = parameters["cells"]
+        if "position" in stated.seen:
+            expected += DistanceTracker.STATES
+    else:
+        num_entries = len(metadata.observation_space.low)
+        earlier_frames = parameters.get("frames", 1) - 1
+        # A recurrent network has two states per cell.
+        expected = 2 * parameters.get("memory_cells", 0) + earlier_frames * num_entries
+    assert shipped.memory_size == expected
+    assert ("memory" in stated.seen) == (shipped.memory_size > 0)
+
+
+def test_shipped_agents_were_trained_for_the_stated_environment_steps(shipped: AgentFile) -> None:
+    metadata = shipped.metadata
+    stated = information_of(agent(metadata.command, **metadata.parameters), metadata.scenario)
+    steps = metadata.trained_steps
+    if metadata.parameters.get("guide"):
+        steps *= HOLD  # a guide's training counts decisions
+    assert stated.steps == steps
 
 
 @pytest.mark.parametrize(
@@ -51,45 +74,60 @@ def test_shipped_agents_have_the_memory_that_the_table_states(path: Path) -> Non
     [None, "train it", "python -m train.export mine.zip", "python -m train.ppo_of_mine --seed 0"],
 )
 def test_what_is_not_stated_is_not_guessed(command: str | None) -> None:
-    assert class_of(spec("mine", seed=0, command=command)) == "other agent"
-    assert told(command) == Information(None, None, None)
+    policy = agent(command)
+    assert class_of(policy) == "other agent"
+    assert information_of(policy) == Information(given=None, seen=None, steps=None)
 
 
-def test_terms_of_training_are_stated_and_count() -> None:
-    """Position, frames and life price appear in the table; a price of life p(D) makes an agent privileged."""
-    command = "python -m train.ppo --seed 0"
-    plain = told(command, position=False, frames=1, life_price="flat")
-    assert (plain.given, plain.seen) == (("rewards",), ())
-    every = told(command, position=True, frames=4, life_price="marginal")
-    assert (every.given, every.seen) == (
-        ("rewards", "life price", "spreads"),
-        ("memory", "position"),
+def test_a_plain_training_has_no_inputs_but_rewards() -> None:
+    stated = information_of(agent(PPO, position=False, frames=1, life_price="flat"))
+    assert stated.given == ("rewards",)
+    assert stated.seen == ()
+
+
+def test_terms_of_training_are_stated() -> None:
+    stated = information_of(agent(PPO, position=True, frames=4, life_price="marginal"))
+    assert stated.given == ("rewards", "life price", "spreads")
+    assert stated.seen == ("memory", "position")
+    asymmetric = information_of(agent(PPO, asymmetric=True))
+    assert asymmetric.given == ("rewards", "true states")
+
+
+def test_terms_that_a_training_leaves_out_are_not_stated() -> None:
+    stated = information_of(
+        agent(ANALYTIC_GRADIENT, position=False, memory=False, life_price="flat")
     )
-    classes = [
-        class_of(spec("any", seed=0, command=command, parameters={"life_price": each}))
-        for each in ("end", "marginal")
-    ]
-    assert classes == ["model-free agent", "privileged agent"]
-
-    assert told(command, asymmetric=True).given == ("rewards", "true states")
-    fewer = told(
-        "python -m train.analytic_gradient", position=False, memory=False, life_price="flat"
-    )
-    assert fewer.seen == ()
-    assert "life price" not in (fewer.given or ())
+    assert stated.given == ("model gradients", "true states", "geometry")
+    assert stated.seen == ()
 
 
-def test_an_agent_that_guides_a_rule_is_no_model_free_agent_and_counts_steps_of_the_environment() -> (
-    None
-):
-    parameters = {"guide": True, "steps": 1_500_000}
-    guide = spec(
-        "mine", seed=0, command="python -m train.guided_ppo --seed 0", parameters=parameters
-    )
-    assert class_of(guide) == "guiding agent"
-    assert told(guide.command, guide=True, steps=1_500_000).steps == 45_000_000
+@pytest.mark.parametrize(
+    ("policy", "expected"),
+    [
+        pytest.param(agent(PPO, life_price="end"), "model-free agent", id="flat price of life"),
+        pytest.param(agent(PPO, life_price="marginal"), "privileged agent", id="price p(D)"),
+        pytest.param(agent(PPO, asymmetric=True), "privileged agent", id="asymmetric critic"),
+        pytest.param(agent(ANALYTIC_GRADIENT), "privileged agent", id="model gradients"),
+        pytest.param(
+            agent("python -m train.guided_ppo --seed 0", guide=True), "guiding agent", id="guide"
+        ),
+        pytest.param(
+            agent(None, training_information=["rewards"]), "model-free agent", id="stated inputs"
+        ),
+        pytest.param(agent(PPO, training_information="all"), "other agent", id="no statement"),
+        pytest.param(spec("rule"), "rule", id="rule"),
+        pytest.param(spec("oracle", kind="oracle"), "oracle", id="oracle"),
+    ],
+)
+def test_the_class_follows_from_the_inputs_of_training(policy: PolicySpec, expected: str) -> None:
+    assert class_of(policy) == expected
+
+
+def test_a_guide_counts_environment_steps() -> None:
+    guide = agent("python -m train.guided_ppo --seed 0", guide=True, total_timesteps=1_500_000)
+    assert information_of(guide).steps == 45_000_000
 
 
 @pytest.mark.parametrize("steps", [-1, 10**400, 1.5, "many", True])
 def test_a_number_of_steps_that_no_training_has_is_not_stated(steps: object) -> None:
-    assert told("python -m train.ppo", steps=steps).steps is None
+    assert information_of(agent(PPO, total_timesteps=steps)).steps is None

@@ -33,16 +33,16 @@ def renamed(policy: PolicySpec, name: str) -> PolicySpec:
 def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
     """Hostile rules, an infeasible agent, an oracle, and the published controller, some of them recorded."""
     results = [
-        make_result("grid_search", **{"return": [1.0, 2.0, 3.0, 5.0]}),
-        make_result("fixed_tuned", **{"return": [0.0, 1.0, 2.0, 3.0]}),
-        make_result("oracle", policy=spec("oracle", kind="oracle"), **{"return": 9.0}),
+        make_result("grid_search", returns=[1.0, 2.0, 3.0, 5.0]),
+        make_result("fixed_tuned", returns=[0.0, 1.0, 2.0, 3.0]),
+        make_result("oracle", policy=spec("oracle", kind="oracle"), returns=9.0),
         *(
-            make_result("ppo", seed, severe_overload_time=30.0, **{"return": 2.0 * seed})
+            make_result("ppo", seed, severe_overload_time=30.0, returns=2.0 * seed)
             for seed in (0, 1)
         ),
     ]
     for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
-        plain = make_result("plain", **{"return": [-1.0, -2.0, -3.0, -4.0 - place]})
+        plain = make_result("plain", returns=[-1.0, -2.0, -3.0, -4.0 - place])
         results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
     recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
     episodes = [

@@ -3,7 +3,7 @@
 import json
 import lzma
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -29,49 +29,73 @@ def written(result: Result, folder: Path) -> Path:
     return result_path(folder, result.policy)
 
 
-@pytest.mark.parametrize(
-    ("where", "value", "message"),
-    [
-        (
-            ["schema"],
-            "rough-turning/results/0",
-            r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/5",
-        ),
-        (
-            ["results", 0, "policy", "name"],
-            "../up",
-            r"results.0.policy.name: '../up' is not allowed",
-        ),
-        (
-            ["task", "scenario", "limits"],
-            {"power": -1.0},
-            r"task.scenario.limits.power: -1.0 is not allowed: .*0.001",
-        ),
-        (
-            ["task", "seeds"],
-            "3..1",
-            r"task.seeds: '3..1' is not allowed: '3..1' is not a range of seeds",
-        ),
-        (["results", 0, "episodes", "return"], [0.0, 0.0, 1.0, 0.0], r"checksum does not match"),
-        (
-            ["results", 0, "episodes", "return"],
-            [0.0, 0.0, float("nan"), 0.0],
-            r"results.0.episodes.return.2: nan is not allowed",
-        ),
-        (["results", 0, "episodes", "luck"], [0.0, 0.0, 0.0, 0.0], r"episodes holds .*luck"),
-    ],
-)
-def test_errors_name_file_and_value(
-    make_result: MakeResult, folder: Path, where: list[Any], value: Any, message: str
-) -> None:
+def content_of(path: Path) -> Any:
+    return json.loads(lzma.decompress(path.read_bytes()))
+
+
+def damage(path: Path, content: object) -> None:
+    """Write another content into a file of results."""
+    path.write_bytes(lzma.compress(json.dumps(content).encode()))
+
+
+class Fault(NamedTuple):
+    """A value that a file of results must not hold, and a part of the complaint."""
+
+    keys: list[str | int]  # of the value in the file
+    value: object
+    message: str
+
+
+FAULTS = {
+    "schema": Fault(
+        ["schema"],
+        "rough-turning/results/0",
+        r"schema: 'rough-turning/results/0' is not allowed.*rough-turning/results/5",
+    ),
+    "name": Fault(
+        ["results", 0, "policy", "name"],
+        "../up",
+        r"results.0.policy.name: '../up' is not allowed",
+    ),
+    "scenario": Fault(
+        ["task", "scenario", "limits"],
+        {"power": -1.0},
+        r"task.scenario.limits.power: -1.0 is not allowed: .*0.001",
+    ),
+    "seeds": Fault(
+        ["task", "seeds"],
+        "3..1",
+        r"task.seeds: '3..1' is not allowed: '3..1' is not a range of seeds",
+    ),
+    "another return": Fault(
+        ["results", 0, "episodes", "return"],
+        [0.0, 0.0, 1.0, 0.0],
+        r"checksum does not match",
+    ),
+    "no number": Fault(
+        ["results", 0, "episodes", "return"],
+        [0.0, 0.0, float("nan"), 0.0],
+        r"results.0.episodes.return.2: nan is not allowed",
+    ),
+    "unknown field": Fault(
+        ["results", 0, "episodes", "luck"],
+        [0.0, 0.0, 0.0, 0.0],
+        r"episodes holds .*luck",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+def test_errors_name_file_and_value(make_result: MakeResult, folder: Path, fault: Fault) -> None:
     path = written(make_result("rule"), folder)
-    document = json.loads(lzma.decompress(path.read_bytes()))
-    section = document
-    for key in where[:-1]:
+    content = content_of(path)
+    *sections, field = fault.keys
+    section = content
+    for key in sections:
         section = section[key]
-    section[where[-1]] = value
-    path.write_bytes(lzma.compress(json.dumps(document).encode()))
-    with pytest.raises(ResultError, match=r"rule\.json\.xz: .*" + message):
+    section[field] = fault.value
+    damage(path, content)
+    with pytest.raises(ResultError, match=r"rule\.json\.xz: .*" + fault.message):
         only(path)
 
 
@@ -99,56 +123,83 @@ def test_the_manifest_or_else_most_results_decide_which_task_is_ranked(
     make_result: MakeResult, task: Task, folder: Path
 ) -> None:
     other_task = task.model_copy(update={"seeds": [1, 2, 3, 4]})
-    mine = written(make_result("mine", **{"return": [1, 2, 3, 10 / 3]}), folder)
+    written(make_result("mine"), folder)
     for name in ("one", "two"):
         written(make_result(name, on=other_task), folder)
-    most = read_leaderboard(folder)
-    assert ({standing.name for standing in most.standings}, most.left_out) == (
-        {"one", "two"},
-        [str(folder / "mine")],
-    )
-    asked = read_leaderboard(folder, task)
-    assert [standing.name for standing in asked.standings] == ["mine"]
-    assert asked.left_out == [str(folder / "one"), str(folder / "two")]
+
+    by_most_results = read_leaderboard(folder)
+    assert {standing.name for standing in by_most_results.standings} == {"one", "two"}
+    assert by_most_results.left_out == [str(folder / "mine")]
+
+    by_task = read_leaderboard(folder, task)
+    assert [standing.name for standing in by_task.standings] == ["mine"]
+    assert by_task.left_out == [str(folder / "one"), str(folder / "two")]
+
     write_manifest(folder, task)
-    assert read_leaderboard(folder) == asked
-    ((name, entry),) = read_part(Manifest, folder / MANIFEST_FILE).results.items()
-    assert (name, entry.return_, entry.sha256) == ("mine", 2.33333, only(mine).checksum)
+    assert read_leaderboard(folder) == by_task
+
     with pytest.raises(ResultError, match="holds no results on task"):
         read_leaderboard(folder, task.model_copy(update={"seeds": [5]}))
 
 
-def test_keys_and_texts_of_a_pack_cannot_command_the_terminal(
-    make_result: MakeResult, task: Task, folder: Path, capsys
+def test_a_manifest_sums_up_the_results_on_its_task(
+    make_result: MakeResult, task: Task, folder: Path
+) -> None:
+    other_task = task.model_copy(update={"seeds": [1, 2, 3, 4]})
+    path = written(make_result("mine", returns=[1, 2, 3, 10 / 3]), folder)
+    written(make_result("on_another_task", on=other_task), folder)
+    write_manifest(folder, task)
+    entries = read_part(Manifest, folder / MANIFEST_FILE).results
+    assert list(entries) == ["mine"]
+    assert entries["mine"].return_ == 2.33333
+    assert entries["mine"].sha256 == only(path).checksum
+
+
+HOSTILE = "\x1b[2Jforged\nline"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param({HOSTILE: 1}, id="key"),
+        pytest.param({"schema": HOSTILE}, id="text"),
+        pytest.param({"task": {HOSTILE: HOSTILE}, "results": []}, id="task"),
+    ],
+)
+def test_a_file_of_results_cannot_command_the_terminal(
+    change: dict[str, Any],
+    make_result: MakeResult,
+    task: Task,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     path = written(make_result("rule"), folder)
     write_manifest(folder, task)
-    document = json.loads(lzma.decompress(path.read_bytes()))
-    hostile = "\x1b[2Jforged\nline"
-    for content in (
-        document | {hostile: 1},
-        document | {"schema": hostile},
-        {"task": {hostile: hostile}, "results": []},
-    ):
-        path.write_bytes(lzma.compress(json.dumps(content).encode()))
-        assert (
-            main(
-                ["verify", "--check", "--results", str(folder.parents[1]), "--agents", str(folder)]
-            )
-            == 1
-        )
-        assert main(["show", "--results", str(folder.parents[1])]) == 2
-        told = capsys.readouterr()
-        assert "\x1b" not in told.out + told.err
-        assert not any(line.startswith("line") for line in (told.out + told.err).splitlines())
+    damage(path, content_of(path) | change)
+    results = ["--results", str(folder.parents[1])]
+    assert main(["verify", "--check", *results, "--agents", str(folder)]) == 1
+    assert main(["show", *results]) == 2
+    captured = capsys.readouterr()
+    printed = captured.out + captured.err
+    assert "rule.json.xz" in printed
+    assert "\x1b" not in printed
+    assert [line for line in printed.splitlines() if line.startswith("line")] == []
+
+
+def test_a_hostile_id_is_refused(task: Task) -> None:
     with pytest.raises(ValueError, match="env_id"):
-        Task.model_validate(dict(task) | {"env_id": hostile})
+        Task.model_validate(dict(task) | {"env_id": HOSTILE})
 
 
 @pytest.mark.parametrize("name", ["broken.json.xz", "trajectories.json.xz", MANIFEST_FILE])
-@pytest.mark.parametrize("content", ["{", "{}", "[" * 100_000])
+@pytest.mark.parametrize("content", ["{", "{}", "[" * 100_000], ids=["cut off", "empty", "deep"])
 def test_an_unusable_file_is_named_and_blocks_nothing(
-    make_result, task, folder, name, content, capsys
+    name: str,
+    content: str,
+    make_result: MakeResult,
+    task: Task,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     written(make_result("one"), folder)
     write_manifest(folder, task)
@@ -158,15 +209,12 @@ def test_an_unusable_file_is_named_and_blocks_nothing(
         path.write_text(content)
     (leaderboard,) = read_leaderboards(folder.parents[1])
     assert [standing.name for standing in leaderboard.standings] == ["one"]
-    told = capsys.readouterr().err
-    assert f"skipped: {folder / name}" in told
-    assert f"skipped: {lost}" in told
-    assert "python -m leaderboard run" in told
-    (complaint,) = [
-        each
-        for each in verify.check(folder.parents[1], Path(), verify.Selection())
-        if str(lost) in each
-    ]
-    assert "cannot be read" in complaint
+    notices = capsys.readouterr().err
+    assert f"skipped: {folder / name}" in notices
+    assert f"skipped: {lost}" in notices
+    assert "python -m leaderboard run" in notices
+    complaints = verify.check(folder.parents[1], Path(), verify.Selection())
+    (about_lost,) = [complaint for complaint in complaints if str(lost) in complaint]
+    assert "cannot be read" in about_lost
     write_manifest(folder, task)
     assert set(read_part(Manifest, folder / MANIFEST_FILE).results) == {"one"}

@@ -1,33 +1,41 @@
-"""Policies on the jobs of a family."""
+"""Families whose nominal models are true in some fields."""
 
 import pickle
 
 import pytest
 
+from baselines.models.schedule import FORMS
 from leaderboard.family import Truthful
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import Family
 
 FAMILY = Family.load(BRIEF)
+SPLIT = "unseen_jobs"
 
 
-@pytest.mark.parametrize("right", ["", "material.wear."])
-def test_nominal_models_are_right_in_the_named_fields_and_the_process_is_the_same(right: str):
-    family = pickle.loads(pickle.dumps(Truthful.of(FAMILY, right)))
-    told, usual = family.job(0, "unseen_jobs").scenario, FAMILY.job(0, "unseen_jobs").scenario
-    assert told.material == usual.material
-    assert told.nominal().material.wear == usual.material.wear != usual.nominal().material.wear
-    power = usual.nominal().material.power if right else usual.material.power
-    assert told.nominal().material.power == power
-    assert (family.job(0, "unseen_jobs").context != FAMILY.job(0, "unseen_jobs").context).any()
+@pytest.mark.parametrize("true_fields", ["", "material.wear."], ids=["all laws", "wear law"])
+def test_nominal_models_are_true_in_the_named_fields_and_the_process_is_the_same(
+    true_fields: str,
+) -> None:
+    # Workers receive the family pickled.
+    truthful = pickle.loads(pickle.dumps(Truthful.of(FAMILY, true_fields)))
+    job = truthful.job(0, SPLIT)
+    usual = FAMILY.job(0, SPLIT)
+    true_material = usual.scenario.material
+    usual_nominal = usual.scenario.nominal().material
+    nominal = job.scenario.nominal().material
+    assert job.scenario.material == true_material
+    assert nominal.wear == true_material.wear != usual_nominal.wear
+    expected_power = usual_nominal.power if true_fields else true_material.power
+    assert nominal.power == expected_power
+    assert (job.context != usual.context).any()
 
 
-def test_nominal_models_with_true_forms_have_nothing_else_that_is_true():
+def test_nominal_models_with_true_forms_have_nothing_else_that_is_true() -> None:
     family = Family.load("unmodelled")
-    told, usual = (
-        Truthful.of(family, ("edge_failure.", "machine.chatter")).job(0).scenario,
-        family.job(0).scenario,
-    )
-    assert told.nominal().edge_failure == usual.edge_failure != usual.nominal().edge_failure
-    assert told.nominal().machine.chatter == usual.machine.chatter > 0.0
-    assert told.nominal().material == usual.nominal().material != usual.material
+    true = family.job(0).scenario
+    usual_nominal = true.nominal()
+    nominal = Truthful.of(family, FORMS).job(0).scenario.nominal()
+    assert nominal.edge_failure == true.edge_failure != usual_nominal.edge_failure
+    assert nominal.machine.chatter == true.machine.chatter > 0.0
+    assert nominal.material == usual_nominal.material != true.material

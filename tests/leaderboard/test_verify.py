@@ -219,9 +219,7 @@ def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeR
     path = file_of(shipped, RULE)
     own = task.model_copy(update={"scenario": SHORT})
     write_result(
-        make_result(
-            CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, **{"return": 9.0}
-        ),
+        make_result(CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, returns=9.0),
         path.parent,
     )
     rewrite(path, {"return": [*only(path).episodes["return"][:-1], 1e6]})
