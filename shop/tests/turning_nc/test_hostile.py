@@ -1,4 +1,7 @@
-"""Programs and files that no machinist would write: each ends in an error that names its place, and none takes long."""
+"""Programs and files that no machinist would write.
+
+Each ends in an error that names its place, and none takes long.
+"""
 
 import math
 import time
@@ -18,106 +21,110 @@ from turning_nc.stock import read_stock
 from turning_nc.words import MAX_CHARACTERS, NcError, divide
 
 from shop.examples.adapt_programs import SCENARIO
-from shop.tests.turning_nc.test_moves import BAR, DREH, moves
+from shop.tests.turning_nc.programs import BAR, DREH, moves
 from turning_env.__main__ import main
 
 NINES = "9" * 400
 
 
-@pytest.mark.parametrize(
-    "block",
-    [
-        f"G1 X{NINES} F0.2",
-        f"G1 X.{'0' * 400}1 F0.2",
-        f"G1 X10. F0.2 (X)\nG1 Z-{NINES}",
-        "G1 X1000000. F0.2",
-        "G1 X20. F0.0000000001",
-        "G1 X20. F99999999.",
-        "G1 X20. F0",
-        "S99999999 G1 X20. F0.2",
-        f"M98 P{NINES}",
-        f"G71 P{NINES} Q{NINES} U0.4 F0.2",
-        f"G4 X{NINES}",
-        f"G4 P-{NINES}",
-        "G2 X58. Z-2. R9999999. F0.2",
-        "G2 X58. Z-2. I9999999. K0. F0.2",
-        "G1 Z-2. A90. F0.2",
-        f"N5 GOTO {NINES}",
-        "WHILE [1 EQ 1] DO1",
-        f"#1={NINES}\nG1 X#1 F0.2",
-        "G75 R0.\nG75 X1. Z-200. P10 Q10 F0.1",  # millions of pecks
-        "G1 X60. Z-9. F0.2\n" + "G1 U0. ,R[1/0]",
-        f"#1={'9' * 300}\nG1 X[#1-#1*#1] F0.2",
-    ],
-)
-def test_numbers_beyond_all_measure_are_refused_with_their_line(block: str) -> None:
+BLOCKS = {
+    "many digits": f"G1 X{NINES} F0.2",
+    "many decimals": f"G1 X.{'0' * 400}1 F0.2",
+    "many digits after a comment": f"G1 X10. F0.2 (X)\nG1 Z-{NINES}",
+    "beyond the reach": "G1 X1000000. F0.2",
+    "tiny feed": "G1 X20. F0.0000000001",
+    "large feed": "G1 X20. F99999999.",
+    "feed of 0": "G1 X20. F0",
+    "large speed": "S99999999 G1 X20. F0.2",
+    "sub-program": f"M98 P{NINES}",
+    "contour": f"G71 P{NINES} Q{NINES} U0.4 F0.2",
+    "long dwell": f"G4 X{NINES}",
+    "negative dwell": f"G4 P-{NINES}",
+    "large radius": "G2 X58. Z-2. R9999999. F0.2",
+    "distant centre": "G2 X58. Z-2. I9999999. K0. F0.2",
+    "angle along X": "G1 Z-2. A90. F0.2",
+    "jump": f"N5 GOTO {NINES}",
+    "endless loop": "WHILE [1 EQ 1] DO1",
+    "large variable": f"#1={NINES}\nG1 X#1 F0.2",
+    "millions of pecks": "G75 R0.\nG75 X1. Z-200. P10 Q10 F0.1",
+    "division by 0 in a corner": "G1 X60. Z-9. F0.2\n" + "G1 U0. ,R[1/0]",
+    "difference of large numbers": f"#1={'9' * 300}\nG1 X[#1-#1*#1] F0.2",
+}
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_numbers_beyond_all_measure_are_refused_with_their_line(name: str) -> None:
     with pytest.raises(NcError, match=r"line \d: "):
-        moves(f"{BAR}{block}\nG1 Z-5. F0.2\nM30")
+        moves(f"{BAR}{BLOCKS[name]}\nG1 Z-5. F0.2\nM30")
 
 
-EXPRESSIONS = (
-    *(
-        "ABS[]",
-        "ABS[1]ABS[2]",
-        "SQRT[-1]",
-        "LN[0]",
-        "EXP[1000]",
-        "EXP[700]*EXP[700]",
-        "EXP[700]*EXP[700]-EXP[700]*EXP[700]",
-    ),
-    *(
-        "1/0",
-        "5 MOD 0",
-        "ACOS[2]",
-        "ROUND[EXP[700]*EXP[700]]",
-        "1,2",
-        NINES,
-        "[" * 300 + "1" + "]" * 300,
-        "-" * 5000 + "1",
-    ),
-    *("9+" * 20_000 + "9", "TAN", "ABS", "SIN[1,2]", "#1", "[1", "1]"),
-)
+EXPRESSIONS = {
+    "nothing in brackets": "ABS[]",
+    "two functions": "ABS[1]ABS[2]",
+    "root of a negative number": "SQRT[-1]",
+    "logarithm of 0": "LN[0]",
+    "large function": "EXP[1000]",
+    "large product": "EXP[700]*EXP[700]",
+    "difference of large products": "EXP[700]*EXP[700]-EXP[700]*EXP[700]",
+    "division by 0": "1/0",
+    "remainder by 0": "5 MOD 0",
+    "unknown function": "ACOS[2]",
+    "large number rounded": "ROUND[EXP[700]*EXP[700]]",
+    "comma": "1,2",
+    "large number": NINES,
+    "deep brackets": "[" * 300 + "1" + "]" * 300,
+    "many signs": "-" * 5000 + "1",
+    "many terms": "9+" * 20_000 + "9",
+    "function without argument": "TAN",
+    "other function without argument": "ABS",
+    "two arguments": "SIN[1,2]",
+    "variable without value": "#1",
+    "open bracket": "[1",
+    "closed bracket": "1]",
+}
 
 
-@pytest.mark.parametrize("expression", EXPRESSIONS, ids=range(len(EXPRESSIONS)))
-def test_expressions_without_a_finite_value_raise_their_own_errors(expression: str) -> None:
+@pytest.mark.parametrize("name", EXPRESSIONS)
+def test_expressions_without_a_finite_value_raise_their_own_errors(name: str) -> None:
+    expression = EXPRESSIONS[name]
     with pytest.raises((ValueError, KeyError, ZeroDivisionError)):
         parse(expression).value({})
     with pytest.raises(NcError, match="line 4: "):
         moves(f"{BAR}G1 X[{expression}] F0.2"[:900])
 
 
-@pytest.mark.parametrize(
-    "block",
-    [
-        f'CYCLE95("C",{NINES},0.1,0.2,,0.3,,0.15,9)',
-        'CYCLE95("C",nan,0.1,0.2,,0.3,,0.15,9)',
-        'CYCLE95("C",0.0000000001,0.1,0.2,,0.3,,0.15,9)',
-        "CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,90,0,2,1,1,1)",
-        "CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,30,0,2,1,1,999999999)",
-        "CYCLE97(inf,,0,-32,30,30,6,2,1,0.1,30,0,2,1,1,1)",
-        "G1 X=R1/R2",
-        "G1 X20 Z=IC(99999999)",
-        f"R1={NINES}",
-        "WHILE 1==1",
-    ],
-)
-def test_cycles_and_parameters_beyond_all_measure_are_refused_with_their_line(block: str) -> None:
+REST = "G1 Z-5\nM30\n%_N_C_SPF\nG1 X10 Z0\nZ-20\nX30\nM17\n"
+SINUMERIK_BLOCKS = {
+    "large depth": f'CYCLE95("C",{NINES},0.1,0.2,,0.3,,0.15,9)',
+    "depth that is no number": 'CYCLE95("C",nan,0.1,0.2,,0.3,,0.15,9)',
+    "tiny depth": 'CYCLE95("C",0.0000000001,0.1,0.2,,0.3,,0.15,9)',
+    "angle of a thread": "CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,90,0,2,1,1,1)",
+    "many starts": "CYCLE97(1.5,,0,-32,30,30,6,2,1,0.1,30,0,2,1,1,999999999)",
+    "pitch that is no number": "CYCLE97(inf,,0,-32,30,30,6,2,1,0.1,30,0,2,1,1,1)",
+    "division of variables without value": "G1 X=R1/R2",
+    "beyond the reach": "G1 X20 Z=IC(99999999)",
+    "large parameter": f"R1={NINES}",
+    "endless loop": "WHILE 1==1",
+}
+
+
+@pytest.mark.parametrize("name", SINUMERIK_BLOCKS)
+def test_cycles_and_parameters_beyond_all_measure_are_refused_with_their_line(name: str) -> None:
     with pytest.raises(NcError, match="line 5: "):
-        moves(f"{DREH}{block}\nG1 Z-5\nM30\n%_N_C_SPF\nG1 X10 Z0\nZ-20\nX30\nM17\n")
+        moves(f"{DREH}{SINUMERIK_BLOCKS[name]}\n{REST}")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        f"{BAR}WHILE [1 EQ 1] DO1\nEND1",
-        f"{BAR}N5 GOTO 5",
-        f"{DREH}A: GOTOB A",
-    ],
-)
-def test_endless_programs_end(text: str) -> None:
+ENDLESS = {
+    "loop": f"{BAR}WHILE [1 EQ 1] DO1\nEND1",
+    "jump of a Fanuc": f"{BAR}N5 GOTO 5",
+    "jump of a SINUMERIK": f"{DREH}A: GOTOB A",
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_endless_programs_end(name: str) -> None:
     with pytest.raises(NcError, match=r"line \d+: more than"):
-        moves(text)
+        moves(ENDLESS[name])
 
 
 CONTENTS = {
@@ -151,26 +158,27 @@ def test_files_of_the_wrong_kind_end_in_one_error_that_names_them(
     assert name in captured.err
 
 
-@pytest.mark.parametrize(
-    "stock",
-    [
-        "bar:0x10",
-        "bar:10x0",
-        f"bar:{NINES}x10",
-        f"bar:10x10+{NINES}",
-        "tube:10x10x10",
-        "bar:-5x10",
-        "bar:1e3x10",
-        "bar:nanx10",
-    ],
-)
-def test_stocks_without_a_size_are_refused(stock: str) -> None:
+STOCKS = {
+    "no diameter": "bar:0x10",
+    "no length": "bar:10x0",
+    "many digits": f"bar:{NINES}x10",
+    "long face": f"bar:10x10+{NINES}",
+    "tube without a wall": "tube:10x10x10",
+    "negative diameter": "bar:-5x10",
+    "exponent": "bar:1e3x10",
+    "no number": "bar:nanx10",
+}
+
+
+@pytest.mark.parametrize("name", STOCKS)
+def test_stocks_without_a_size_are_refused(name: str) -> None:
     with pytest.raises(NcError, match="stock"):
-        read_stock(stock)
+        read_stock(STOCKS[name])
 
 
 def test_a_drawing_that_is_damaged_or_in_too_large_units_is_refused(tmp_path: Path) -> None:
-    drawing, path = pytest.importorskip("ezdxf").new(), tmp_path / "stock.dxf"
+    drawing = pytest.importorskip("ezdxf").new()
+    path = tmp_path / "stock.dxf"
     drawing.modelspace().add_circle((0, 200), 100)
     drawing.units = 6  # m
     drawing.saveas(path)
