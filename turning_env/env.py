@@ -38,7 +38,7 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
         raise ValueError(f"reset has no option {name!r}; {advice}")
 
 
-class Shared:
+class BaseEnv:
     """Base of the single and the vector environment: a batch, its specification and its viewer."""
 
     _spec: EnvSpec | None = None
@@ -98,7 +98,7 @@ class Shared:
         return self._viewer.render()
 
 
-class RoughTurningEnv(Shared, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class RoughTurningEnv(BaseEnv, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Rough turning of steel bars with one carbide edge; the policy sets cutting speed and feed.
 
     ## Description

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 from gymnasium.vector import AutoresetMode
 
 from turning_env.batch.driver import Jobs
-from turning_env.env import RoughTurningEnv, Shared
+from turning_env.env import BaseEnv, RoughTurningEnv
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family, Job, families
 from turning_env.vector_env import RoughTurningVectorEnv
@@ -16,7 +16,7 @@ FamilySource = str | os.PathLike[str] | Mapping[str, Any] | Family
 Context = Literal["told", "hidden"]
 
 
-class OfFamily(Shared):
+class FamilyBase(BaseEnv):
     """Base of environments that play the jobs of a family."""
 
     def _jobs(self, family: FamilySource, split: str, context: Context) -> Jobs:
@@ -45,7 +45,7 @@ def vector_env(
     return RoughTurningVectorEnv(num_envs, source, autoreset_mode=autoreset_mode)
 
 
-class FamilyEnv(OfFamily, RoughTurningEnv):
+class FamilyEnv(FamilyBase, RoughTurningEnv):
     """``RoughTurning-Family-v0``: rough turning on many lathes, whose nominal models are wrong.
 
     ## Description
@@ -99,7 +99,7 @@ class FamilyEnv(OfFamily, RoughTurningEnv):
         super().__init__(self._jobs(family, split, context), render_mode)
 
 
-class FamilyVectorEnv(OfFamily, RoughTurningVectorEnv):
+class FamilyVectorEnv(FamilyBase, RoughTurningVectorEnv):
     """``num_envs`` independent environments, each exactly the ``FamilyEnv`` with its seed.
 
     See ``RoughTurningVectorEnv`` for the other arguments.

@@ -145,6 +145,7 @@ def compare_with_nominal_model(state, work, i, p):
     )
     power += idle_power(p.nominal, i, state.cutting_speed[i])
     work.predicted_force[i] = force
+    # The logarithm of no wear is out of range, so ratios to predictions of it mean nothing.
     has_cut = state.nominal_used_life[i] > 0.0
     power_ratio = state.measured_power[i] / power if has_cut else 0.0
     force_ratio = state.measured_thrust_force[i] / force if has_cut else 0.0
@@ -177,6 +178,7 @@ def observe_current(state, work, i, p):
 @compiled
 def observe_reference(state, work, i, p):
     """Observe the reference of the roughness; 0 if the scenario has one reference only."""
+    # A range without a span has no places in it.
     single = p.log_reference_span[i] == 0.0
     scale = 0.0 if single else 2.0 / p.log_reference_span[i]
     log_reference = log(state.roughness_reference[i])
@@ -264,6 +266,7 @@ def read(observation: NDArray[np.float32], scenario: Scenario | ScenarioBatch) -
     power = power_share
     if scenario.spindle.reading == "torque":
         power = power_share * capacity_at(scenario, cutting_speed)
+    # With the servo current, this is the current over that at the limit of the force.
     force_share = _ratio(columns["thrust_force"])
     thrust_force = force_share * limits.thrust_force
     servo_current = unknown

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
-from turning_env.env import Shared, check_options
+from turning_env.env import BaseEnv, check_options
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
 
@@ -25,7 +25,7 @@ Infos = dict[str, Any]
 Step = tuple[NDArray[np.float32], NDArray[np.float64], Mask, Mask, Infos]
 
 
-class RoughTurningVectorEnv(Shared, VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
+class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.float32], Array]):
     """``num_envs`` independent environments, each exactly the ``RoughTurningEnv`` with its seed.
 
     See ``RoughTurningEnv`` for the specification. After ``reset(seed=s)``, environment i matches

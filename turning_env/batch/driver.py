@@ -17,9 +17,9 @@ from turning_env.physics import quantities
 from turning_env.physics.lathe import run_step, start_episode
 from turning_env.physics.quantities import ROW, WIDTH, action_size
 from turning_env.physics.records import (
-    CHOICES,
     PARAMETERS,
     SCRATCH,
+    SHARED_PARAMETERS,
     STATE,
     new_records,
     numbers_of,
@@ -164,7 +164,8 @@ class Jobs:
     Attributes:
         scenario: the scenario of one job. All jobs share its choices, such as action and sensors.
         context_names: names of the numbers that are appended to an observation.
-        parameters: parameters of one block with this scenario; all jobs share those of ``CHOICES``.
+        parameters: parameters of one block with this scenario, of which all jobs share those of
+            ``SHARED_PARAMETERS``.
     """
 
     def __init__(self, family: Family, split: str, shows_context: bool) -> None:
@@ -192,7 +193,7 @@ class Jobs:
     def _draw(self, chunk: int) -> JobValues:
         draw = self.family.draw(self.split, chunk)
         records = parameter_records(draw.true, CHUNK, nominal=draw.nominal)
-        for name in CHOICES:
+        for name in SHARED_PARAMETERS:
             shared = self.parameters[name][0]
             if (records[name] != shared).any():
                 raise ValueError(
@@ -225,7 +226,8 @@ class Batch:
         observations: float32, shape (num_envs, entries). Every step fills a new array, unless
             ``single``.
         table: the report of the last step: float64, shape (len(quantities.REPORT), num_envs), a
-            row for each quantity (``quantities.ROW``). Likewise.
+            row for each quantity (``quantities.ROW``). Every step fills a new one, unless
+            ``single``.
         job_numbers: numbers of the present jobs in their split, shape (num_envs,).
     """
 

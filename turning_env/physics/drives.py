@@ -20,7 +20,7 @@ def lag_share(time: Any, time_constant: Any) -> Any:
     The target is constant for a ``time`` in the unit of the time constant. Either may be an array.
     """
     if np.ndim(time_constant):
-        return np.array([lag_share(time, each) for each in time_constant])
+        return np.array([lag_share(time, constant) for constant in time_constant])
     return 1.0 if time_constant == 0 else -expm1(-time / time_constant)
 
 

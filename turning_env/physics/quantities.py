@@ -59,6 +59,7 @@ class Entry(NamedTuple):
 Q = Quantity
 
 STATE = (
+    # The episode.
     Q("seed", "-", "determines the episodes", dtype=np.uint64),
     Q("episode", "-", "number of the seed's episode", dtype=np.uint64),
     Q("step_count", "-", "steps since the episode's start", dtype=np.int64),
@@ -67,23 +68,26 @@ STATE = (
     Q("path", "mm", "tool position, air and metal"),
     Q("clock", "min", "machine time since the start"),
     Q("turns", "rev", "turns of the spindle since the start"),
+    # Commands and drives.
     Q("commanded_cutting_speed", "m/min", "commanded cutting speed"),
     Q("commanded_feed", "mm/rev", "commanded feed"),
     Q(
         "past_cutting_speeds",
         "m/min",
-        "those before, the last first",
+        "commanded cutting speeds of the steps before, the last first",
         shape=(MAX_DELAY, WIDTH),
     ),
-    Q("past_feeds", "mm/rev", "likewise", shape=(MAX_DELAY, WIDTH)),
+    Q("past_feeds", "mm/rev", "commanded feeds, likewise", shape=(MAX_DELAY, WIDTH)),
     Q("cutting_speed", "m/min", "actual cutting speed"),
     Q("feed", "mm/rev", "actual feed"),
+    # The edge.
     Q("edge", "-", "edges used before this one", dtype=np.int64),
     Q("log_wear_factor", "-", "logarithm of the insert's wear over nominal"),
     Q("edge_strength", "N", "thrust force that breaks the edge"),
     Q("cutting_time", "min", "cutting time of the edge"),
     Q("used_life", "-", "used share of the edge's life"),
-    Q("nominal_used_life", "-", "the same by the nominal model"),
+    Q("nominal_used_life", "-", "used share of the edge's life by the nominal model"),
+    # The bar, and the nodes of its fields on either side of the tool.
     Q("bar", "-", "bar at the tool, whole numbers"),
     Q("bar_hardness_normal", "-", "standard normal number of the bar's hardness"),
     Q("bar_depth_normal", "-", "standard normal number of the bar's depth"),
@@ -97,11 +101,12 @@ STATE = (
     Q("depth_cell", "-", "depth nodes, likewise"),
     Q("depth_left", "-", "value of the node behind"),
     Q("depth_right", "-", "value of the node ahead"),
+    # The cut.
     Q("log_hardness", "-", "logarithm of the mean hardness of the cut, with its skin"),
-    Q("log_skin_wear", "-", "what the skin in the cut adds to the logarithm of wear"),
+    Q("log_skin_wear", "-", "change of the logarithm of wear by the skin in the cut"),
     Q("depth_of_cut", "mm", "depth of cut"),
-    Q("pass_floor", "mm", "a pass cuts what stands higher than this above the finished contour"),
-    Q("pass_ceiling", "mm", "and lower than this, as the passes before it have cut the rest"),
+    Q("pass_floor", "mm", "height above the finished contour from which the pass cuts"),
+    Q("pass_ceiling", "mm", "height to which the pass cuts; the passes before have cut the rest"),
     Q("log_nominal_depth", "-", "logarithm of the pass's depth [mm] in the nominal model"),
     Q("thrust_force", "N", "thrust force"),
     Q("power", "kW", "cutting power"),
@@ -110,6 +115,7 @@ STATE = (
         "-",
         "heating of the spindle's motor over that of its rated load, 0 without short-time overload",
     ),
+    # Sensors.
     Q("lagged_thrust_force", "N", "thrust force behind the sensor's lag"),
     Q("lagged_power", "kW", "power behind the sensor's lag"),
     Q(
@@ -122,8 +128,9 @@ STATE = (
     Q("probed_depth", "mm", "mean allowance of the next blank, 0 if it is not probed"),
     Q("removed_wear", "mm", "flank wear of the edge that was taken out last, 0 before the first"),
     Q("roughness_reference", "um", "reference of Ra for the next step, 0 if there is none"),
-    Q("chipping_margin", "-", "integral of the chipping hazard that the edge still bears"),
-    Q("tangle_margin", "-", "likewise until chips tangle"),
+    # Failures.
+    Q("chipping_margin", "-", "integral of the chipping hazard that is left until the edge chips"),
+    Q("tangle_margin", "-", "integral of the tangling rate that is left until chips tangle"),
     Q("tangles", "-", "times that chips have tangled", dtype=np.int64),
 )
 """State: the quantities that an environment keeps from step to step."""
@@ -133,13 +140,15 @@ WORK = (
     Q("sub_step", "min", "length of a sub-step"),
     Q("sub_steps_left", "-", "sub-steps left in the step or pass", dtype=np.int64),
     Q("target_cutting_speed", "m/min", "command that the spindle follows, which may be a late one"),
-    Q("target_feed", "mm/rev", "likewise of the feed"),
+    Q("target_feed", "mm/rev", "command that the feed servo follows, likewise"),
+    # Charging of time and life since the step's start or an edge's change.
     Q("time", "min", "time since clock and life were last brought up to date"),
     Q("used_life_before", "-", "used life at the beginning of that time"),
     Q("cutting_time_before", "min", "cutting time at the beginning of that time"),
     Q("minutes", "min", "time of the step at work"),
     Q("ended_before", "-", "the episode had ended before the step, 0 or 1", dtype=np.int64),
     Q("edge_failed", "-", "an edge was worn out or broken in the step, 0 or 1", dtype=np.int64),
+    # Parts.
     Q("passes", "-", "passes of the part", dtype=np.int64),
     Q("pass_depth", "mm", "depth of a pass"),
     Q("part_start", "mm", "path at which the part begins"),
@@ -150,8 +159,9 @@ WORK = (
         "turns of the spindle in the sub-step, 0 if the environment does not take part",
     ),
     Q("cut", "mm", "metal behind the tool at the sub-step's end"),
-    Q("middle", "mm", "likewise in the middle of what was cut"),
+    Q("middle", "mm", "metal behind the middle of the sub-step's cut"),
     Q("engaged", "min", "time in metal in the sub-step"),
+    # The bar at the tool, and the list of nodes to draw.
     Q("along", "mm", "place of the middle along the bar"),
     Q("passing", "-", "a node or a bar's beginning was passed, 0 or 1", dtype=np.int64),
     Q(
@@ -170,10 +180,11 @@ WORK = (
         dtype=np.uint64,
         shape=(2 * WIDTH,),
     ),
-    Q("word_1", "-", "another random word of it", dtype=np.uint64, shape=(2 * WIDTH,)),
+    Q("word_1", "-", "another random word of the same", dtype=np.uint64, shape=(2 * WIDTH,)),
     Q("node_value", "-", "value of the node", shape=(2 * WIDTH,)),
     Q("nominal_depth", "mm", "nominal depth of the blank"),
-    Q("blank_depth", "mm", "what stands above the finished contour"),
+    Q("blank_depth", "mm", "height of the blank above the finished contour"),
+    # Factors of the laws, and what follows from them.
     Q("log_cutting_speed", "-", "logarithm of the cutting speed [m/min]"),
     Q("log_feed", "-", "logarithm of the feed [mm/rev]"),
     Q("log_depth", "-", "logarithm of the depth of cut [mm]"),
@@ -234,6 +245,7 @@ KEPT = tuple(line for line in _AT_END if isinstance(line, str))
 OVER_STEP = (
     Q("mean_thrust_force", "N", "mean while cutting; with parts, in the last pass"),
     Q("mean_power", "kW", "mean while cutting; with parts, in the last pass"),
+    # Time, metal and edges.
     Q("time", "s", "machine time"),
     Q("engaged_time", "s", "time in metal"),
     Q("stopped_time", "s", "time to change edges and to clear chips"),
@@ -241,6 +253,7 @@ OVER_STEP = (
     Q("passes", "-", "passes of parts"),
     Q("edges_used", "-", "used share of life, and all of an edge that is changed or broken"),
     Q("edges_broken", "-", "broken edges"),
+    # Overload and deviation of the roughness.
     Q("overload_time", "s", "time beyond a limit"),
     Q("severe_overload_time", "s", "time beyond a limit by more than the tolerance"),
     Q("overload_2_percent_time", "s", "time beyond a limit by more than 2 %"),
@@ -253,6 +266,7 @@ OVER_STEP = (
         "mean relative excess of thrust force, or of a further limit's response, over its limit",
     ),
     Q("cost_power", "-", "mean relative excess of power over its limit"),
+    # Terms of the reward.
     Q("reward_metal", "s", "reward for removed metal"),
     Q("reward_time", "s", "reward for machine time"),
     Q("reward_edge", "s", "reward for used life"),

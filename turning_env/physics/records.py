@@ -5,7 +5,7 @@ environments.
 """
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,11 @@ _BYTES = 8  # of a number
 def _record_type(fields: Iterable[Any]) -> np.dtype[Any]:
     """Return a record type; interpreted, its records give fields as attributes."""
     return np.dtype((np.record, np.dtype(list(fields), align=True)))
+
+
+def _quantity_fields(table: Iterable[quantities.Quantity]) -> list[Any]:
+    """Return the fields of a record of quantities."""
+    return [(quantity.name, quantity.dtype, quantity.shape) for quantity in table]
 
 
 def _table_type(names: list[str]) -> np.dtype[Any]:
@@ -64,17 +69,15 @@ def _parameter_fields() -> tuple[list[Any], list[Any]]:
 
 _DIFFERING, _SHARED = _parameter_fields()
 _NUMBERS = sum(dtype.itemsize for _, dtype in _DIFFERING) // (_BYTES * WIDTH)
-CHOICES = [name for name, _ in _SHARED]
+SHARED_PARAMETERS = [name for name, _ in _SHARED]
 """Parameters that the environments of a batch share.
 
 In the others, which come first in a record, each environment can differ.
 """
 
-STATE = _record_type((each.name, each.dtype, each.shape) for each in quantities.STATE)
+STATE = _record_type(_quantity_fields(quantities.STATE))
 _OBSERVATION = ("observation", np.float64, (len(quantities.OBSERVATION), WIDTH))
-WORK = _record_type(
-    [*((each.name, each.dtype, each.shape) for each in quantities.WORK), _OBSERVATION]
-)
+WORK = _record_type([*_quantity_fields(quantities.WORK), _OBSERVATION])
 REPORT = _table_type([quantity.name for quantity in quantities.REPORT])
 PARAMETERS = _record_type([*_DIFFERING, *_SHARED])
 SCRATCH = _record_type([("work", WORK), ("report", REPORT)])
@@ -141,9 +144,18 @@ def numbers_of(records: Any) -> NDArray[np.float64]:
     return numbers.reshape(len(records), _NUMBERS, WIDTH)
 
 
-def block_records(scenario: Scenario) -> tuple[Any, Any, Any]:
-    """Return states, parameters and scratch of one block of environments of a scenario.
+class BlockRecords(NamedTuple):
+    """The records of one block of environments; each is an array of one record."""
 
-    Each is an array of one record.
-    """
-    return new_records(STATE, 1), parameter_records(scenario), new_records(SCRATCH, 1)
+    states: Any
+    parameters: Any
+    scratches: Any
+
+
+def block_records(scenario: Scenario) -> BlockRecords:
+    """Return new records of one block of environments of a scenario."""
+    return BlockRecords(
+        states=new_records(STATE, 1),
+        parameters=parameter_records(scenario),
+        scratches=new_records(SCRATCH, 1),
+    )
