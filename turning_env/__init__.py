@@ -4,7 +4,7 @@ Importing this package registers the ids in ``IDS``; ``env.py`` and ``tasks.py``
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium
 
@@ -43,7 +43,10 @@ def __getattr__(name: str) -> Any:
         return version("rough-turning")
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    module = import_module(f"{__name__}.{_MODULE_OF[name]}")
+    value = getattr(module, name)
+    # Python looks here first, and does not call this function again.
+    globals()[name] = value
     return value
 
 
@@ -69,27 +72,39 @@ __all__ = [
     "score",
 ]
 
-_ENTRY_POINTS = {
-    "RoughTurning-v0": ("env:RoughTurningEnv", "rough_turning"),
-    "RoughTurning-Paper-v0": ("tasks:PaperEnv", "paper"),
-    "RoughTurning-Override-v1": ("tasks:OverrideEnv", "override"),
-    "RoughTurning-Surface-v1": ("tasks:SurfaceEnv", "surface"),
-    "RoughTurning-Shift-v0": ("tasks:ShiftEnv", "shift"),
-    "RoughTurning-Batch-v0": ("tasks:BatchEnv", "batch_casting"),
+
+class _Task(NamedTuple):
+    """An id's class of the single environment, and the preset that it takes by default."""
+
+    entry_point: str
+    preset: str
+
+
+_TASKS = {
+    "RoughTurning-v0": _Task("turning_env.env:RoughTurningEnv", "rough_turning"),
+    "RoughTurning-Paper-v0": _Task("turning_env.tasks:PaperEnv", "paper"),
+    "RoughTurning-Override-v1": _Task("turning_env.tasks:OverrideEnv", "override"),
+    "RoughTurning-Surface-v1": _Task("turning_env.tasks:SurfaceEnv", "surface"),
+    "RoughTurning-Shift-v0": _Task("turning_env.tasks:ShiftEnv", "shift"),
+    "RoughTurning-Batch-v0": _Task("turning_env.tasks:BatchEnv", "batch_casting"),
 }
 
-IDS = {env_id: preset for env_id, (_, preset) in _ENTRY_POINTS.items()}
+IDS = {env_id: task.preset for env_id, task in _TASKS.items()}
 """Registered ids and the preset that each takes when no scenario is given."""
 FAMILY_ID = "RoughTurning-Family-v0"
 """The registered id of families."""
 
-_BATCH = "turning_env.vector_env:RoughTurningVectorEnv"
-_FAMILY = "turning_env.family_env:Family"
-
-for _id, (_single, _preset) in _ENTRY_POINTS.items():
+# Entry points are texts, so that Gymnasium imports a module only when an environment is made.
+for _env_id, _task in _TASKS.items():
     gymnasium.register(
-        _id, f"turning_env.{_single}", vector_entry_point=_BATCH, kwargs={"scenario": _preset}
+        _env_id,
+        entry_point=_task.entry_point,
+        vector_entry_point="turning_env.vector_env:RoughTurningVectorEnv",
+        kwargs={"scenario": _task.preset},
     )
 gymnasium.register(
-    FAMILY_ID, f"{_FAMILY}Env", vector_entry_point=f"{_FAMILY}VectorEnv", kwargs={"family": "shop"}
+    FAMILY_ID,
+    entry_point="turning_env.family_env:FamilyEnv",
+    vector_entry_point="turning_env.family_env:FamilyVectorEnv",
+    kwargs={"family": "shop"},
 )
