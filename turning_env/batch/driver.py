@@ -267,6 +267,7 @@ class Batch:
         """Make the attributes that a copy or a pickle does not hold."""
         self._scratches = new_records(SCRATCH, 1)
         self._action_view = self.actions[0] if self._single else self.actions
+        self._action_shape = self._action_view.shape
         self.observation: Array32 = self.observations[0]
         self.report: Array64 = self.table[:, 0]
 
@@ -376,7 +377,15 @@ class Batch:
         ValueError if the actions are not finite numbers of shape (num_envs, action size); then no
         environment has moved.
         """
-        self._take_actions(actions)
+        try:
+            given = np.asarray(actions)
+        except ValueError:  # ragged
+            given = np.array(None)
+        is_real = given.dtype.char in _REAL_TYPES
+        if given.shape != self._action_shape or not is_real:
+            got = f"shape {given.shape}" if is_real else repr(actions)
+            raise ValueError(f"actions must be numbers of shape {self._action_shape}, got {got}")
+        self._action_view[...] = given
         if self.jobs is not None:
             self._take_next_jobs()
         if self._single:
@@ -398,16 +407,3 @@ class Batch:
         if not self._single:
             self.observations = observations
             self.table = table[:, : self.num_envs]
-
-    def _take_actions(self, actions: Any) -> None:
-        """Store actions; ValueError if they are not real numbers of the right shape."""
-        try:
-            given = np.asarray(actions)
-        except ValueError:  # ragged
-            given = np.array(None)
-        shape = self._action_view.shape
-        is_real = given.dtype.char in _REAL_TYPES
-        if given.shape != shape or not is_real:
-            got = f"shape {given.shape}" if is_real else repr(actions)
-            raise ValueError(f"actions must be numbers of shape {shape}, got {got}")
-        self._action_view[...] = given
