@@ -3,6 +3,7 @@
 import itertools
 import re
 from collections.abc import Callable
+from typing import NamedTuple, Self
 
 import pytest
 
@@ -12,14 +13,14 @@ from turning_nc.adapt import adapt
 from turning_nc.cutting import Machine, Situation
 from turning_nc.dialects import DIALECTS
 from turning_nc.moves import Move, Reading, run
+from turning_nc.paths import Point
 from turning_nc.removal import remove
 from turning_nc.stock import read_stock
 from turning_nc.words import NcError, divide
 
-from shop.tests.turning_nc.test_moves import ISO, SIEMENS, moves
+from shop.tests.turning_nc.programs import BAR, ISO, SIEMENS, moves
 from turning_env import Scenario
 
-BAR = "G21 G99 T0101\nG97 S800 M3\nG0 X62. Z2.\n"
 CUT = "G1 X56. F0.25\nZ-40.\nG0 X80.\nM30\n"
 
 
@@ -29,19 +30,40 @@ def cuts(text: str) -> list[tuple[float, float]]:
     return [(round(z, 4), round(2.0 * x, 4)) for z, x in ends]
 
 
-def without_places(text: str, go_on: bool = False) -> list[tuple[object, ...]]:
-    """Return what the moves of a program do, without places in its text."""
+class Deed(NamedTuple):
+    """What a move does, without places in the program's text."""
 
-    def of(move: Move) -> tuple[object, ...]:
-        settings = (
-            move.feed.value,
-            move.speed.value,
-            move.constant_cutting_speed,
-            move.max_spindle_speed,
+    kind: str
+    end: Point
+    line: int
+    tool: str
+    feed: float
+    speed: float
+    constant_cutting_speed: bool
+    max_spindle_speed: float
+    spindle_on: bool
+    time: float
+
+    @classmethod
+    def of(cls, move: Move) -> Self:
+        """Return what a move does."""
+        return cls(
+            kind=move.kind,
+            end=move.path.end,
+            line=move.line,
+            tool=move.tool,
+            feed=move.feed.value,
+            speed=move.speed.value,
+            constant_cutting_speed=move.constant_cutting_speed,
+            max_spindle_speed=move.max_spindle_speed,
+            spindle_on=move.spindle_on,
+            time=move.time,
         )
-        return move.kind, move.path.end, move.line, move.tool, *settings, move.spindle_on, move.time
 
-    return [of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
+
+def deeds(text: str, go_on: bool = False) -> list[Deed]:
+    """Return what the moves of a program do."""
+    return [Deed.of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
 
 
 # Spelling.
@@ -72,7 +94,7 @@ def test_blanks_and_ends_of_lines_change_nothing(text: str, spelling: str) -> No
     respelled = SPELLINGS[spelling](text)
     assert respelled != text
     assert divide(respelled).dialect == divide(text).dialect
-    assert without_places(respelled) == without_places(text)
+    assert deeds(respelled) == deeds(text)
 
 
 def test_blanks_inside_numbers_are_skipped() -> None:
@@ -93,22 +115,22 @@ def test_adapted_words_keep_their_places_with_any_end_of_line() -> None:
     for end in ("\n", "\r", "\r\n"):
         text = (BAR + CUT).replace("F0.25", "F 0.2 5").replace("\n", end)
         made = moves(text)
-        situation = Situation(
-            Scenario.load("rough_turning"), Machine(), made, remove(made, read_stock("bar:60x60"))
-        )
+        removal = remove(made, read_stock("bar:60x60"))
+        situation = Situation(Scenario.load("rough_turning"), Machine(), made, removal)
         adapted[end] = adapt(situation).text
         assert adapted[end] != text
-    assert (
-        adapted["\r"].replace("\r", "\n") == adapted["\r\n"].replace("\r\n", "\n") == adapted["\n"]
-    )
+    assert adapted["\r"].replace("\r", "\n") == adapted["\n"]
+    assert adapted["\r\n"].replace("\r\n", "\n") == adapted["\n"]
 
 
 # Dialects.
 
 
 def test_named_parameters_of_linuxcnc_are_read() -> None:
-    text = "G18 G7 G21 G90 G95\n#<_depth> = 2.0\n#<Start> = 56.0\nT1 M6\nG97 S800 M3 F0.25\nG0 X62 Z2\n"
-    text += "G1 X#<start>\nZ-40\nX[#<start> + 3*#<_depth>]"
+    text = (
+        "G18 G7 G21 G90 G95\n#<_depth> = 2.0\n#<Start> = 56.0\nT1 M6\nG97 S800 M3 F0.25\n"
+        "G0 X62 Z2\nG1 X#<start>\nZ-40\nX[#<start> + 3*#<_depth>]"
+    )
     assert cuts(text) == [(2.0, 56.0), (-40.0, 56.0), (-40.0, 62.0)]
     with pytest.raises(NcError, match=r"line 7: .*#<START>"):
         moves(text.replace("#<Start> =", "#<stop> ="))
@@ -119,51 +141,69 @@ def test_named_parameters_of_linuxcnc_are_read() -> None:
 INCHES = "G20 G40 G99\nT0101\nG96 S500 M3\nG0 X2.1 Z.1\nG1 X1.8 F.012\nZ-2.5"
 TWO_TOOLS = f"{BAR}{CUT}".replace("M30", "T0505\nG0 X40. Z2.\nG1 Z-9. F0.1\nM30")
 DREHEN = "G90 G95 G71 DIAMON T1 D1\nG97 S800 M4 F0.2\nG0 X62 Z2\nG1 X56\nZ-40\nG0 X80\nM30"
-LEFT_OUT = [
-    # Units, feeds, speeds, tools and axes stay beside words of every kind that are not understood.
-    (INCHES, "G99\n", "G99 D200\n"),
-    (INCHES, "G20 G40", "G20 G777 G40"),
-    (INCHES, "G20 G40", "?! G20 G40"),
-    (INCHES, "G20 G40", "G20 MODE(A B) G40"),
-    (TWO_TOOLS, "T0505", "T0505 C30."),
-    (TWO_TOOLS, "T0505", "E7 T0505"),
-    (TWO_TOOLS, "T0505", "G65 P9001 X50. Z-30. R2. T0505"),
-    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. Y12.5 F0.25"),
-    (TWO_TOOLS, "G1 X56. F0.25", "G1 G777 X56. F0.25 R3."),
-    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. F0.25 S-100 C2."),
-    (TWO_TOOLS, "G1 X56. F0.25", "G1 X56. W#7 F0.25"),
-    (TWO_TOOLS, "G97 S800 M3", "G97 S800 M3 F-1"),
-    (TWO_TOOLS, "G97 S800 M3", "G97 S800 B45. M3"),
-    (TWO_TOOLS, "M30", "G65 P2 M30\nG1 X10. Z-30."),
-    (TWO_TOOLS, "Z-40.", "Z-40. K2. ,Q5"),
-    (DREHEN, "T1 D1", "T1 D1 TRAORI"),
-    (DREHEN, "G90 G95", "G17 G90 G95 WALIMON"),
-    (DREHEN, "S800 M4 F0.2", "S800 M4 F0.2 CYCLE951(80,0,60)"),
-    (DREHEN, "X56", "X56 Q=12 C=30"),
-    (DREHEN, "G1 X56", "G1 X56 F=R77"),
-    (DREHEN, "Z-40", "Z-40 SPOS[2]=90"),
-    (DREHEN, "G0 X62 Z2", "G0 X62 Z2 B30"),
-    (DREHEN, "T1 D1", "T1 D1\nG58 X0 Z45"),  # a zero offset does not move
-]
 
 
-@pytest.mark.parametrize(("clean", "word", "words"), LEFT_OUT)
-def test_only_words_that_are_not_understood_are_left_out(clean: str, word: str, words: str) -> None:
-    assert word in clean
-    text = clean.replace(word, words, 1)
+class Change(NamedTuple):
+    """A program, and words that another program has in place of one of its words."""
+
+    clean: str
+    word: str
+    words: str
+
+    @property
+    def text(self) -> str:
+        """The other program."""
+        assert self.word in self.clean
+        return self.clean.replace(self.word, self.words, 1)
+
+    @property
+    def more_lines(self) -> int:
+        """Number of lines by which the other program is longer."""
+        return self.words.count("\n") - self.word.count("\n")
+
+
+# Units, feeds, speeds, tools and axes stay beside words of every kind that are not understood.
+CUT_AT_56 = "G1 X56. F0.25"
+SPEED = "G97 S800 M3"
+LEFT_OUT = {
+    "D beside a kind of feed": Change(INCHES, "G99\n", "G99 D200\n"),
+    "G beside a unit": Change(INCHES, "G20 G40", "G20 G777 G40"),
+    "signs before a unit": Change(INCHES, "G20 G40", "?! G20 G40"),
+    "call between functions": Change(INCHES, "G20 G40", "G20 MODE(A B) G40"),
+    "axis beside a tool": Change(TWO_TOOLS, "T0505", "T0505 C30."),
+    "E before a tool": Change(TWO_TOOLS, "T0505", "E7 T0505"),
+    "macro before a tool": Change(TWO_TOOLS, "T0505", "G65 P9001 X50. Z-30. R2. T0505"),
+    "Y in a move": Change(TWO_TOOLS, CUT_AT_56, "G1 X56. Y12.5 F0.25"),
+    "G and R in a move": Change(TWO_TOOLS, CUT_AT_56, "G1 G777 X56. F0.25 R3."),
+    "negative speed in a move": Change(TWO_TOOLS, CUT_AT_56, "G1 X56. F0.25 S-100 C2."),
+    "variable in a move": Change(TWO_TOOLS, CUT_AT_56, "G1 X56. W#7 F0.25"),
+    "negative feed beside a speed": Change(TWO_TOOLS, SPEED, "G97 S800 M3 F-1"),
+    "B beside a speed": Change(TWO_TOOLS, SPEED, "G97 S800 B45. M3"),
+    "macro beside the end": Change(TWO_TOOLS, "M30", "G65 P2 M30\nG1 X10. Z-30."),
+    "K and a corner": Change(TWO_TOOLS, "Z-40.", "Z-40. K2. ,Q5"),
+    "name beside a tool": Change(DREHEN, "T1 D1", "T1 D1 TRAORI"),
+    "plane and a name": Change(DREHEN, "G90 G95", "G17 G90 G95 WALIMON"),
+    "cycle beside a speed": Change(DREHEN, "S800 M4 F0.2", "S800 M4 F0.2 CYCLE951(80,0,60)"),
+    "Q and C in a move": Change(DREHEN, "X56", "X56 Q=12 C=30"),
+    "variable as a feed": Change(DREHEN, "G1 X56", "G1 X56 F=R77"),
+    "position of a spindle": Change(DREHEN, "Z-40", "Z-40 SPOS[2]=90"),
+    "B in a rapid move": Change(DREHEN, "G0 X62 Z2", "G0 X62 Z2 B30"),
+    "zero offset, which does not move": Change(DREHEN, "T1 D1", "T1 D1\nG58 X0 Z45"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_only_words_that_are_not_understood_are_left_out(name: str) -> None:
+    change = LEFT_OUT[name]
     with pytest.raises(NcError, match=r"not understood.*\n  line \d"):
-        moves(text)
-    played = without_places(text, go_on=True)
-    extra = text.count("\n", 0, text.index(words) + len(words)) - clean.count(
-        "\n", 0, clean.index(word) + len(word)
-    )
-    if extra and "M30" not in words:
-        played = [(*values[:2], values[2] - extra, *values[3:]) for values in played]
-    assert played == without_places(clean)
-    assert any(
-        note.partition(": ")[2].startswith("left out")
-        for note in run(divide(text), Reading(go_on=True)).notes
-    )
+        moves(change.text)
+    notes = run(divide(change.text), Reading(go_on=True)).notes
+    assert any(note.partition(": ")[2].startswith("left out") for note in notes)
+    done = deeds(change.text, go_on=True)
+    # Lines behind the end are not run, so they shift no others.
+    if "M30" not in change.words:
+        done = [deed._replace(line=deed.line - change.more_lines) for deed in done]
+    assert done == deeds(change.clean)
 
 
 def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
@@ -174,10 +214,10 @@ def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
 
 
 def test_the_contour_of_a_cycle_that_is_left_out_is_not_cut() -> None:
-    roughing = "G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\nN1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"  # turns back
-    ends = [
-        values[1] for values in without_places(BAR + roughing + "G1 X58. Z-5. F0.1", go_on=True)
-    ]
+    # The contour turns back.
+    contour = "N1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"
+    text = f"{BAR}G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\n{contour}G1 X58. Z-5. F0.1"
+    ends = [deed.end for deed in deeds(text, go_on=True)]
     assert ends == [(2.0, 31.0), (-5.0, 29.0)]
 
 
@@ -191,36 +231,32 @@ def test_every_word_of_a_line_that_is_not_understood_is_named_at_once() -> None:
 
 # Axes that turning does not use.
 
-NULL = [
-    (BAR + CUT, "G1 X56.", "G1 X56. Y0."),
-    (BAR + CUT, "Z-40.", "Z-40. V0 C0. B-0.0"),
-    (BAR + CUT, "G97", "A0 Y0 G97"),
-    (BAR + CUT, "Z-40.", "Z-40. X56. A0."),
-    (BAR + "G28 U0\n" + CUT, "G28 U0", "G28 U0 V0 C0"),
-    (BAR + CUT, "M3\n", "M3\nG28 V0\nG28 H0 C0.\n"),
-    (BAR + "G90 X56. Z-40. F0.2\nX52.", "X52.", "X52. Y0"),
-    (DREHEN, "X56", "X56 Y0 C=0 V0 B0.0 A0"),
-    (DREHEN, "M4", "M4\nG74 Y0"),
-]
+TURNED = BAR + CUT
+NULL = {
+    "Y in a move": Change(TURNED, "G1 X56.", "G1 X56. Y0."),
+    "V, C and B in a move": Change(TURNED, "Z-40.", "Z-40. V0 C0. B-0.0"),
+    "A and Y before a function": Change(TURNED, "G97", "A0 Y0 G97"),
+    "A with two coordinates": Change(TURNED, "Z-40.", "Z-40. X56. A0."),
+    "reference point beside U": Change(f"{BAR}G28 U0\n{CUT}", "G28 U0", "G28 U0 V0 C0"),
+    "reference point alone": Change(TURNED, "M3\n", "M3\nG28 V0\nG28 H0 C0.\n"),
+    "box": Change(f"{BAR}G90 X56. Z-40. F0.2\nX52.", "X52.", "X52. Y0"),
+    "axes of a SINUMERIK": Change(DREHEN, "X56", "X56 Y0 C=0 V0 B0.0 A0"),
+    "reference point of a SINUMERIK": Change(DREHEN, "M4", "M4\nG74 Y0"),
+}
 
 
-@pytest.mark.parametrize(("clean", "word", "words"), NULL)
-def test_other_axes_at_0_have_no_effect(clean: str, word: str, words: str) -> None:
-    assert word in clean
-    expected, played = without_places(clean), without_places(clean.replace(word, words, 1))
-    assert [values[:2] for values in played] == [values[:2] for values in expected]
+@pytest.mark.parametrize("name", NULL)
+def test_other_axes_at_0_have_no_effect(name: str) -> None:
+    change = NULL[name]
+    done = [(deed.kind, deed.end) for deed in deeds(change.text)]
+    assert done == [(deed.kind, deed.end) for deed in deeds(change.clean)]
     with pytest.raises(NcError, match="not understood"):
-        moves(clean.replace(word, f"{word} B30.", 1))
+        moves(change.clean.replace(change.word, f"{change.word} B30.", 1))
 
 
 # Dwells.
 
-DWELLS = [
-    ("G4 P500", 0.5),
-    ("G4 X1.5", 1.5),
-    ("U2. G4", 2.0),
-    ("G4 P1.25", 1.25),
-]
+DWELLS = [("G4 P500", 0.5), ("G4 X1.5", 1.5), ("U2. G4", 2.0), ("G4 P1.25", 1.25)]
 
 
 @pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
@@ -228,27 +264,25 @@ def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
     made = moves(f"G21 G99\nM3 S800 T0303 {dwell} F0.3\nG0 X62. Z2.\nG1 X56.\nZ-9.").moves
     assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
     assert made[0].kind == "dwell"
-    last = made[-1]
-    assert (last.tool, last.speed.value, last.feed.value, last.spindle_on) == (
-        "T0303",
-        800.0,
-        0.3,
-        True,
-    )
-    assert (
-        moves(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.").moves[-1].kind == "dwell"
-    )  # the program ends
+    last = Deed.of(made[-1])
+    assert (last.tool, last.speed, last.feed) == ("T0303", 800.0, 0.3)
+    assert last.spindle_on
+
+
+@pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
+def test_the_end_beside_a_dwell_acts(dwell: str, seconds: float) -> None:
+    last = deeds(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.")[-1]
+    assert (last.kind, last.time) == ("dwell", pytest.approx(seconds))
 
 
 def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
-    made = moves("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.").moves
-    assert [(move.kind, move.time) for move in made] == [
-        ("dwell", 1.0),
-        ("dwell", 0.5),
-        ("rapid", 0.0),
-        ("feed", 0.0),
-    ]
-    assert made[-1].speed.value == 800.0
+    done = deeds("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.")
+    assert [deed.kind for deed in done] == ["dwell", "dwell", "rapid", "feed"]
+    assert [deed.time for deed in done] == [1.0, 0.5, 0.0, 0.0]
+    assert done[-1].speed == 800.0
+
+
+def test_a_dwell_and_a_modal_move_share_no_block() -> None:
     with pytest.raises(NcError, match="beside G4"):
         moves(f"{BAR}G1 X56. F0.2\nG4 P500 Z-40.")
 
@@ -315,13 +349,21 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("control", "line"), [(control, line) for control, lines in OTHERS.items() for line in lines]
-)
-def test_programs_of_other_controls_are_named_with_their_line(control: str, line: str) -> None:
-    for end in ("\n", "\r"):
-        with pytest.raises(NcError, match=f"line 3: .*{control}"):
-            divide(f"(TITLE)\nG0 X60. Z2.\n{line}\nG1 Z-40. F0.2\n".replace("\n", end))
+CONTROLS_AND_LINES = [
+    pytest.param(control, line, id=f"{control}: {line}")
+    for control, lines in OTHERS.items()
+    for line in lines
+]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r"], ids=["LF", "CR"])
+@pytest.mark.parametrize(("control", "line"), CONTROLS_AND_LINES)
+def test_programs_of_other_controls_are_named_with_their_line(
+    control: str, line: str, end: str
+) -> None:
+    text = f"(TITLE)\nG0 X60. Z2.\n{line}\nG1 Z-40. F0.2\n"
+    with pytest.raises(NcError, match=f"line 3: .*{control}"):
+        divide(text.replace("\n", end))
 
 
 @pytest.mark.parametrize("text", ["N10 G58 X0 Z45\n", "N15 G92 S3000\nN20 G58 X0 Z45\n"])
@@ -377,7 +419,8 @@ IN_A = {
     "cone": "G90 X50. Z-40. R-2. F0.25\n",
     "thread": "G92 X56. Z-25. F2.\nX55.\n",
     "face": "G94 X0. Z1. F0.2\nZ0.\n",
-    "roughing": "G71 U2. R1.\nG71 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X20.\nG1 Z-20.\nN20 X60.\nG70 P10 Q20\n",
+    "roughing": "G71 U2. R1.\nG71 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X20.\nG1 Z-20.\nN20 X60.\n"
+    "G70 P10 Q20\n",
     "facing": "G72 W2. R1.\nG72 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 Z-20.\nG1 X40.\nN20 Z0.\n",
     "pattern": "G73 U4. W1. R3\nG73 P10 Q20 U0.4 W0.1 F0.25\nN10 G0 X50.\nG1 Z-20.\nN20 X60.\n",
     "threads": "G76 P010060 Q50 R0.1\nG76 X58. Z-34. P1000 Q400 F2.\n",
@@ -413,30 +456,54 @@ def in_system(text: str, codes: dict[str, str]) -> str:
     return re.sub(r"G\d+", lambda found: codes.get(found[0], found[0]), text)
 
 
+SHOWING_B = ("cylinder", "cone", "thread", "face")
+SYSTEMS = [
+    pytest.param("fanuc-b", TO_B, SHOWING_B, id="B"),
+    pytest.param(
+        "fanuc-c",
+        TO_C,
+        (*SHOWING_B, "roughing", "facing", "pattern", "threads", "groove"),
+        id="C",
+    ),
+]
+
+
+def in_a(name: str) -> str:
+    """Return a program of system A."""
+    head = "G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n"
+    return f"{head}{IN_A[name]}G1 X64.\nM30\n"
+
+
 @pytest.mark.parametrize("name", IN_A)
-@pytest.mark.parametrize(("dialect", "codes"), [("fanuc-b", TO_B), ("fanuc-c", TO_C)])
+@pytest.mark.parametrize(("dialect", "codes", "showing"), SYSTEMS)
 def test_systems_b_and_c_make_the_cuts_of_system_a(
-    name: str, dialect: str, codes: dict[str, str]
+    name: str, dialect: str, codes: dict[str, str], showing: tuple[str, ...]
 ) -> None:
-    text = (
-        f"G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n{IN_A[name]}G1 X64.\nM30\n"
-    )
-    other = in_system(text, codes)
-    played = run(divide(other, DIALECTS[dialect])).moves
-    expected = moves(text).moves
-    assert [(move.kind, move.path, move.feed.value) for move in played] == [
-        (move.kind, move.path, move.feed.value) for move in expected
-    ]
-    assert {move.max_spindle_speed for move in played} == {2000.0}
-    assert divide(text).dialect.name == "fanuc"
-    shows_b = name in ("cylinder", "cone", "thread", "face")
-    shows_c = shows_b or name in ("roughing", "facing", "pattern", "threads", "groove")
-    if shows_c if dialect == "fanuc-c" else shows_b:
-        assert divide(other).dialect.name == dialect
+    text = in_system(in_a(name), codes)
+    done = run(divide(text, DIALECTS[dialect])).moves
+    expected = moves(in_a(name)).moves
+    assert [move.kind for move in done] == [move.kind for move in expected]
+    assert [move.path for move in done] == [move.path for move in expected]
+    assert [move.feed.value for move in done] == [move.feed.value for move in expected]
+    assert {move.max_spindle_speed for move in done} == {2000.0}
+
+
+@pytest.mark.parametrize("name", IN_A)
+@pytest.mark.parametrize(("dialect", "codes", "showing"), SYSTEMS)
+def test_systems_b_and_c_are_told_from_their_cycles(
+    name: str, dialect: str, codes: dict[str, str], showing: tuple[str, ...]
+) -> None:
+    assert divide(in_a(name)).dialect.name == "fanuc"
+    if name in showing:
+        assert divide(in_system(in_a(name), codes)).dialect.name == dialect
 
 
 def test_system_b_has_absolute_and_incremental_coordinates() -> None:
-    text = "G21 G90 G95\nG92 S2000\nG97 S800 M3\nG0 X62. Z2.\nG77 X56. Z-40. F0.25\nG0 X54.\nG91 G1 Z-12. G99\nG90 X60."
+    text = (
+        "G21 G90 G95\nG92 S2000\nG97 S800 M3\nG0 X62. Z2.\nG77 X56. Z-40. F0.25\nG0 X54.\n"
+        "G91 G1 Z-12. G99\nG90 X60."
+    )
     assert cuts(text)[-2:] == [(-10.0, 54.0), (-10.0, 60.0)]
     last = moves(text).moves[-1]
-    assert (last.per_revolution, last.max_spindle_speed) == (True, 2000.0)
+    assert last.per_revolution
+    assert last.max_spindle_speed == 2000.0
