@@ -65,7 +65,7 @@ def _log_error(jobs: DrawnJobs, law: str) -> Any:
     criterion = jobs.true.tool.wear_criterion
     responses = {}
     for name, model in (("true", jobs.true), ("nominal", jobs.nominal)):
-        responses[name] = log_response(  # type: ignore[no-untyped-call]
+        responses[name] = log_response(
             getattr(model.material, law),
             log(control.initial_cutting_speed),
             log_feed=log(control.initial_feed),

@@ -367,7 +367,7 @@ class _Law:
         log_wear: Any,
         log_hardness: Tensor,
     ) -> Tensor:
-        response: Tensor = log_response(  # type: ignore[no-untyped-call]
+        response: Tensor = log_response(
             self._law,
             log_cutting_speed=log_speed,
             log_feed=log_feed,

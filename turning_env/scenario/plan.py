@@ -122,7 +122,7 @@ def log_response_at(
     log_wear = 0.0
     if used_life > 0.0:
         log_wear = log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
-    return log_response(  # type: ignore[no-untyped-call]
+    return log_response(
         getattr(s.material, law_name),
         log_cutting_speed=0.0,
         log_feed=0.0,

@@ -30,9 +30,19 @@ POWER_LAW_RECORD = np.dtype(
 
 
 def log_response(
-    law, log_cutting_speed, log_feed, log_depth_of_cut, log_time, log_wear, log_hardness
-):
-    """Return the natural logarithm of the response from those of its factors, scalars or arrays."""
+    law: Any,
+    log_cutting_speed: Any,
+    log_feed: Any,
+    log_depth_of_cut: Any,
+    log_time: Any,
+    log_wear: Any,
+    log_hardness: Any,
+) -> Any:
+    """Return the natural logarithm of a response by those of its factors.
+
+    ``law`` has the fields of ``POWER_LAW_RECORD``, as a ``PowerLaw`` has. Factors are scalars,
+    arrays, or tensors of PyTorch.
+    """
     return (
         law.log_coefficient
         + law.cutting_speed * log_cutting_speed
