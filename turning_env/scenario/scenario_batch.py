@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,20 +37,9 @@ class ScenarioBatch(DerivedQuantities):
     array of shape (scenarios,), or one value that all scenarios share. Values are not checked.
     """
 
-    material: SectionBatch
-    tool: SectionBatch
-    edge_failure: SectionBatch
-    swarf: SectionBatch
-    machine: SectionBatch
-    spindle: SectionBatch
-    feed_drive: SectionBatch
-    workpiece: SectionBatch
-    control: SectionBatch
-    surface: SectionBatch
-    sensors: SectionBatch
-    mismatch: SectionBatch
-    economics: SectionBatch
-    limits: SectionBatch
+    if TYPE_CHECKING:
+        # The constructor sets an attribute for each section of ``Scenario``.
+        def __getattr__(self, name: str) -> SectionBatch: ...
 
     def __init__(self, values: Mapping[str, Any], num_scenarios: int) -> None:
         """Take the values of all fields by dotted names.
