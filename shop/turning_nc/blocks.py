@@ -34,10 +34,11 @@ def _kept(line: Line, keeps: Callable[[Word], bool]) -> Line:
 
 def known_words(control: Control, line: Line) -> Line:
     """Return the line without labels, null words, and words that the dialect does not have."""
-    foreign = _words_of_foreign_functions(control, line)
+    foreign = _foreign_functions(control, line)
+    taken = _words_of(line, foreign)
 
     def is_known(word: Word) -> bool:
-        if word.address.endswith(":") or word in foreign:
+        if word.address.endswith(":") or word in taken:
             return False
         if _is_null(control, word):
             control.note(NULL_NOTE)
@@ -49,7 +50,11 @@ def known_words(control: Control, line: Line) -> Line:
 
     known = _kept(line, is_known)
     if foreign:
-        _refuse_foreign_function(control, foreign)
+        left_out = ""
+        if control.go_on and len(taken) > 1:
+            names = [f"{word.address}{word.text}" for word in taken]
+            left_out = f", so {' and '.join(names)} are left out"
+        control.refuse(f"G{min(foreign):g} is not understood{left_out}")
     return known
 
 
@@ -59,32 +64,32 @@ def _is_null(control: Control, word: Word) -> bool:
     return is_axis and word.value == 0.0
 
 
-def _words_of_foreign_functions(control: Control, line: Line) -> list[Word]:
-    """Return G functions that are not understood, and the coordinates that they take.
+def _foreign_functions(control: Control, line: Line) -> set[float]:
+    """Return G functions that are not understood, but take the coordinates of their block.
 
     Coordinates beside a function that moves are that function's.
     """
     dialect = control.dialect
-    unread = dialect.takes_coordinates - dialect.codes
-    functions = [word for word in line.words if word.address == "G" and word.value in unread]
     understood = MOTIONS | dialect.references | dialect.cycles.keys()
-    if not functions or line.codes & understood:
+    if line.codes & understood:
+        return set()
+    return line.codes & (dialect.takes_coordinates - dialect.codes)
+
+
+def _words_of(line: Line, functions: set[float]) -> list[Word]:
+    """Return the words of functions that are not understood, with the coordinates they take."""
+    if not functions:
         return []
     taken = PARAMETERS | set(COORDINATES)
     # P and L are the sub-program's, and how often it is called.
     if line.has("M", 98):
         taken -= {"P", "L"}
-    return [word for word in line.words if word in functions or word.address in taken]
-
-
-def _refuse_foreign_function(control: Control, words: list[Word]) -> None:
-    """Name the first function that is not understood, and the words that it takes."""
-    left_out = ""
-    if control.go_on and len(words) > 1:
-        names = [f"{word.address}{word.text}" for word in words]
-        left_out = f", so {' and '.join(names)} are left out"
-    function = min(word.value for word in words if word.address == "G" and word.value is not None)
-    control.refuse(f"G{function:g} is not understood{left_out}")
+    words = []
+    for word in line.words:
+        is_function = word.address == "G" and word.value in functions
+        if is_function or word.address in taken:
+            words.append(word)
+    return words
 
 
 def _why_unknown(control: Control, word: Word, line: Line) -> str:
@@ -207,7 +212,9 @@ def dwell_word(control: Control, line: Line) -> Word | None:
     place = next(
         index for index, word in enumerate(line.words) if word.address == "G" and word.value == 4.0
     )
-    for word in (*line.words[place:], *reversed(line.words[:place])):
+    before = line.words[:place]
+    behind = line.words[place:]
+    for word in (*behind, *reversed(before)):
         if word.address in addresses and word.value is not None:
             return word
     return None
@@ -219,7 +226,8 @@ def beside_dwell(control: Control, line: Line, codes: set[float], dwell: Word | 
     Coordinates have no meaning beside G4, but for LinuxCNC, where G4 with P and a move may share
     a block.
     """
-    moves = control.fanuc and dwell is not None and dwell.address == "P" and codes & MOTIONS
+    is_p = dwell is not None and dwell.address == "P"
+    moves = control.fanuc and is_p and codes & MOTIONS
 
     def stays(word: Word) -> bool:
         if word is dwell:
@@ -240,12 +248,13 @@ def dwell_time(control: Control, word: Word | None) -> float:
     if word is None or word.value is None:
         raise BlockError(f"G4 needs its time: {'X, U or P' if control.fanuc else 'F or S'}")
     seconds = word.value
-    counts_steps = word.address == "P" or (control.steps and word.address in ("X", "U"))
+    # P is always whole ms, X and U only if numbers without a point count steps.
+    is_in_ms = word.is_whole and (word.address == "P" or control.steps)
     if word.address == "S":
         seconds *= 60.0 / control.spindle_speed()
     elif word.address == "P" and control.linuxcnc:
         control.note("P of G4 is in seconds, as in LinuxCNC")
-    elif counts_steps and "." not in word.text:
+    elif is_in_ms and word.address in ("P", "X", "U"):
         seconds /= 1000.0
     if seconds < 0.0:
         raise BlockError(f"the dwell is {seconds:g} s, but must not be below 0")

@@ -7,7 +7,7 @@ differ in their words.
 import math
 
 from turning_nc.control import Control
-from turning_nc.paths import MAX_RADIUS, Corner, Path, Point, arc_of_radius
+from turning_nc.paths import MAX_RADIUS, Corner, Path, Point, arc_of_radius, shifted
 from turning_nc.words import BlockError, Line
 
 RAPID = 0
@@ -80,8 +80,8 @@ def _corner(control: Control, line: Line) -> Corner | None:
             raise BlockError(
                 "a chamfer or a radius needs a size above 0, and straight moves at feed, G1"
             )
-        size = control.in_units(word) * control.length_scale
-        return Corner(control.dialect.corners[word.address], size, line=line.number)
+        kind = control.dialect.corners[word.address]
+        return Corner(kind, control.in_mm(word), line=line.number)
     # RNDM of SINUMERIK rounds all corners between moves at feed until RNDM=0.
     if control.rounding > 0.0 and control.motion in (STRAIGHT, *ARCS):
         return Corner("radius", control.rounding, line=line.number, modal=True)
@@ -94,8 +94,7 @@ def _arc(control: Control, line: Line, end: Point) -> Path:
     clockwise = control.motion == 2
     radius = line.first(control.dialect.arc_radius)
     if radius is not None and radius.value is not None:
-        length = control.in_units(radius) * control.length_scale
-        return arc_of_radius(start, end, radius=length, clockwise=clockwise)
+        return arc_of_radius(start, end, radius=control.in_mm(radius), clockwise=clockwise)
     i = line.first("I")
     k = line.first("K")
     if not (i or k):
@@ -107,12 +106,11 @@ def _arc(control: Control, line: Line, end: Point) -> Path:
             return Path(start, end)
         radius_word = "R" if control.fanuc else "CR="
         raise BlockError(f"G{control.motion} needs a centre or a radius: I and K, or {radius_word}")
-    if "AC" in (i.mode if i else "", k.mode if k else ""):
+    if (i and i.mode == "AC") or (k and k.mode == "AC"):
         raise BlockError("a centre in absolute coordinates, I=AC or K=AC, is not understood")
     # I and K are lengths from the start to the centre; I is a radius, whatever X is.
-    dx = control.in_units(i) * control.length_scale if i else 0.0
-    dz = control.in_units(k) * control.length_scale if k else 0.0
-    centre = Point(start.z + dz, start.x + dx)
+    to_centre = Point(z=control.in_mm(k), x=control.in_mm(i))
+    centre = shifted(start, to_centre)
     first = math.dist(start, centre)
     last = math.dist(end, centre)
     if first > MAX_RADIUS:
@@ -120,7 +118,7 @@ def _arc(control: Control, line: Line, end: Point) -> Path:
             f"an arc of radius {first:g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
         )
     if not _closes(first, last):
-        hint = _hint_at_radius(control, end, to_centre=Point(dz, dx))
+        hint = _hint_at_radius(control, end, to_centre=to_centre)
         raise BlockError(
             f"the arc's radius is {first:.3f} mm at its start, but {last:.3f} mm at its end{hint}"
         )
@@ -129,7 +127,8 @@ def _arc(control: Control, line: Line, end: Point) -> Path:
 
 def _closes(first: float, last: float) -> bool:
     """Return whether the radii of an arc at its start and end agree [mm]."""
-    return not abs(first - last) > max(MAX_MISMATCH, MAX_RELATIVE_MISMATCH * first)
+    allowed = max(MAX_MISMATCH, MAX_RELATIVE_MISMATCH * first)
+    return abs(first - last) <= allowed
 
 
 def _hint_at_radius(control: Control, end: Point, to_centre: Point) -> str:
@@ -140,9 +139,9 @@ def _hint_at_radius(control: Control, end: Point, to_centre: Point) -> str:
     as_diameter = control.diameter == "DIAMON"
     factor = 2.0 if as_diameter else 0.5
     start = Point(control.z, factor * control.x)
-    centre = Point(start.z + to_centre.z, start.x + to_centre.x)
-    last = math.dist(Point(end.z, factor * end.x), centre)
-    if not _closes(math.dist(start, centre), last):
+    end = Point(end.z, factor * end.x)
+    centre = shifted(start, to_centre)
+    if not _closes(math.dist(start, centre), math.dist(end, centre)):
         return ""
     if as_diameter:
         return "; with X as a radius it closes: is the machine set so, --radius?"

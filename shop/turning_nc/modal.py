@@ -26,6 +26,10 @@ MAX_RATE = 1e6
 # Machine functions that do not change the path, or are read elsewhere (ISO 6983 and Fanuc).
 _KNOWN_M = {*range(10), 13, 14, 17, 30, *range(40, 46), 98, 99}
 COORDINATES = ("X", "Z", "U", "W")
+_SIZES = frozenset("UWRDIK")  # addresses of lengths in cycles
+
+# Functions of Fanuc whose coordinates are none of a box cycle.
+_MOVING = frozenset({0, 1, 2, 3, 4, 28, 30, 32, 33, 53})
 
 # Least increments of a control, in units of the program (Fanuc's IS-B).
 STEP_MM = 0.001
@@ -108,8 +112,10 @@ class Modal:
     def _take_unit(self) -> None:
         """Set the unit of a program that states none."""
         units = self.dialect.units
-        inch = max(code for code, unit in units.items() if unit.length == INCH)
-        self.set_units_and_modes({inch} if self.unit == "inch" else set())
+        if self.unit == "inch":
+            inches = [code for code, unit in units.items() if unit.length == INCH]
+            # G700 of SINUMERIK changes feeds, too, unlike G70.
+            self.set_units_and_modes({max(inches)})
         if self.unit is None:
             names = " nor ".join(f"G{code}" for code in units)
             self.note(
@@ -146,20 +152,27 @@ class Modal:
 
         In systems B and C, and in LinuxCNC, they are modes, and so are G91 and G95.
         """
-        feeds = any(line.codes & {94, 95} and not line.first(*COORDINATES) for line in lines)
-        increments = any({91} == line.codes & {91, 28, 30} for line in lines)
-        return self.dialect is FANUC and not (feeds or self.linuxcnc or increments)
+        if self.dialect is not FANUC or self.linuxcnc:
+            return False
+        for line in lines:
+            sets_feed_mode = line.codes & {94, 95} and not line.first(*COORDINATES)
+            sets_increments = line.codes & {91, 28, 30} == {91}
+            if sets_feed_mode or sets_increments:
+                return False
+        return True
 
     def _has_steps_in_cycles(self, lines: Sequence[Line], words: Sequence[Word]) -> bool:
         """Return whether sizes in cycles are steps: whole, large, beside others with a point."""
-        lengths = [word for word in words if word.address in ("X", "Z") and word.value]
-        if any("." not in word.text for word in lengths):
-            return False
-        cycles = [line for line in lines if line.codes & self.dialect.cycles.keys()]
-        for word in itertools.chain.from_iterable(line.words for line in cycles):
-            is_size = word.address in {*"UWRDIK"} and "." not in word.text
-            if is_size and abs(word.value or 0.0) >= MIN_STEPS:
-                return True
+        for word in words:
+            if word.address in ("X", "Z") and word.value and word.is_whole:
+                return False
+        for line in lines:
+            if not line.codes & self.dialect.cycles.keys():
+                continue
+            sizes = [word for word in line.words if word.address in _SIZES]
+            for word in sizes:
+                if word.is_whole and abs(word.value or 0.0) >= MIN_STEPS:
+                    return True
         return False
 
     def _note_control(self) -> None:
@@ -202,8 +215,9 @@ class Modal:
         Raises:
             BlockError: the functions are cycles on some controls and modes on others.
         """
-        others = {0, 1, 2, 3, 4, 28, 30, 32, 33, 53} | self.dialect.cycles.keys()
-        if codes & others or not (self.fanuc and line.first(*COORDINATES)):
+        others = _MOVING | self.dialect.cycles.keys()
+        has_place = self.fanuc and line.first(*COORDINATES)
+        if codes & others or not has_place:
             return None
         stated = codes & self.dialect.boxes.keys()
         unclear = codes & {90, 91, 92, 94}
@@ -249,8 +263,9 @@ class Modal:
             return
         # On a Fanuc, the lead of a thread stays in force as the feed. It must not change, so it
         # has no place in the text.
-        is_thread = codes & {32, 33} or self.function(codes) in (76, 84) or self.motion == 92
-        is_lead = self.fanuc and is_thread
+        is_move = codes & {32, 33} or self.motion == 92
+        is_cycle = self.function(codes) in (76, 84)
+        is_lead = self.fanuc and (is_move or is_cycle)
         self.feed = Setting(
             _rate(word) * self.feed_scale,
             span=None if is_lead else word.span,
@@ -323,9 +338,10 @@ class Modal:
         word = line.first("T", "T1")
         if word is not None:
             # T0100 of Fanuc cancels the offset of T0101, not the tool.
-            cancels = self.fanuc and len(word.text) >= 3 and word.text.endswith("00")
-            if not (cancels and self.tool.startswith(f"T{word.text[:-2]}")):
-                self.tool = word.text if word.value is None else f"T{word.text}"
+            tool = word.text if word.value is None else f"T{word.text}"
+            cancels = self.fanuc and len(word.text) >= 3 and tool.endswith("00")
+            if not (cancels and self.tool.startswith(tool[:-2])):
+                self.tool = tool
         for word in line.words:
             if word.address not in ("M", "M1") or word.value is None:
                 continue
@@ -345,9 +361,13 @@ class Modal:
         A number without a decimal point may count steps.
         """
         value = word.value or 0.0
-        if not (self.fanuc and self.steps) or "." in word.text:
-            return value
-        return value * (STEP_INCH if self.in_inches else STEP_MM)
+        if self.fanuc and self.steps and word.is_whole:
+            return value * (STEP_INCH if self.in_inches else STEP_MM)
+        return value
+
+    def in_mm(self, word: Word | None) -> float:
+        """Return a length as it is written [mm]; 0 without a word."""
+        return 0.0 if word is None else self.in_units(word) * self.length_scale
 
     def scaled_x(self, value: float, incremental: bool) -> float:
         """Return a value of X as a radius in mm."""
@@ -362,7 +382,7 @@ class Modal:
         """
         if word is None or not word.value:
             return 0.0
-        if "." in word.text or not (steps or self.counts_steps):
+        if not (word.is_whole and (steps or self.counts_steps)):
             return word.value * self.length_scale
         step = "0.0001 inch" if self.in_inches else "0.001 mm"
         self.note(f"a cycle's words without a decimal point are read as steps of {step}")
@@ -388,7 +408,7 @@ class Modal:
                 x = value + (self.x if incremental else 0.0)
             else:
                 axes.add("Z")
-                value = self.in_units(word) * self.length_scale
+                value = self.in_mm(word)
                 z = value + (self.z if incremental else 0.0)
         # The angle of the move from the Z axis, A, ,A or ANG=, gives the other coordinate.
         angle = line.number_of("A", ",A", "ANG")
@@ -414,7 +434,7 @@ class Modal:
 
     def _note_whole(self, word: Word) -> None:
         """Note how a coordinate without a decimal point is read."""
-        if not self.fanuc or "." in word.text or not word.value:
+        if not (self.fanuc and word.is_whole and word.value):
             return
         if self.steps:
             step = "0.0001 inch" if self.in_inches else "0.001 mm"

@@ -137,6 +137,11 @@ class Word:
         return bool(_VARIABLE.fullmatch(self.address))
 
     @property
+    def is_whole(self) -> bool:
+        """Whether its number has no decimal point."""
+        return "." not in self.text
+
+    @property
     def is_call(self) -> bool:
         """Whether the word is a call or a name, without a value."""
         return self.value is None and not self.text
