@@ -60,7 +60,10 @@ def _returns(paths: list[Path]) -> bool:
     here = paths[-1].start
     end = paths[-1].end
     begin = paths[1].start
-    return (end.z - here.z) * (here.z - begin.z) + (end.x - here.x) * (here.x - begin.x) < 0.0
+    # The scalar product of the way back and of the way from the contour's begin.
+    product_z = (end.z - here.z) * (here.z - begin.z)
+    product_x = (end.x - here.x) * (here.x - begin.x)
+    return product_z + product_x < 0.0
 
 
 def radius_per_x(control: Control) -> float:
@@ -90,7 +93,8 @@ def choose_side(
     # then where most of the contour lies.
     infeed = height - heights[0]
     upwards = True
-    for step in (infeed, stock, height - 0.5 * (min(heights) + max(heights))):
+    middle = 0.5 * (min(heights) + max(heights))
+    for step in (infeed, stock, height - middle):
         if abs(step) > 1e-6:
             upwards = step > 0.0
             break
@@ -105,8 +109,9 @@ def choose_side(
             choice = "correct the program"
         address = "W" if facing else "U"
         raise BlockError(f"it cuts {why}, but the sign of {address} says the other side: {choice}")
-    reach = [point.z for point in places]
-    side = Side(upwards, why, facing=facing, start=start, reach=(min(reach), max(reach)))
+    along_z = [point.z for point in places]
+    reach = (min(along_z), max(along_z))
+    side = Side(upwards, why, facing=facing, start=start, reach=reach)
     control.sides[line] = side
     return side
 

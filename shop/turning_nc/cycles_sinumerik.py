@@ -206,10 +206,10 @@ def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
     program = control.program
     if ":" in name:
         labels = [label.strip() for label in name.upper().split(":")]
-        indices = [control.places(part).label(label) for label in labels]
-        first = indices[0]
-        last = indices[1]
-        if len(indices) != 2 or first is None or last is None or first >= last:
+        places = control.places(part)
+        first = places.label(labels[0])
+        last = places.label(labels[1])
+        if first is None or last is None or first >= last or len(labels) != 2:
             raise BlockError(f"the labels of the contour {name!r} are not in the program")
         return ContourLines(part, first, end=last + 1)
     lines = program.parts.get(name.upper())
@@ -313,11 +313,15 @@ class ThreadCall:
         """Return the depths of all passes [mm]."""
         # The area of chips grows with the square of the depth.
         power = 1.0 if self.variant in (1, 2) else 0.5
+        roughed = scale * (self.height - self.allowance)
         depths = []
-        for number in range(int(self.cuts)):
-            share = ((number + 1) / self.cuts) ** power
-            depths.append(scale * (self.height - self.allowance) * share)
-        finishing = int(self.spare) + (1 if self.allowance > 0.0 else 0)
+        for number in range(1, int(self.cuts) + 1):
+            share = (number / self.cuts) ** power
+            depths.append(roughed * share)
+        finishing = int(self.spare)
+        # The allowance is cut by a pass of its own.
+        if self.allowance > 0.0:
+            finishing += 1
         return depths + [scale * self.height] * finishing
 
 

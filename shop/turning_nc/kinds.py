@@ -67,7 +67,9 @@ class ToolKinds:
                 f"the program uses {len(self._uses)} tools, but {MAX_TOOLS} at most are played: "
                 "are its T words tools?"
             )
-        self.by_tool = {tool: given.get(tool) or use.kind() for tool, use in self._uses.items()}
+        self.by_tool: dict[str, str] = {}
+        for tool, use in self._uses.items():
+            self.by_tool[tool] = given.get(tool) or use.kind()
 
     def without_hole(self, stock: Any) -> set[str]:
         """Return the tools that move as if they turned inside, but find no hole.
@@ -131,7 +133,8 @@ class ToolUse:
         high = min(max(self.places), float(stock.bounds[2]))
         radius = self.nearest if self.along else min(self.radii)
         core = shapely.box(low - MARGIN, 0.0, max(high, low + MARGIN), 0.5 * radius)
-        return bool(shapely.intersection(stock, core).area < SOLID * core.area)
+        metal = shapely.intersection(stock, core)
+        return bool(metal.area < SOLID * core.area)
 
     def watch(self, move: Move, after: Move, sides: Mapping[int, Side]) -> None:
         """Take note of a move and of the one that follows it.
@@ -149,7 +152,8 @@ class ToolUse:
 
     def _watch_return(self, path: Path) -> None:
         """Take note of a move along Z after a cut: beside it, or on its other side."""
-        if self.cut is None or abs(path.end.z - path.start.z) <= MIN_CUT:
+        length = abs(path.end.z - path.start.z)
+        if self.cut is None or length <= MIN_CUT:
             return
         mean_radius = 0.5 * (abs(path.start.x) + abs(path.end.x))
         beside = mean_radius - abs(self.cut.end.x)
@@ -183,9 +187,10 @@ class ToolUse:
         start = path.start
         end = path.end
         if start.z == end.z == next_z < 0.0:
-            if abs(end.x) < min(abs(start.x), abs(next_x)):
+            radii = (abs(start.x), abs(next_x))
+            if abs(end.x) < min(radii):
                 self.plunges += 1
-            if abs(end.x) > max(abs(start.x), abs(next_x)):
+            if abs(end.x) > max(radii):
                 self.plunges_inside += 1
         if start.x == end.x == next_x and end.z < min(start.z, next_z):
             self.pecks += 1

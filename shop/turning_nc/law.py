@@ -218,8 +218,10 @@ class LawWriter:
         if len(conditions) == 1:
             when = f"WHENEVER {conditions[0]} "
         elif conditions:
-            when = f"WHENEVER {' AND '.join(f'({condition})' for condition in conditions)} "
-        self._actions.append(f"ID={len(self._actions) + 1} {when}DO {effect}")
+            in_brackets = [f"({condition})" for condition in conditions]
+            when = f"WHENEVER {' AND '.join(in_brackets)} "
+        identity = len(self._actions) + 1
+        self._actions.append(f"ID={identity} {when}DO {effect}")
 
     def polynomial(self, polynomial: Polynomial, output: str, *conditions: str) -> None:
         """Add a polynomial of the load, and the action that writes it to an output."""
@@ -271,11 +273,13 @@ class _Piece(NamedTuple):
 def _pieces(function: Callable[[float], float], low: float, high: float) -> list[_Piece]:
     """Return cubic polynomials that fit a function within ``GAIN_TOLERANCE``, by bisection."""
     # A cubic through the four Chebyshev nodes is close to the best one.
-    nodes = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    nodes = middle - half * np.cos(np.pi * (np.arange(4) + 0.5) / 4)
     values = [function(node) for node in nodes]
     fit = FittedPolynomial.fit(nodes, values, 3, domain=[low, high])
     if not _is_close(fit, function, np.linspace(low, high, CHECKED_LOADS)):
-        middle = round(0.5 * (low + high), DECIMALS)
+        middle = round(middle, DECIMALS)
         return _pieces(function, low, middle) + _pieces(function, middle, high)
     coefficients = fit.convert().coef.tolist()
     coefficients += [0.0] * (4 - len(coefficients))
@@ -289,6 +293,7 @@ def _is_close(
     """Return whether a fit is within the tolerance at all loads."""
     for load in loads:
         value = function(load)
-        if not abs(fit(load) - value) <= GAIN_TOLERANCE * max(1.0, abs(value)):
+        tolerance = GAIN_TOLERANCE * max(1.0, abs(value))
+        if not abs(fit(load) - value) <= tolerance:
             return False
     return True

@@ -297,7 +297,8 @@ class _RoughingPasses:
         for index, (here, after) in enumerate(itertools.pairwise(profile)):
             if (after.height < level) == (begin is not None):
                 continue
-            share = min(max((level - here.height) / (after.height - here.height), 0.0), 1.0)
+            share = (level - here.height) / (after.height - here.height)
+            share = min(max(share, 0.0), 1.0)
             crossing = here.along + share * (after.along - here.along)
             if begin is None:
                 before = index
@@ -315,7 +316,8 @@ def _height(before: _Seen, after: _Seen, along: float) -> float:
     length = after.along - before.along
     if length < 1e-9:
         return max(before.height, after.height)
-    return before.height + (along - before.along) / length * (after.height - before.height)
+    share = (along - before.along) / length
+    return before.height + share * (after.height - before.height)
 
 
 # Pecks of G74 and G75.
@@ -384,7 +386,8 @@ def _spaced(first: float, last: float, step: float) -> list[float]:
         raise BlockError(
             f"{count} steps of {step:g} mm are needed, but {MAX_PASSES} at most are made"
         )
-    values = [first + math.copysign(number * step, last - first) for number in range(1, count)]
+    signed = math.copysign(step, last - first)
+    values = [first + number * signed for number in range(1, count)]
     return [*values, last]
 
 
@@ -410,9 +413,10 @@ def repeated_passes(
         shift = shifted(allowance, cycle.pattern, left)
         begin = shifted(start, shift)
         cut = [path.moved(shift) for path in contour]
-        lead = joined(here, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
         is_last = number == cycle.count - 1
-        back = joined(cut[-1].end, Stop(start if is_last else begin, rapid=True))
+        end = start if is_last else begin
+        lead = joined(here, Stop(begin, rapid=True), Stop(cut[0].start, rapid=True))
+        back = joined(cut[-1].end, Stop(end, rapid=True))
         passes.append([*lead, *cut, *back])
         here = passes[-1][-1].end
     return passes
@@ -455,7 +459,8 @@ def decreasing_depths(
     deepest = height - allowance
     depths = [min(first, deepest)]
     while depths[-1] < deepest - 1e-9:
-        depth = max(first * math.sqrt(len(depths) + 1), depths[-1] + smallest)
+        number = len(depths) + 1
+        depth = max(first * math.sqrt(number), depths[-1] + smallest)
         depths.append(min(depth, deepest))
         if len(depths) > MAX_PASSES:
             raise BlockError(
@@ -471,15 +476,18 @@ def thread_passes(thread: Thread, depths: Sequence[float]) -> list[Pass]:
         BlockError: the thread has no length, or its root is where the tool starts.
     """
     start = thread.start
-    if abs(thread.end - start.z) < 1e-9 or abs(start.x - thread.first_root) < 1e-9:
+    length = abs(thread.end - start.z)
+    clearance = abs(start.x - thread.first_root)
+    if length < 1e-9 or clearance < 1e-9:
         raise BlockError("the thread begins where it ends")
+    slope = math.tan(math.radians(thread.angle))
     outwards = math.copysign(1.0, start.x - thread.first_root)
     along = math.copysign(1.0, thread.end - start.z)
     passes = []
     for depth in depths:
         over = outwards * (thread.height - depth)
         # The tool goes in along a flank: the deeper, the later it begins.
-        begin = start.z + along * depth * math.tan(math.radians(thread.angle))
+        begin = start.z + along * depth * slope
         moves = joined(
             start,
             Stop(Point(begin, start.x), rapid=True),

@@ -56,10 +56,11 @@ class Path:
 
     def _turn(self, centre: Point) -> float:
         """Return the signed angle of an arc [rad], positive counter-clockwise."""
-        first = math.atan2(self.start.x - centre.x, self.start.z - centre.z)
-        last = math.atan2(self.end.x - centre.x, self.end.z - centre.z)
+        first = _angle(centre, self.start)
+        last = _angle(centre, self.end)
         full = 2.0 * math.pi
-        turn = (first - last) % full if self.clockwise else (last - first) % full
+        turn = first - last if self.clockwise else last - first
+        turn %= full
         # An arc that ends where it starts is a full circle (ISO 6983), whatever the rounding.
         if turn < 1e-9 or full - turn < 1e-9:
             turn = full
@@ -78,7 +79,7 @@ class Path:
         if radius > CHORD:
             step = 2.0 * math.acos(max(1.0 - CHORD / radius, 0.0))
         count = max(math.ceil(abs(turn) / step), 2)
-        first = math.atan2(self.start.x - centre.x, self.start.z - centre.z)
+        first = _angle(centre, self.start)
         points = []
         for index in range(1, count):
             angle = first + turn * index / count
@@ -128,7 +129,14 @@ def shifted(
     point: tuple[float, float], direction: tuple[float, float], length: float = 1.0
 ) -> Point:
     """Return the point at a distance along a direction."""
-    return Point(point[0] + length * direction[0], point[1] + length * direction[1])
+    z = point[0] + length * direction[0]
+    x = point[1] + length * direction[1]
+    return Point(z, x)
+
+
+def _angle(centre: Point, point: Point) -> float:
+    """Return the angle of a point around a centre, from Z to X [rad]."""
+    return math.atan2(point.x - centre.x, point.z - centre.z)
 
 
 def joined(start: Point, *stops: Stop) -> Iterator[Path]:
@@ -153,7 +161,8 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
         raise BlockError(
             f"an arc of radius {abs(radius):g} mm is larger than {MAX_RADIUS:g} mm: is it straight?"
         )
-    if chord < MIN_LENGTH or abs(radius) < 0.5 * chord - RADIUS_TOLERANCE:
+    least = 0.5 * chord - RADIUS_TOLERANCE
+    if chord < MIN_LENGTH or abs(radius) < least:
         raise BlockError(
             f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart"
         )
@@ -163,7 +172,8 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
     dz = (end.z - start.z) / chord
     dx = (end.x - start.x) / chord
     middle = Point(0.5 * (start.z + end.z), 0.5 * (start.x + end.x))
-    centre = Point(middle.z + side * height * dx, middle.x - side * height * dz)
+    offset = side * height
+    centre = Point(middle.z + offset * dx, middle.x - offset * dz)
     return Path(start, end, centre=centre, clockwise=clockwise)
 
 
@@ -178,7 +188,8 @@ def break_corner(before: Path, after: Path, corner: Corner) -> BrokenCorner:
     first = before.direction
     second = after.direction
     cross = first.z * second.x - first.x * second.z
-    turn = math.atan2(cross, first.z * second.z + first.x * second.x)
+    dot = first.z * second.z + first.x * second.x
+    turn = math.atan2(cross, dot)
     if abs(turn) < MIN_TURN:
         return BrokenCorner(before, None, after)
     cut = corner.size * _cut_per_size(corner.kind, 0.5 * abs(turn))
