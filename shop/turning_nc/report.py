@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_nc.adapt import Change
+from turning_nc.adaptable_words import Change
 from turning_nc.cutting import FINISHING_DEPTH, Play, Situation, highest_feed
 from turning_nc.dialects import with_line_feeds
 from turning_nc.edges import outside, parts_per_edge
@@ -161,8 +161,8 @@ def _raised_feed(change: Change) -> float:
     """Return the feed after a change that raises it [mm/rev]; otherwise 0."""
     if change.feeds is None:
         return 0.0
-    before, after = change.feeds
-    return after if after > before else 0.0
+    is_raised = change.feeds.after > change.feeds.before
+    return change.feeds.after if is_raised else 0.0
 
 
 @dataclass(frozen=True)

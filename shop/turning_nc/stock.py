@@ -140,7 +140,7 @@ def _ends(turned: list[Move]) -> _Ends:
     is_plunge = is_level & (z[:, 0] < 0.0) & (radius[:, 1] < radius[:, 0])
     if not is_plunge.all():
         radius[:, 0] = np.where(is_plunge, radius[:, 1], radius[:, 0])
-    return _Ends(z, radius, reaches_axis=touches_axis | crosses_axis)
+    return _Ends(z, np.asarray(radius), reaches_axis=touches_axis | crosses_axis)
 
 
 def _outer_radius(ends: _Ends) -> float:

@@ -12,7 +12,8 @@ import pytest
 
 pytest.importorskip("shapely")
 
-from turning_nc.adapt import Where, adapt
+from turning_nc.adapt import adapt
+from turning_nc.adaptable_words import Where
 from turning_nc.cutting import Machine, Situation, motion, play
 from turning_nc.edges import change_wear, parts_per_edge
 from turning_nc.moves import run
