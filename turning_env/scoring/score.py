@@ -176,10 +176,10 @@ class Score:
             f"rank {self.rank} of {self.ranked}",
             f"return {_interval(self.mean_return)}",
         ]
-        ranked = [other for other in self.comparisons if other.unranked is None]
+        ranked = [policy for policy in self.comparisons if policy.unranked is None]
         # The policy on the next rank; for the last policy, the one before it.
-        for other in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
-            parts.append(f"{_interval(other.ahead, sign='+')} against {other.name}")
+        for policy in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
+            parts.append(f"{_interval(policy.ahead, sign='+')} against {policy.name}")
         if self.feasible:
             parts.append("feasible")
         else:
@@ -301,12 +301,12 @@ def compare(
     )
     ranking = _Ranking(result, scenario)
     scored = ranking.comparison(result)
-    comparisons = [ranking.comparison(other) for other in others]
-    comparisons.sort(key=lambda other: (_key(other), other.name))
+    comparisons = [ranking.comparison(policy) for policy in others]
+    comparisons.sort(key=lambda policy: (_key(policy), policy.name))
     # A policy without a rank gets its place among the ranked all the same, with a warning.
     place = rank_key(scored.kind, scored.feasible, merit=scored.mean_return.value)
-    ranked = [other for other in comparisons if other.unranked is None]
-    better = [other for other in ranked if _key(other) < place]
+    ranked = [policy for policy in comparisons if policy.unranked is None]
+    better = [policy for policy in ranked if _key(policy) < place]
     engaged = episodes["engaged_time"]
 
     def share(field: str) -> float:
@@ -341,18 +341,18 @@ class _Ranking:
         self._mean = float(np.mean(result.returns))
         self._means = self._bootstrap.means(result.returns, result.name)
 
-    def comparison(self, other: PolicyResult) -> Comparison:
+    def comparison(self, policy: PolicyResult) -> Comparison:
         """Return the comparison with another policy."""
-        limits = self._bootstrap.severe_limits(other.severe, other.engaged, policy=other.name)
+        limits = self._bootstrap.severe_limits(policy.severe, policy.engaged, policy=policy.name)
         verdict = feasibility(limits, self._scenario.limits.overload_allowance)
-        mean = float(np.mean(other.returns))
-        means = self._bootstrap.means(other.returns, other.name)
+        mean = float(np.mean(policy.returns))
+        means = self._bootstrap.means(policy.returns, policy.name)
         return Comparison(
-            name=other.name,
-            kind=other.kind,
+            name=policy.name,
+            kind=policy.kind,
             feasible=verdict == "feasible",
             feasibility=verdict,
-            unranked=reason_not_to_rank(other.kind, self._scenario),
+            unranked=reason_not_to_rank(policy.kind, self._scenario),
             mean_return=Estimate.of(mean, means),
             ahead=Estimate.of(self._mean - mean, self._means - means),
         )
