@@ -15,24 +15,28 @@ from turning_env import Scenario
 TUNABLE = Rule(
     "made up",
     lambda scenario, num_envs, **parameters: FixedParameters(scenario, **parameters),
-    lambda scenario: scenario.control.action == "incremental",
-    {"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
+    plays=lambda scenario: scenario.control.action == "incremental",
+    parameters={"cutting_speed": 100.0, "feed": Range(0.1, 0.4)},
 )
 OTHER_ACTIONS = Scenario.model_validate({"control": {"action": "set_point"}})
 
 
 @pytest.fixture
 def tunable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A rule that is in the catalogue and has not been tuned."""
+    """Put a rule into the catalogue that has not been tuned; return its name."""
     monkeypatch.setattr(tuned, "FOLDER", tmp_path)
     monkeypatch.setitem(RULES, "tunable", TUNABLE)
     return "tunable"
 
 
 def keep(rules: dict[str, dict[str, float]], scenario: Scenario) -> None:
-    values = {name: {"parameters": parameters} for name, parameters in rules.items()}
-    about = {"command": "tune it", "scenario_digest": scenario.digest()}
-    tuned.path(scenario).write_text(json.dumps(about | {"rules": values}))
+    """Write a file of tuned parameters for a scenario."""
+    values = {
+        "command": "tune it",
+        "scenario_digest": scenario.digest(),
+        "rules": {name: {"parameters": parameters} for name, parameters in rules.items()},
+    }
+    tuned.path(scenario).write_text(json.dumps(values))
 
 
 def test_a_rule_is_offered_only_where_it_can_play(tunable: str) -> None:
@@ -50,9 +54,9 @@ def test_tuned_parameters_join_the_fixed_ones_and_a_change_of_edges_on_command(
     tunable: str,
 ) -> None:
     keep({tunable: {"feed": 0.3}}, Scenario())
-    found = spec(tunable, Scenario())
-    assert found.parameters == {"cutting_speed": 100.0, "feed": 0.3}
-    assert isinstance(found.make(2), FixedParameters)
+    policy = spec(tunable, Scenario())
+    assert policy.parameters == {"cutting_speed": 100.0, "feed": 0.3}
+    assert isinstance(policy.make(2), FixedParameters)
     shift = Scenario.model_validate({"control": {"edge_changes": "commanded"}})
     assert playable(tunable, shift).ranges.keys() == {"feed", CHANGE_AT}
     keep({tunable: {"feed": 0.3}}, shift)

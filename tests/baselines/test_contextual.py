@@ -37,12 +37,13 @@ SHORT = {
 
 
 def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any, list[Any]]:
-    """Return environments of some training jobs of ``unmodelled``, their observations and their nominal models."""
+    """Return environments of training jobs, their observations and their nominal models."""
     env = FamilyVectorEnv(
         len(jobs), FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED
     )
     observations, _ = env.reset(seed=list(jobs))
-    return env, observations, [FAMILY.job(job).scenario.nominal() for job in jobs]
+    models = [FAMILY.job(job).scenario.nominal() for job in jobs]
+    return env, observations, models
 
 
 def test_the_log_speed_is_linear_in_the_numbers_of_the_catalogue() -> None:
@@ -78,7 +79,8 @@ def test_no_job_is_cut_faster_than_its_law_allows() -> None:
 
 
 def test_it_plays_families_that_it_was_tuned_on_and_nothing_else() -> None:
-    shop, unmodelled = (family_task(name, "validation", 1) for name in ("shop", "unmodelled"))
+    shop = family_task("shop", "validation", 1)
+    unmodelled = family_task("unmodelled", "validation", 1)
     parameters = one_named("contextual", unmodelled).parameters
     assert {"speed", "change_at", "speed_heat_resistance"} <= parameters.keys()
     assert "contextual" in names_on(FAMILY)
@@ -95,45 +97,48 @@ def test_candidates_find_the_law_that_made_the_returns() -> None:
     best = -0.2 + 0.8 * numbers[:, 0] - 0.4 * numbers[:, 1]
     misses = np.array(LOG_SPEEDS) - best[:, np.newaxis]
     # Too fast costs three times as much as too slow.
-    grid = Grid(
-        -1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses), numbers, ("heat", "grade", "other")
-    )
-    found = candidates(grid, ("heat", "grade", "other"))
-    assert list(found) == ["constant", "regression", "best law", "best law of two numbers"]
-    for name in ("best law", "best law of two numbers"):
-        assert found[name]["speed_heat"] == pytest.approx(0.8, abs=0.1)
-        assert found[name]["speed_grade"] == pytest.approx(-0.4, abs=0.1)
-        assert abs(found[name].get("speed_other", 0.0)) < 0.1
-    assert grid.earned(found["constant"]) < grid.earned(found["best law"])
+    returns = -1000.0 * np.where(misses > 0.0, 3.0 * misses, -misses)
+    names = ("heat", "grade", "other")
+    grid = Grid(returns, numbers, names=names)
+    laws = candidates(grid, names)
+    assert list(laws) == ["constant", "regression", "best law", "best law of two numbers"]
+    for law in (laws["best law"], laws["best law of two numbers"]):
+        assert law["speed_heat"] == pytest.approx(0.8, abs=0.1)
+        assert law["speed_grade"] == pytest.approx(-0.4, abs=0.1)
+        assert abs(law.get("speed_other", 0.0)) < 0.1
+    assert grid.earned(laws["constant"]) < grid.earned(laws["best law"])
     assert list(candidates(grid, ())) == ["constant"]
 
 
 def test_batches_that_were_played_come_from_the_log(tmp_path: Path) -> None:
-    family, log = Family.load(SHORT), tmp_path / "log"
+    family = Family.load(SHORT)
+    log = tmp_path / "log"
     laws = [{"speed": -0.3, "change_at": 0.8}, {"speed": 0.2, "change_at": 0.8}]
     returns = Plays(family, log).laws("test", laws, "train", 3)
     assert returns.shape == (2, 3)
-    about, _ = json.loads(log.read_text("utf-8").split("\n")[1])
-    log.write_text(json.dumps([about, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]) + '\n["cut short', "utf-8")
-    again = Plays(family, log)
-    assert sorted(again.laws("test", laws, "train", 3).ravel()) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    np.testing.assert_array_equal(again.laws("test", laws, "train", 2).shape, (2, 2))
+    batch, _ = json.loads(log.read_text("utf-8").split("\n")[1])
+    made_up = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    log.write_text(json.dumps([batch, made_up]) + '\n["cut short', "utf-8")
+    plays = Plays(family, log)
+    assert sorted(plays.laws("test", laws, "train", 3).ravel()) == made_up
+    assert plays.laws("test", laws, "train", 2).shape == (2, 2)
 
 
 @pytest.mark.slow
 def test_the_command_writes_the_same_file_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    source, target = tmp_path / "short.toml", tmp_path / "found.json"
+    source = tmp_path / "short.toml"
+    target = tmp_path / "found.json"
     source.write_text(tomli_w.dumps(SHORT), "utf-8")
     written = []
     for _ in range(2):
         assert tune_contextual.main([str(source), "--jobs", "16", "--out", str(target)]) == 0
         written.append(target.read_text("utf-8"))
     assert written[0] == written[1]
-    found = json.loads(written[0])["rules"]["contextual"]
-    assert {"speed", "change_at"} <= found["parameters"].keys()
-    assert found["candidate"] in found["validation_returns"]
+    entry = json.loads(written[0])["rules"]["contextual"]
+    assert {"speed", "change_at"} <= entry["parameters"].keys()
+    assert entry["candidate"] in entry["validation_returns"]
     assert {path.name for path in tmp_path.iterdir()} == {source.name, target.name}
     capsys.readouterr()
 

@@ -1,8 +1,9 @@
 """Golden actions: what every controller does on the same observations, as recorded when its version was released.
 
-A failure means that a rule acts otherwise than its version promises: raise ``version`` of its ``Rule`` or take the change back;
-tune it anew if it is tuned; write the file with ``python -m tests.baselines.test_golden``. Results and tuned values
-of the old version are then void: ``python -m leaderboard verify --check`` names them.
+A failure means that a rule acts otherwise than its version promises: raise ``version`` of its
+``Rule`` or take the change back; tune it anew if it is tuned; write the file with ``python -m
+tests.baselines.test_golden``. Results and tuned values of the old version are then void: ``python
+-m leaderboard verify --check`` names them.
 """
 
 import json

@@ -17,32 +17,37 @@ from turning_env.scoring.policy import Policy
 FAMILY = Family.load("unmodelled")
 
 
-def lathes(*jobs):
-    """Environments of some training jobs, and their nominal models."""
+def environments(*jobs):
+    """Return environments of training jobs, their observations and their nominal models."""
     env = FamilyVectorEnv(len(jobs), FAMILY, autoreset_mode=AutoresetMode.DISABLED)
-    return env, env.reset(seed=list(jobs))[0], [FAMILY.job(job).scenario.nominal() for job in jobs]
+    observations, _ = env.reset(seed=list(jobs))
+    models = [FAMILY.job(job).scenario.nominal() for job in jobs]
+    return env, observations, models
 
 
 class Constant(Policy):
     """A guide that always decides the same; it keeps the features that it was shown."""
 
-    def __init__(self, *decision):
-        self.decision, self.shown = decision, []
+    def __init__(self, speed, life):
+        self.decision = np.float32([speed, life])
+        self.shown = []
 
     def reset(self, mask):
         self.shown.clear()
 
     def act(self, observations):
         self.shown.append(observations)
-        return np.tile(np.float32(self.decision), (len(observations), 1))
+        return np.tile(self.decision, (len(observations), 1))
 
 
 def test_decisions_limit_the_speed_and_the_used_life():
-    speeds, lives = [], []
-    for decision in ((-1.0, -1.0), (0.2, 0.0)):
-        env, observations, models = lathes(7)
-        policy = GuidedPolicy(Constant(*decision), models)
-        fastest, longest = 0.0, 0.0
+    speeds = []
+    lives = []
+    for guide in (Constant(-1.0, -1.0), Constant(0.2, 0.0)):
+        env, observations, models = environments(7)
+        policy = GuidedPolicy(guide, models)
+        fastest = 0.0
+        longest = 0.0
         for step in range(1500):
             observations, *_, infos = env.step(policy.act(observations))
             if step > 20:  # the job starts at a speed of its own
@@ -56,29 +61,30 @@ def test_decisions_limit_the_speed_and_the_used_life():
 
 
 def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
-    guide, jobs = Constant(0.1, 0.1), (5, 9)
-    env, observations, models = lathes(*jobs)
-    policy, alone = (
-        GuidedPolicy(guide, models),
-        [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models],
-    )
+    guide = Constant(0.1, 0.1)
+    env, observations, models = environments(5, 9)
+    policy = GuidedPolicy(guide, models)
+    singles = [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models]
     for _ in range(90):
         actions = policy.act(observations)
-        each = [single.act(observations[[i]])[0] for i, single in enumerate(alone)]
-        np.testing.assert_array_equal(actions, each)
+        for i, single in enumerate(singles):
+            np.testing.assert_array_equal(single.act(observations[[i]])[0], actions[i])
         observations, *_ = env.step(actions)
     assert len(guide.shown) == 3
     space = feature_space(len(FAMILY.context_names))
-    assert all(space.contains(row) for shown in guide.shown for row in shown)
+    for features in np.concatenate(guide.shown):
+        assert features in space
     assert decision_space().shape == (2,)
 
 
 def test_it_remembers_the_edge_that_broke():
-    env, observations, models = lathes(2)  # a bar of adhesive steel, which notches edges
+    env, observations, models = environments(2)  # a bar of adhesive steel, which notches edges
     rule = GuidedRule(models)
-    history, used = {"edges_broken": 0.0}, 0.0
+    history = {"edges_broken": 0.0}
+    used = 0.0
     while history["edges_broken"] == 0.0:
-        history = dict(zip(HISTORY, rule.features(observations)[0, -len(HISTORY) :], strict=True))
+        features = rule.features(observations)[0]
+        history = dict(zip(HISTORY, features[-len(HISTORY) :], strict=True))
         observations, *_, infos = env.step(rule.act(observations))
         used = max(used, infos["used_life"][0])
     assert history["edges_broken"] == np.float32(1 / 3)
@@ -88,19 +94,20 @@ def test_it_remembers_the_edge_that_broke():
 
 def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     job = FAMILY.job(5)
-    _, observations, models = lathes(5)
+    _, observations, models = environments(5)
     mean, spread = FAMILY.context_scale
     numbers = dict(zip(FAMILY.context_names, job.context * spread + mean, strict=True))
-    context = FAMILY.context_of(
-        job.scenario, {name: numbers[name] for name in FAMILY.shown}
-    ).astype(np.float32)
-    guides = Constant(0.0, 0.0), Constant(0.0, 0.0)
-    GuidedPolicy(guides[0], models).act(observations)
-    GuidedPolicy(guides[1], models, context[np.newaxis]).act(observations[:, : -len(context)])
-    np.testing.assert_allclose(guides[1].shown[0], guides[0].shown[0], atol=1e-6)
-    own = changed(models[0], control={"edge_changes": "automatic"})
-    assert GuidedPolicy(guides[1], [own], context[np.newaxis]).act(
-        observations[:, : -len(context)]
-    ).shape == (1, 2)
+    shown = {name: numbers[name] for name in FAMILY.shown}
+    context = FAMILY.context_of(job.scenario, shown).astype(np.float32)
+    without_context = observations[:, : -len(context)]
+    guide = Constant(0.0, 0.0)
+    guide_of_own = Constant(0.0, 0.0)
+    GuidedPolicy(guide, models).act(observations)
+    GuidedPolicy(guide_of_own, models, context[np.newaxis]).act(without_context)
+    np.testing.assert_allclose(guide_of_own.shown[0], guide.shown[0], atol=1e-6)
+
+    automatic = changed(models[0], control={"edge_changes": "automatic"})
+    policy = GuidedPolicy(guide, [automatic], context[np.newaxis])
+    assert policy.act(without_context).shape == (1, 2)
     with pytest.raises(ValueError, match="stiffness"):
         FAMILY.context_of(job.scenario, {"heat": 0.5})
