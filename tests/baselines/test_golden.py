@@ -1,5 +1,6 @@
-"""Golden actions: what every controller does on the same observations, as recorded when its version was released.
+"""Golden actions: those of every controller on the same observations.
 
+They were recorded when the controller's version was released.
 A failure means that a rule acts otherwise than its version promises: raise ``version`` of its
 ``Rule`` or take the change back; tune it anew if it is tuned; write the file with ``python -m
 tests.baselines.test_golden``. Results and tuned values of the old version are then void: ``python
@@ -20,48 +21,61 @@ from tests.turning_env.playing import fixed_actions
 from turning_env import IDS, Family, RoughTurningVectorEnv, Scenario
 
 FILE = Path(__file__).parents[1] / "golden" / "actions.json"
-STEPS, EVERY, NUM_ENVS = 40, 8, 2
+STEPS = 40
+EVERY = 8
+NUM_ENVS = 2
 FAMILIES = {"shop": ["self_tuning"], "unmodelled": ["contextual"]}
 """Rules whose actions are recorded on the first job of a family."""
 TOLERANCE = 2e-6
-"""Largest difference of an action in -1..1, recorded with seven digits. A rewritten formula within it needs no new version."""
+"""Largest difference of an action in -1..1, recorded with seven digits.
+
+A rewritten formula within it needs no new version.
+"""
 
 
 def observations(scenario: Scenario) -> list[NDArray[np.float32]]:
-    """Observations of a play of fixed actions, each of shape (NUM_ENVS, entries)."""
+    """Return the observations of a play of fixed actions, each of shape (NUM_ENVS, entries)."""
     env = RoughTurningVectorEnv(NUM_ENVS, scenario)
     seen = [env.reset(seed=2024)[0]]
-    return [*seen, *(env.step(actions)[0] for actions in fixed_actions(STEPS, NUM_ENVS, scenario))]
+    for played in fixed_actions(STEPS, NUM_ENVS, scenario):
+        seen.append(env.step(played)[0])
+    return seen
 
 
 def actions(name: str, preset: str) -> list[list[float]]:
-    """A rule's actions on every ``EVERY``-th of these observations, all environments in one row."""
+    """Return a rule's actions on every ``EVERY``-th observation, all environments in one row."""
     if preset in FAMILIES:
         family = Family.load(preset)
         job = family.job(0)
         scenario = job.scenario
-        made = spec(name, scenario, own=tuned.on_family(family, name), numbers=[job.numbers])
+        own = tuned.on_family(family, name)
+        policy_spec = spec(name, scenario, own=own, numbers=[job.numbers])
     else:
         scenario = Scenario.load(preset)
-        made = spec(name, scenario)
-    policy = made.make(NUM_ENVS)
+        policy_spec = spec(name, scenario)
+    policy = policy_spec.make(NUM_ENVS)
     policy.reset(np.ones(NUM_ENVS, np.bool_))
-    acted = [policy.act(seen) for seen in observations(scenario)]
-    return [[float(f"{value:.7g}") for value in each.ravel().tolist()] for each in acted[::EVERY]]
+    rows = []
+    for step, seen in enumerate(observations(scenario)):
+        acted = policy.act(seen)
+        if step % EVERY == 0:
+            rows.append([float(f"{value:.7g}") for value in acted.ravel().tolist()])
+    return rows
 
 
 def recorded() -> dict[str, dict[str, Any]]:
-    """Return every rule's version, and its actions on the preset of each id or on the family's first job, if it can play it."""
-    playable = {preset: names(Scenario.load(preset)) for preset in IDS.values()} | FAMILIES
-    return {
-        name: {
-            "version": rule.version,
-            "actions": {
-                preset: actions(name, preset) for preset, rules in playable.items() if name in rules
-            },
-        }
-        for name, rule in RULES.items()
-    }
+    """Return the version of every rule, and its actions.
+
+    They are those on the preset of each id, and on the families' first jobs, if it can play them.
+    """
+    rules_of = {preset: names(Scenario.load(preset)) for preset in IDS.values()} | FAMILIES
+    entries: dict[str, dict[str, Any]] = {}
+    for name, rule in RULES.items():
+        entries[name] = {"version": rule.version, "actions": {}}
+        for preset, rules in rules_of.items():
+            if name in rules:
+                entries[name]["actions"][preset] = actions(name, preset)
+    return entries
 
 
 GOLDEN: dict[str, dict[str, Any]] = json.loads(FILE.read_text("utf-8")) if FILE.exists() else {}
@@ -69,34 +83,34 @@ GOLDEN: dict[str, dict[str, Any]] = json.loads(FILE.read_text("utf-8")) if FILE.
 
 @pytest.mark.parametrize("name", GOLDEN)
 def test_a_rule_acts_as_its_version_promises(name: str) -> None:
-    golden, rule = GOLDEN[name], RULES[name]
-    advice = f"raise `version` of rule {name!r}, which is {rule.version}, and run `python -m tests.baselines.test_golden`"
-    assert golden["version"] == rule.version, (
-        f"golden actions are of version {golden['version']}: {advice}"
+    golden = GOLDEN[name]
+    version = RULES[name].version
+    advice = (
+        f"raise `version` of rule {name!r}, which is {version}, "
+        "and run `python -m tests.baselines.test_golden`"
     )
+    released = golden["version"]
+    assert released == version, f"golden actions are of version {released}: {advice}"
     for preset, expected in golden["actions"].items():
-        found = np.array(actions(name, preset))
-        assert np.abs(found - np.array(expected)).max() <= TOLERANCE, (
-            f"other actions on {preset}: {advice}"
-        )
+        difference = np.abs(np.array(actions(name, preset)) - np.array(expected))
+        assert difference.max() <= TOLERANCE, f"other actions on {preset}: {advice}"
 
 
 def test_every_rule_with_shipped_results_has_golden_actions() -> None:
     manifests = (Path(__file__).parents[2] / "leaderboard" / "results").glob("*/*/manifest.json")
-    ranked = {
-        label for path in manifests for label in json.loads(path.read_text("utf-8"))["results"]
-    }
+    ranked: set[str] = set()
+    for path in manifests:
+        ranked |= json.loads(path.read_text("utf-8"))["results"].keys()
     assert ranked & RULES.keys() <= GOLDEN.keys(), "run `python -m tests.baselines.test_golden`"
 
 
 if __name__ == "__main__":
     lines = []
     for rule_name, entry in recorded().items():
-        rows = ",\n".join(
-            f"   {json.dumps(preset)}: {json.dumps(values)}"
-            for preset, values in entry["actions"].items()
-        )
-        lines.append(
-            f' {json.dumps(rule_name)}: {{"version": {entry["version"]}, "actions": {{\n{rows}\n }}}}'
-        )
+        rows = []
+        for preset, values in entry["actions"].items():
+            rows.append(f"   {json.dumps(preset)}: {json.dumps(values)}")
+        head = f'{json.dumps(rule_name)}: {{"version": {entry["version"]}, "actions": {{'
+        body = ",\n".join(rows)
+        lines.append(f" {head}\n{body}\n }}}}")
     FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")

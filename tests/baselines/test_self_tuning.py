@@ -1,4 +1,4 @@
-"""The self-tuning optimiser plays jobs of a family, alone and together."""
+"""The self-tuning optimiser plays jobs of a family, one by one and in a batch."""
 
 import numpy as np
 import pytest
@@ -18,15 +18,17 @@ JOBS = [Family.load("shop").job(number).scenario.nominal() for number in range(2
 
 
 @pytest.mark.slow
-def test_jobs_played_together_are_those_played_alone() -> None:
-    env, together = FamilyVectorEnv(2, context="hidden"), SelfTuning(JOBS, 2, **SETTINGS)
-    alone = [SelfTuning(job, 1, **SETTINGS) for job in JOBS]
+def test_a_batch_of_jobs_acts_as_its_jobs_one_by_one() -> None:
+    env = FamilyVectorEnv(2, context="hidden")
+    batch = SelfTuning(JOBS, 2, **SETTINGS)
+    batch.reset(np.ones(2, np.bool_))
+    singles = [SelfTuning(job, 1, **SETTINGS) for job in JOBS]
+    for policy in singles:
+        policy.reset(np.ones(1, np.bool_))
     observations, _ = env.reset(seed=0)
-    for policy in (together, *alone):
-        policy.reset(np.ones(2 if policy is together else 1, np.bool_))
     for step in range(60):
-        actions = together.act(observations)
-        for i, policy in enumerate(alone):
+        actions = batch.act(observations)
+        for i, policy in enumerate(singles):
             np.testing.assert_array_equal(policy.act(observations[i : i + 1])[0], actions[i])
         if step % 20 == 19:
             actions[:, -1] = 1.0
@@ -47,30 +49,27 @@ def test_jobs_of_a_family_are_played_in_one_batch_or_one_by_one() -> None:
         "truth": {"log_normal": [1.1, 0.0]},
     }
     family = Family.load({"name": "short", "variables": {"hard": hard}, "fields": fields})
-    for each in (family, Truthful.of(family)):
-        jobs = [each.job(number) for number in range(2)]
-        together = play_family(
-            each,
-            "train",
-            range(2),
-            spec("self_tuning", [job.scenario for job in jobs]).make,
-            "hidden",
+    for played_family in (family, Truthful.of(family)):
+        jobs = [played_family.job(number) for number in range(2)]
+        make = spec("self_tuning", [job.scenario for job in jobs]).make
+        batch = play_family(
+            played_family, "train", seeds=range(2), make_policy=make, context="hidden"
         )
-        alone = [
-            play(spec("self_tuning", job.scenario).make, job.scenario, [seed])
-            for seed, job in enumerate(jobs)
-        ]
-        assert (together["steps"] > 60).all()
-        for name, values in together.items():
-            np.testing.assert_array_equal([played[name][0] for played in alone], values)
+        singles = []
+        for seed, job in enumerate(jobs):
+            singles.append(play(spec("self_tuning", job.scenario).make, job.scenario, [seed]))
+        assert (batch["steps"] > 60).all()
+        for name, values in batch.items():
+            np.testing.assert_array_equal([single[name][0] for single in singles], values)
     assert [bool(job.scenario.nominal_model) for job in (family.job(0), jobs[0])] == [True, False]
 
 
 @pytest.mark.slow
-def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> None:
-    told = Truthful.of(Family.load("unmodelled"), FORMS)
-    models = [told.job(seed).scenario.nominal() for seed in (1, 2)]
-    env, policy = FamilyVectorEnv(2, told, context="hidden"), SelfTuning(models, 2, **SETTINGS)
+def test_a_rule_with_the_true_forms_of_a_lathe_keeps_to_their_schedule() -> None:
+    family = Truthful.of(Family.load("unmodelled"), FORMS)
+    models = [family.job(seed).scenario.nominal() for seed in (1, 2)]
+    env = FamilyVectorEnv(2, family, context="hidden")
+    policy = SelfTuning(models, 2, **SETTINGS)
     observations, _ = env.reset(seed=1)
     policy.reset(np.ones(2, np.bool_))
     for _ in range(60):
@@ -81,7 +80,8 @@ def test_a_rule_that_is_told_the_forms_of_a_lathe_keeps_to_their_schedule() -> N
 
 
 def test_the_errors_that_ship_are_those_of_training_jobs():
-    shipped, errors = law_errors.read(), law_errors.errors_of(Family.load("shop").draw("train", 0))
+    shipped = law_errors.read()
+    errors = law_errors.errors_of(Family.load("shop").draw("train", 0))
     spread = np.sqrt(np.diag(shipped.covariance))
     assert np.abs((errors.mean(axis=0) - shipped.mean) / spread).max() < 0.2
     assert np.abs(errors.std(axis=0) / spread - 1.0).max() < 0.2

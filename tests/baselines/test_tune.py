@@ -20,8 +20,8 @@ ALLOWANCE = SHORT.limits.overload_allowance
 OTHER = Rule(
     "made up",
     RULES["fixed_tuned"].controller,
-    lambda scenario: True,
-    {"cutting_speed": Range(80.0, 120.0), "feed": 0.2},
+    plays=lambda scenario: True,
+    parameters={"cutting_speed": Range(80.0, 120.0), "feed": 0.2},
 )
 RULE = replace(
     OTHER,
@@ -30,12 +30,15 @@ RULE = replace(
 
 
 def hill(setting: Parameters) -> tuple[float, float]:
-    """Highest at a share of 0.7, and feasible up to 0.6."""
+    """Return a score that is highest at a share of 0.7, and feasible up to 0.6."""
     return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
 
 
 class Counted:
-    """Scores settings by a formula instead of playing them; keeps the settings, and raises at given ones."""
+    """Scores settings by a formula instead of playing them.
+
+    It keeps the settings, and raises errors at given ones.
+    """
 
     def __init__(self, score: Callable[[Parameters], tuple[float, float]] = hill) -> None:
         self.score = score
@@ -49,7 +52,9 @@ class Counted:
         if error := self.raise_at.get(len(self.settings)):
             raise error
         mean_return, severe_limit = self.score(setting)
-        return Played(mean_return, 0.8 * severe_limit, severe_limit, 100)
+        return Played(
+            mean_return, severe_share=0.8 * severe_limit, severe_limit=severe_limit, steps=100
+        )
 
 
 @pytest.fixture
@@ -73,18 +78,18 @@ def test_the_middle_comes_first_and_the_best_feasible_setting_wins(
     search: Callable[..., dict[str, Any]],
 ) -> None:
     counted = Counted()
-    found = search(counted, trials=30)
+    entry = search(counted, trials=30)
     assert counted.settings[0] == {"share": 0.5, "gain": pytest.approx(0.1), "known": 7.0}
-    assert all(
-        0 <= each["share"] <= 1 and 0.01 <= each["gain"] <= 1 and each["known"] == 7
-        for each in counted.settings
-    )
-    share = found["parameters"].pop("share")
+    for setting in counted.settings:
+        assert 0.0 <= setting["share"] <= 1.0
+        assert 0.01 <= setting["gain"] <= 1.0
+        assert setting["known"] == 7.0
+    share = entry["parameters"].pop("share")
     assert 0.55 < share <= 0.6
-    assert found.pop("severe_share") == pytest.approx(0.8 * ALLOWANCE * share / 0.6)
-    assert found.pop("parameters").keys() == {"gain"}
+    assert entry.pop("severe_share") == pytest.approx(0.8 * ALLOWANCE * share / 0.6)
+    assert entry.pop("parameters").keys() == {"gain"}
     best = max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
-    assert found == {
+    assert entry == {
         "version": 1,
         "mean_return": best,
         "feasible": True,
@@ -94,10 +99,11 @@ def test_the_middle_comes_first_and_the_best_feasible_setting_wins(
 
 
 @pytest.mark.parametrize("at", [1, 14])
-def test_interrupted_it_goes_on_to_the_same_end(
+def test_an_interrupted_search_goes_on_to_the_same_end(
     at: int, search: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
-    whole, parts = Counted(), Counted()
+    whole = Counted()
+    parts = Counted()
     expected = search(whole)
     (tmp_path / "made_up.log").unlink()
     parts.raise_at = {at: KeyboardInterrupt(), at + 1: KeyboardInterrupt()}
@@ -105,15 +111,16 @@ def test_interrupted_it_goes_on_to_the_same_end(
         with pytest.raises(KeyboardInterrupt):
             search(parts)
     assert search(parts) == expected
-    assert (
-        parts.settings == whole.settings[:at] + [whole.settings[at - 1]] * 2 + whole.settings[at:]
-    )
+    interrupted = whole.settings[at - 1]
+    played = [*whole.settings[:at], interrupted, interrupted, *whole.settings[at:]]
+    assert parts.settings == played
 
 
 def test_damaged_lines_of_a_log_are_played_again(
     search: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
-    counted, log = Counted(), tmp_path / "made_up.log"
+    counted = Counted()
+    log = tmp_path / "made_up.log"
     expected = search(counted, trials=12)
     *whole, last = log.read_bytes().split(b"\n\n")
     for damage in (b"\xff", b"{garbled", b"[" * 100_000, b"[1, 2]", last[: len(last) // 2]):
@@ -125,7 +132,7 @@ def test_damaged_lines_of_a_log_are_played_again(
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of a user's scenario; two rules can be tuned, and a third has nothing to tune."""
+    """Return the folder of a user's scenario; two rules can be tuned, a third has no ranges."""
     monkeypatch.setattr(tuned, "FOLDER", tmp_path / "shipped")
     for name in RULES.keys() - {"fixed_handbook", "fixed_tuned"}:
         monkeypatch.delitem(RULES, name)
@@ -136,26 +143,34 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(folder: Path, *arguments: str) -> int:
-    common = ["--scenario", str(folder / "short.toml"), "--seeds", "2"]
-    return tune.main(
-        [*common, *(arguments if "--trials" in arguments else ("--trials", "3", *arguments))]
-    )
+    """Tune on the scenario in a folder with 2 seeds and, unless given, 3 trials."""
+    words = ["--scenario", str(folder / "short.toml"), "--seeds", "2"]
+    if "--trials" not in arguments:
+        words += ["--trials", "3"]
+    return tune.main([*words, *arguments])
 
 
 def test_the_file_states_command_budget_and_results(folder: Path) -> None:
     assert run(folder) == 0
     path = folder / "short.tuned.json"
-    scenario, values = Scenario.load(folder / "short.toml"), json.loads(path.read_text())
+    scenario = Scenario.load(folder / "short.toml")
+    values = json.loads(path.read_text())
     command = f"python -m baselines.tune --scenario {folder / 'short.toml'} --trials 3 --seeds 2"
-    assert (values["command"], values["scenario_digest"]) == (command, SHORT.digest())
+    assert values["command"] == command
+    assert values["scenario_digest"] == SHORT.digest()
     assert values["budget"] == {"trials": 3, "seeds": 2}
     assert list(values["rules"]) == ["fixed_tuned", "other"]
-    for name, found in values["rules"].items():
+    for name, entry in values["rules"].items():
         assert spec(name, scenario).command == f"{command} --rules {name}"
-        parameters = spec(name, scenario).parameters
-        played = play_trial(name, RULES[name], SHORT, parameters, [1_000_000_000, 1_000_000_001])
-        assert found.pop("parameters").keys() == RULES[name].ranges.keys()
-        assert found == {
+        played = play_trial(
+            name,
+            RULES[name],
+            scenario=SHORT,
+            setting=spec(name, scenario).parameters,
+            seeds=[1_000_000_000, 1_000_000_001],
+        )
+        assert entry.pop("parameters").keys() == RULES[name].ranges.keys()
+        assert entry == {
             "version": 1,
             "mean_return": played.mean_return,
             "severe_share": played.severe_share,
@@ -171,7 +186,8 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
 ) -> None:
     path = folder / "short.toml"
     assert tune.main(["--scenario", str(path), "--quick"]) == 0
-    values, scenario = tuned.read(folder / "short.tuned.json"), Scenario.load(path)
+    values = tuned.read(folder / "short.tuned.json")
+    scenario = Scenario.load(path)
     assert list(values["rules"]) == ["fixed_tuned"]
     assert values["budget"] == tune.QUICK
     assert spec("fixed_tuned", scenario).parameters == values["rules"]["fixed_tuned"]["parameters"]
@@ -190,7 +206,12 @@ def test_a_quick_tuning_is_of_what_is_worth_it_and_says_how_to_tune_others(
 
 
 @pytest.mark.parametrize(
-    "content", ["[]", '{"rules": {"fixed_tuned": 1}}', "[" * 100_000], ids=range(3)
+    "content",
+    [
+        pytest.param("[]", id="no object"),
+        pytest.param('{"rules": {"fixed_tuned": 1}}', id="no parameters"),
+        pytest.param("[" * 100_000, id="too deep"),
+    ],
 )
 def test_a_damaged_file_of_tuned_parameters_is_named_and_kept(folder: Path, content: str) -> None:
     path = folder / "short.tuned.json"
