@@ -1,4 +1,4 @@
-"""Playing: what is played, what is resumed, what is refused, and the command line over all of it."""
+"""Playing: what is played, resumed and refused, and the command line over all of it."""
 
 import json
 import math
@@ -19,7 +19,10 @@ from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 
 class Watched:
-    """Makes policies of a feed action and notes, in order, the feed of each that plays all seeds."""
+    """Makes policies of a feed action, and notes which play.
+
+    ``played`` holds, in order, the feed of each that plays all seeds.
+    """
 
     def __init__(self) -> None:
         self.played: list[float] = []
@@ -28,7 +31,8 @@ class Watched:
         self, name: str, feed: float, seed: int | None = None, **fields: object
     ) -> PolicySpec:
         def make(num_envs: int) -> Steady:
-            self.played += [feed] if num_envs > 1 else []  # trajectories are recorded one by one
+            if num_envs > 1:  # trajectories are recorded one by one
+                self.played.append(feed)
             return Steady(num_envs, (0.0, feed))
 
         return spec(name, (0.0, feed), seed, make=make, **fields)
@@ -41,56 +45,73 @@ def recorded_in(folder: Path) -> Trajectories:
 def test_only_what_is_missing_or_changed_is_played(task: Task, folder: Path) -> None:
     watched = Watched()
     play_all(task, [watched("one", 0.1), watched("two", 0.2)], folder)
-    again = watched("one", 0.1, description="other words", command="other command")
-    play_all(task, [again, watched("two", 0.3), watched("three", 0.4)], folder)
+    described_anew = watched("one", 0.1, description="other words", command="other command")
+    other_parameters = watched("two", 0.3)
+    play_all(task, [described_anew, other_parameters, watched("three", 0.4)], folder)
     assert watched.played == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_another_version_is_played_and_all_is_played_afresh(task: Task, folder: Path) -> None:
+    watched = Watched()
+    play_all(task, [watched("one", 0.1)], folder)
     play_all(task, [watched("one", 0.1, version=2)], folder)
+    assert watched.played == [0.1, 0.1]
     play_all(task, [watched("one", 0.1, version=2)], folder, fresh=True)
+    assert watched.played == [0.1, 0.1, 0.1]
+
+
+@pytest.mark.parametrize("change", [{"seeds": [1, 2]}, {"model_version": 0}], ids=str)
+def test_another_task_takes_the_place_of_the_results(
+    change: dict[str, object], task: Task, folder: Path
+) -> None:
+    watched = Watched()
+    play_all(task, [watched("one", 0.1)], folder)
     before = recorded_in(folder)
-    for change in ({"seeds": [1, 2]}, {"model_version": 0}):
-        play_all(task.model_copy(update=change), [watched("one", 0.1)], folder)
-        assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
-        assert recorded_in(folder).task != before.task
-    assert watched.played[4:] == [0.1] * 4
+    play_all(task.model_copy(update=change), [watched("one", 0.1)], folder)
+    assert watched.played == [0.1, 0.1]
+    assert [standing.name for standing in read_leaderboard(folder).standings] == ["one"]
+    assert recorded_in(folder).task != before.task
 
 
 def test_an_agent_trained_anew_takes_the_place_of_its_result_and_stands_beside_others(
-    task: Task, folder: Path, capsys
+    task: Task, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    play_all(
-        task, [spec("ppo", (0, 0.1), 0, sha256="a"), spec("ppo", (0, 0.1), 1, sha256="b")], folder
-    )
-    play_all(task, [spec("ppo", (0, 0.2), 0, sha256="c")], folder, replace=True)
+    trained = [spec("ppo", (0, 0.1), seed, sha256=file) for seed, file in enumerate("ab")]
+    play_all(task, trained, folder)
+    trained_anew = spec("ppo", (0, 0.2), 0, sha256="c")
+    play_all(task, [trained_anew], folder, replace=True)
     assert "ppo-seed0" in capsys.readouterr().err
-    names = {
-        standing.name: standing.training_seeds for standing in read_leaderboard(folder).standings
-    }
-    assert names == {"ppo": (0,), "ppo-seed1": (1,)}
-    recorded = {each.policy.label: each.policy.sha256 for each in recorded_in(folder).episodes}
-    assert recorded["ppo-seed0"] == "c"
+    standings = read_leaderboard(folder).standings
+    training_seeds = {standing.name: standing.training_seeds for standing in standings}
+    assert training_seeds == {"ppo": (0,), "ppo-seed1": (1,)}
+    policies = [episode.policy for episode in recorded_in(folder).episodes]
+    files = {policy.label: policy.sha256 for policy in policies}
+    assert files["ppo-seed0"] == "c"
 
 
-def test_the_result_of_another_file_or_other_code_stands_unless_it_is_to_be_replaced(
-    task: Task, folder: Path
+RIVAL = spec("team", (0, 0.1), 0, sha256="a")
+OTHER_FILE = spec("team", (0, 0.2), 0, sha256="b")
+OTHER_CODE = spec("team", (0, 0.2), 0, command="some_module:team")
+
+
+@pytest.mark.parametrize("seeds", [[7, 8, 9, 10], [1, 2]], ids=["same task", "another task"])
+@pytest.mark.parametrize("other", [OTHER_FILE, OTHER_CODE], ids=["file", "code"])
+def test_the_result_of_another_file_or_other_code_stands(
+    other: PolicySpec, seeds: list[int], task: Task, folder: Path
 ) -> None:
-    rival = spec("team", (0, 0.1), 0, sha256="a")
-    play_all(task, [rival], folder)
-    before = only(folder / "team-seed0.json.xz")
-    others = {"file": {"sha256": "b"}, "code": {"command": "some_module:team"}}
-    for what, fields in others.items():
-        for on in (task, task.model_copy(update={"seeds": [1, 2]})):
-            with pytest.raises(
-                PoliciesFailedError, match=r"team-seed0 .* is the result of another agent"
-            ):
-                play_all(
-                    on,
-                    [spec("team", (0, 0.2), 0, **fields), spec(f"beside {what}")],
-                    folder,
-                    fresh=True,
-                )
-            assert only(folder / "team-seed0.json.xz") == before, what
-            assert only(folder / f"beside_{what}.json.xz").task == on
-    play_all(task, [spec("team", (0, 0.2), 0, sha256="b")], folder, replace=True)
+    play_all(task, [RIVAL], folder)
+    path = folder / "team-seed0.json.xz"
+    before = only(path)
+    present_task = task.model_copy(update={"seeds": seeds})
+    with pytest.raises(PoliciesFailedError, match=r"team-seed0 .* is the result of another agent"):
+        play_all(present_task, [other, spec("beside")], folder, fresh=True)
+    assert only(path) == before
+    assert only(folder / "beside.json.xz").task == present_task
+
+
+def test_a_result_is_replaced_on_request(task: Task, folder: Path) -> None:
+    play_all(task, [RIVAL], folder)
+    play_all(task, [OTHER_FILE], folder, replace=True)
     assert only(folder / "team-seed0.json.xz").policy.sha256 == "b"
 
 
@@ -111,11 +132,8 @@ def test_a_policy_whose_actions_are_no_numbers_is_named_and_others_go_on(
     lost = spec("lost", make=lambda num_envs: Steady(num_envs, (math.nan, 0.0)))
     with pytest.raises(PoliciesFailedError, match=r"lost cannot play: .*finite"):
         play_all(task, [lost, spec("one")], folder)
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "manifest.json",
-        "one.json.xz",
-        "trajectories.json.xz",
-    ]
+    files = sorted(path.name for path in folder.iterdir())
+    assert files == ["manifest.json", "one.json.xz", "trajectories.json.xz"]
     with pytest.raises(PoliciesFailedError, match="lost cannot play"):
         play_all(task, [lost], folder)
 
@@ -129,16 +147,13 @@ def test_trajectories_are_of_every_policy_on_the_first_seeds(task: Task, folder:
     ]
     play_all(task, policies, folder)
     recorded = recorded_in(folder)
-    labels = {
-        "slow": "slow",
-        "quick": "quick",
-        "ppo": "ppo-seed1",
-    }  # an agent's first training seed stands for it
-    assert [(episode.policy.label, episode.seed) for episode in recorded.episodes] == [
-        (labels[standing.name], seed)
-        for standing in read_leaderboard(folder).standings
-        for seed in task.seeds[:RECORDED_SEEDS]
-    ]
+    # The first of an agent's training seeds stands for it.
+    labels = {"slow": "slow", "quick": "quick", "ppo": "ppo-seed1"}
+    expected = []
+    for standing in read_leaderboard(folder).standings:
+        for seed in task.seeds[:RECORDED_SEEDS]:
+            expected.append((labels[standing.name], seed))
+    assert [(episode.policy.label, episode.seed) for episode in recorded.episodes] == expected
     assert recorded.episodes[0].series["minutes"] == pytest.approx(np.arange(1, 13) / 60, rel=1e-4)
     assert recorded.episodes[0].steps == 12
     # A later run that lacks a policy keeps its trajectory.
@@ -148,83 +163,63 @@ def test_trajectories_are_of_every_policy_on_the_first_seeds(task: Task, folder:
 
 @pytest.mark.slow
 def test_splits_are_played_by_what_was_tuned_for_the_scenario(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     splits = ("harder_lot", "ck45")
     monkeypatch.setattr("leaderboard.__main__.SPLITS", splits)
-    agent_path = onnx_agents.write(tmp_path, 0)
-    words = [
-        "run",
-        "--results",
-        str(tmp_path / "results"),
-        "--splits",
-        "--seeds",
-        "2",
-        "--split-seeds",
-        "2",
-    ]
-    assert main([*words, "--policies", "fixed_tuned", "--agents", str(agent_path)]) == 0
+    results = tmp_path / "results"
+    agent = onnx_agents.write(tmp_path, 0)
+    seeds = ["--seeds", "2", "--split-seeds", "2"]
+    policies = ["--policies", "fixed_tuned", "--agents", str(agent)]
+    assert main(["run", "--results", str(results), "--splits", *seeds, *policies]) == 0
     for name in splits:
-        result = only(tmp_path / "results" / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
+        result = only(results / "RoughTurning-v0" / name / "fixed_tuned.json.xz")
         assert result.policy.tuned_for == ScenarioId.of(Scenario.load("rough_turning"))
-    shown = capsys.readouterr().out
-    table = shown[
-        shown.index("full cost [min/dm3] of policies tuned for rough_turning") :
-    ].splitlines()
-    assert table[2].split() == ["policy", "rough_turning", *splits]
-    assert table[3].split()[0] == "fixed_tuned"
-    assert (
-        main(
-            [
-                "run",
-                "--results",
-                str(tmp_path),
-                "--env",
-                "RoughTurning-Shift-v0",
-                "--splits",
-                "--policies",
-            ]
-        )
-        == 2
-    )
+    printed = capsys.readouterr().out
+    _, _, table = printed.partition("full cost [min/dm3] of policies tuned for rough_turning")
+    _, _, head, first, *_ = table.splitlines()
+    assert head.split() == ["policy", "rough_turning", *splits]
+    assert first.split()[0] == "fixed_tuned"
+
+
+def test_other_ids_have_no_splits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ["run", "--results", str(tmp_path), "--env", "RoughTurning-Shift-v0"]
+    assert main([*run, "--splits", "--policies"]) == 2
     assert "no splits of RoughTurning-Shift-v0" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_command_line(
+def test_run_prints_the_ranking_as_show_does(
     tmp_path: Path, scenario: Scenario, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario.save(tmp_path / "short.toml")
     results = tmp_path / "results"
-    common = ["--results", str(results)]
-    played = [
-        "--scenario",
-        str(tmp_path / "short.toml"),
-        "--seeds",
-        "3",
-        "--policies",
-        "fixed_handbook",
-        "grid_search",
-    ]
-    assert main(["run", *common, *played]) == 0
-    shown = capsys.readouterr().out
-    assert shown.splitlines()[-1] == f"wrote {results / 'index.html'}"
-    assert "fixed_handbook" in shown
-    assert main(["show", *common]) == 0
-    assert capsys.readouterr().out.splitlines() == shown.splitlines()[:-1]
-    # Machines are told all numbers, and nothing else.
-    assert main(["run", *common, *played, "--json"]) == 0
-    printed = capsys.readouterr()
-    assert printed.err.endswith(f"wrote {results / 'index.html'}\n")
-    told = json.loads(printed.out)
-    (leaderboard,) = told["leaderboards"]
-    ranked = read_leaderboard(results / "RoughTurning-v0" / "rough_turning").standings
-    assert [standing["name"] for standing in leaderboard["standings"]] == [
-        standing.name for standing in ranked
-    ]
+    run = ["run", "--scenario", str(tmp_path / "short.toml"), "--seeds", "3"]
+    run += ["--results", str(results), "--policies", "fixed_handbook", "grid_search"]
+    show = ["show", "--results", str(results)]
+
+    assert main(run) == 0
+    ranking, _, last = capsys.readouterr().out.rstrip("\n").rpartition("\n")
+    assert last == f"wrote {results / 'index.html'}"
+    assert "fixed_handbook" in ranking
+    assert main(show) == 0
+    assert capsys.readouterr().out == ranking + "\n"
+
+    # With --json, stdout holds all numbers and nothing else.
+    assert main([*run, "--json"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.endswith(f"wrote {results / 'index.html'}\n")
+    assert main([*show, "--json"]) == 0
+    assert capsys.readouterr().out == captured.out
+
+    data = json.loads(captured.out)
+    (leaderboard,) = data["leaderboards"]
+    standings = read_leaderboard(results / "RoughTurning-v0" / "rough_turning").standings
+    names = [standing["name"] for standing in leaderboard["standings"]]
+    assert names == [standing.name for standing in standings]
     first = leaderboard["standings"][0]
-    assert first["mean_return"]["value"] == ranked[0].mean_return.value
-    words = {
+    assert first["mean_return"]["value"] == standings[0].mean_return.value
+    without_unit = {
         "name",
         "kind",
         "policy_class",
@@ -233,8 +228,8 @@ def test_command_line(
         "own",
         "training_seeds",
         "best_rule",
+        "feasible",
+        "feasibility",
+        "unranked",
     }
-    words |= {"feasible", "feasibility", "unranked"}
-    assert first.keys() - words == told["units"].keys()
-    assert main(["show", *common, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == told
+    assert first.keys() - without_unit == data["units"].keys()
