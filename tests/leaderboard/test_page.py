@@ -1,4 +1,4 @@
-"""The page: it needs nothing beside itself, texts are texts, tables are accessible, and trajectories are those recorded."""
+"""The page is one file, its texts are no markup, and its tables are accessible."""
 
 import hashlib
 import re
@@ -20,50 +20,63 @@ HOSTILE = "<script>alert(1)"
 def leaderboard(
     tmp_path_factory: pytest.TempPathFactory, task: Task, make_result: MakeResult
 ) -> Leaderboard:
-    """Results of a rule with a hostile name, the two to compare with, and an infeasible agent of two training seeds."""
+    """A rule with a hostile name, two comparators, and an infeasible agent of two seeds."""
     folder = result_folder(tmp_path_factory.mktemp("page"), ENV_ID, task.scenario.name)
-    play_all(
-        task,
-        [
-            spec(name, (0.0, 0.1 * i))
-            for i, name in enumerate((HOSTILE, "fixed_tuned", "grid_search"))
-        ],
-        folder,
-    )
+    names = (HOSTILE, "fixed_tuned", "grid_search")
+    policies = [spec(name, (0.0, 0.1 * place)) for place, name in enumerate(names)]
+    play_all(task, policies, folder)
     for seed in (0, 1):
         write_result(make_result("ppo", seed, severe_overload_time=30.0), folder)
     return read_leaderboard(folder)
 
 
-def test_a_page_is_whole_and_accessible_and_runs_its_own_script_alone(
-    leaderboard: Leaderboard,
-) -> None:
-    html = page.render([leaderboard])
+@pytest.fixture(scope="module")
+def html(leaderboard: Leaderboard) -> str:
+    return page.render([leaderboard])
+
+
+@pytest.fixture(scope="module")
+def markup(html: str) -> str:
+    """The page without its script and style."""
+    return re.sub(r"(?s)<(script|style)\b.*?</\1>", "", html)
+
+
+def test_a_page_needs_no_other_file_and_runs_its_own_script_alone(html: str, markup: str) -> None:
     (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
     digest = b64encode(hashlib.sha256(script.encode()).digest()).decode()
     assert f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'" in html
     assert not re.search(r"url\(|@import|\ssrc=|\sonclick=|<link|<img|<iframe", html)
+    links = re.findall(r'href="([^"]*)', markup)
+    assert links
+    assert [link for link in links if not link.startswith("#")] == []
+
+
+def test_a_hostile_name_is_no_markup(html: str) -> None:
     assert HOSTILE not in html
     assert "&lt;script&gt;alert(1)" in html
     assert "\\u003cscript\\u003ealert(1)" in html
-    markup = re.sub(r"(?s)<(script|style)\b.*?</\1>", "", html)
-    opened, closed = (
-        Counter(re.findall(tag, markup)) for tag in (r"<(\w+)\b[^>]*(?<!/)>", r"</(\w+)>")
-    )
+
+
+def test_every_tag_is_closed(markup: str) -> None:
+    opened = Counter(re.findall(r"<(\w+)\b[^>]*(?<!/)>", markup))
+    closed = Counter(re.findall(r"</(\w+)>", markup))
     assert {name for name in opened if opened[name] != closed[name]} == {"meta", "input"}
-    assert all(
-        re.search(r'scope="(col|colgroup|row)"', head)
-        for head in re.findall(r"<th\b[^>]*>", markup)
-    )
-    assert (
-        markup.count('scope="row"'),
-        markup.count(">✕ infeasible<"),
-        markup.count("<caption>"),
-    ) == (4, 1, 1)
-    assert set(re.findall(r'aria-controls="([^"]*)', markup)) <= set(
-        re.findall(r'\sid="([^"]*)', markup)
-    )
-    assert all(target.startswith("#") for target in re.findall(r'href="([^"]*)', markup))
+
+
+def test_tables_are_accessible(markup: str) -> None:
+    heads = re.findall(r"<th\b[^>]*>", markup)
+    assert heads
+    for head in heads:
+        assert re.search(r'scope="(col|colgroup|row)"', head), head
+    assert markup.count('scope="row"') == 4
+    assert markup.count("<caption>") == 1
+    controlled = set(re.findall(r'aria-controls="([^"]*)', markup))
+    assert controlled
+    assert controlled <= set(re.findall(r'\sid="([^"]*)', markup))
+
+
+def test_an_infeasible_policy_is_marked(markup: str) -> None:
+    assert markup.count(">\N{MULTIPLICATION X} infeasible<") == 1
 
 
 def test_trajectories_are_those_of_the_standings_with_the_recorded_seeds(
@@ -72,18 +85,26 @@ def test_trajectories_are_those_of_the_standings_with_the_recorded_seeds(
     data = chart_data(leaderboard)
     assert data is not None
     assert data["seeds"] == [7, 8, 9]
-    labels = [policy and policy["label"] for policy in data["policies"]]
-    assert labels == [
-        None if standing.name == "ppo" else standing.name for standing in leaderboard.standings
-    ]
-    assert labels[data["second"]] == "grid_search"
-    assert [data["policies"][0]["trajectories"][0][name] for name in ("steps", "kept")] == [12, 12]
-    limits, wear = leaderboard.task.scenario.limits, leaderboard.task.scenario.tool.wear_criterion
-    expected = {
+    for standing, policy in zip(leaderboard.standings, data["policies"], strict=True):
+        if standing.name == "ppo":
+            assert policy is None
+        else:
+            assert policy["label"] == standing.name
+    assert data["policies"][data["second"]]["label"] == "grid_search"
+    first = data["policies"][0]["trajectories"][0]
+    assert first["steps"] == 12
+    assert first["kept"] == 12
+
+
+def test_charts_show_the_limits_of_the_scenario(leaderboard: Leaderboard) -> None:
+    data = chart_data(leaderboard)
+    assert data is not None
+    scenario = leaderboard.task.scenario
+    limits = {subject["series"]: subject["limit"] for subject in data["subjects"]}
+    assert limits == {
         "cutting_speed": None,
         "feed": None,
-        "thrust_force": limits.thrust_force,
-        "power": limits.power,
-        "wear": wear,
+        "thrust_force": scenario.limits.thrust_force,
+        "power": scenario.limits.power,
+        "wear": scenario.tool.wear_criterion,
     }
-    assert {subject["series"]: subject["limit"] for subject in data["subjects"]} == expected

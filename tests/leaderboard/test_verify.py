@@ -32,45 +32,40 @@ SHORT = onnx_agents.SCENARIO
 EVERYTHING, ONE_RULE = Selection(), Selection(scenario="short", policies=[RULE])
 
 
-def fill(folder: Path, on: Task, policies: Sequence[PolicySpec]) -> None:
-    results = result_folder(folder / "results", ENV_ID, on.scenario.name)
+def fill(folder: Path, task: Task, policies: Sequence[PolicySpec]) -> None:
+    """Play policies on a task, and write the results and the manifest below a folder."""
+    results = result_folder(folder / "results", ENV_ID, task.scenario.name)
     for policy in policies:
-        write_result(Result.of(on, policy, attempt(Piece(policy, on.scenario, on.seeds))), results)
-    write_manifest(results, on)
+        played = attempt(Piece(policy, task.scenario, task.seeds))
+        write_result(Result.of(task, policy, played), results)
+    write_manifest(results, task)
 
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory: pytest.TempPathFactory, task: Task) -> Path:
     """A folder of results: a rule, a rule on a split, and an oracle."""
     folder = tmp_path_factory.mktemp("shipped")
+    on_short = [policies.one_named(name, on(SHORT)) for name in (CAUSAL, RULE)]
+    fill(folder, task.model_copy(update={"scenario": SHORT}), on_short)
     split = Task(env_id=ENV_ID, scenario=Scenario.load("harder_lot"), seeds=[5])
-    fill(
-        folder,
-        task.model_copy(update={"scenario": SHORT}),
-        [policies.one_named(name, on(SHORT)) for name in (CAUSAL, RULE)],
-    )
-    fill(
-        folder,
-        split,
-        [policies.one_named(RULE, on(split.scenario), Scenario.load("rough_turning"))],
-    )
+    rule = policies.one_named(RULE, split, tuned_on=Scenario.load("rough_turning"))
+    fill(folder, split, [rule])
     return folder
 
 
 @pytest.fixture
 def shipped(tmp_path: Path, played: Path) -> Path:
+    """A copy of these results that a test may damage."""
     shutil.copytree(played, tmp_path, dirs_exist_ok=True)
     return tmp_path
 
 
 @pytest.fixture
 def with_agent(shipped: Path, task: Task) -> Path:
+    """The same with an agent and its result."""
     path = onnx_agents.write(result_folder(shipped / "agents", ENV_ID, SHORT.name))
-    fill(
-        shipped,
-        task.model_copy(update={"scenario": SHORT}),
-        [policies.agents([path], on(SHORT))[0]],
-    )
+    agents = policies.agents([path], on(SHORT))
+    fill(shipped, task.model_copy(update={"scenario": SHORT}), agents)
     return shipped
 
 
@@ -101,12 +96,14 @@ def rewrite(
     model_version: int = MODEL_VERSION,
     **policy: Any,
 ) -> None:
-    """Write a result with other episodes, another model or a changed policy, and the manifest that belongs to it."""
+    """Write a result with other episodes, another model or a changed policy, and its manifest."""
     old = only(path)
     task = old.task.model_copy(update={"model_version": model_version})
-    changed = {name: np.array(values) for name, values in (old.episodes | (new or {})).items()}
+    episodes = old.episodes | (new or {})
+    arrays = {name: np.array(values) for name, values in episodes.items()}
+    changed = Result.of(task, old.policy.model_copy(update=policy), arrays)
     path.unlink()
-    write_result(Result.of(task, old.policy.model_copy(update=policy), changed), path.parent)
+    write_result(changed, path.parent)
     write_manifest(path.parent, task)
 
 
@@ -117,24 +114,35 @@ def test_a_changed_bit_is_found(with_agent: Path) -> None:
     nudged = [*returns[:3], float(np.nextafter(returns[3], np.inf))]
     rewrite(path, {"return": nudged, "stopped_time": [-0.0] * 4})
     assert checked(with_agent) == []
-    first, second = complaints(with_agent)
-    assert first.startswith(f"{place(path)}: return differs for 1 of 4 seeds, by up to ")
-    assert 0 < float(first.split()[-1]) < 1e-10
-    assert second == f"{place(path)}: stopped_time differs for 4 of 4 seeds, by up to 0"
+    about_return, about_zeros = complaints(with_agent)
+    assert about_return.startswith(f"{place(path)}: return differs for 1 of 4 seeds, by up to ")
+    assert 0 < float(about_return.split()[-1]) < 1e-10
+    # Negative zeros are equal to zeros, but not bit for bit.
+    assert about_zeros == f"{place(path)}: stopped_time differs for 4 of 4 seeds, by up to 0"
 
 
 @pytest.mark.parametrize(
     ("changed", "complaint"),
     [
-        (
+        pytest.param(
             {"parameters": {"cutting_speed": 1.0}},
             f"{RULE} is no longer what played: parameters differ",
+            id="parameters",
         ),
-        ({"version": 9}, f"{RULE} is no longer what played: version differ"),
-        ({"name": "forgotten"}, "forgotten cannot play: no controller is called 'forgotten'"),
-        (
+        pytest.param(
+            {"version": 9},
+            f"{RULE} is no longer what played: version differ",
+            id="version",
+        ),
+        pytest.param(
+            {"name": "forgotten"},
+            "forgotten cannot play: no controller is called 'forgotten'",
+            id="name",
+        ),
+        pytest.param(
             {"model_version": 0},
             f"was played with version 0 of the model, which is now {MODEL_VERSION}",
+            id="model",
         ),
     ],
 )
@@ -143,9 +151,9 @@ def test_other_rules_and_models_are_found(
 ) -> None:
     rewrite(file_of(shipped, RULE), **changed)
     selection = Selection(scenario="short", policies=[RULE, "forgotten"])
-    (found,) = checked(shipped, selection)
-    assert complaint in found
-    assert found in complaints(shipped, selection)
+    (checks,) = checked(shipped, selection)
+    assert complaint in checks
+    assert checks in complaints(shipped, selection)
 
 
 def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
@@ -154,8 +162,9 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
     before = manifest.read_text()
     rewrite(path, {"wear": [0.0] * 4})
     manifest.write_text(before)
+    advice = "run python -m leaderboard run again"
     assert checked(shipped) == [
-        f"{place(path)}: {MANIFEST_FILE} beside it says otherwise: run python -m leaderboard run again"
+        f"{place(path)}: {MANIFEST_FILE} beside it says otherwise: {advice}"
     ]
     manifest.unlink()
     assert len(checked(shipped)) == 2
@@ -163,46 +172,61 @@ def test_a_manifest_that_disagrees_is_found(shipped: Path) -> None:
 
 @pytest.mark.slow
 def test_agents_without_file_or_result_are_found(with_agent: Path) -> None:
-    agents, result = with_agent / "agents" / ENV_ID / "short", file_of(with_agent, "ppo-seed0")
+    agents = with_agent / "agents" / ENV_ID / "short"
+    result = file_of(with_agent, "ppo-seed0")
+    digest = only(result).policy.sha256
     (agents / "ppo-seed0.onnx").rename(agents / "another_name.onnx")
     assert checked(with_agent) == []
     (agents / "another_name.onnx").unlink()
     other = onnx_agents.write(agents, seed=1)
     unplayed = f"{other}: has no result in {result.parent}"
-    gone = f"{place(result)}: ppo-seed0 is no longer what played: none of the agents' files has its SHA-256"
+    gone = (
+        f"{place(result)}: ppo-seed0 is no longer what played: none of the agents' files has its "
+        "SHA-256"
+    )
     assert checked(with_agent) == [gone, unplayed]
     assert complaints(with_agent, Selection(policies=["ppo-seed0"])) == [gone]
     assert checked(with_agent, Selection(policies=["ppo-seed1", CAUSAL])) == [unplayed]
     assert checked(with_agent, Selection(policies=[CAUSAL])) == []
+    # A file that is published elsewhere is listed.
     other.unlink()
-    line = f"{only(result).policy.sha256}  {ENV_ID}/short/ppo-seed0.onnx\n"
-    (with_agent / "agents" / policies.SUMS).write_text(line)  # published elsewhere
-    assert complaints(with_agent) == checked(with_agent) == []
+    sums = with_agent / "agents" / policies.SUMS
+    sums.write_text(f"{digest}  {ENV_ID}/short/ppo-seed0.onnx\n")
+    assert checked(with_agent) == []
+    assert complaints(with_agent) == []
 
 
 def test_a_quick_look_is_at_the_shortest_episodes(shipped: Path) -> None:
     path = file_of(shipped, RULE)
-    episodes = {name: np.array(values) for name, values in only(path).episodes.items()}
-    by_length = np.argsort(episodes["steps"], kind="stable")
-    episodes["wear"][by_length[0]] = episodes["return"][by_length[3]] = 0.0
-    rewrite(path, {name: episodes[name].tolist() for name in ("return", "wear")})
+    episodes = only(path).episodes
+    shortest, _, _, longest = np.argsort(episodes["steps"], kind="stable")
+    wear = list(episodes["wear"])
+    wear[shortest] = 0.0
+    returns = list(episodes["return"])
+    returns[longest] = 0.0
+    rewrite(path, {"return": returns, "wear": wear})
     (quick,) = complaints(shipped, ONE_RULE, seeds=2)
     assert quick.startswith(f"{place(path)}: wear differs for 1 of 2 seeds")
-    assert not (shipped / "verified.json").exists()
-    (shipped / "verified.json").write_text("[]")  # of a verification that was interrupted
-    complaints(shipped, ONE_RULE, seeds=2)
-    assert (shipped / "verified.json").exists()
     assert len(complaints(shipped, ONE_RULE)) == 2
+
+
+def test_a_quick_look_leaves_the_memory_of_an_interrupted_verification(shipped: Path) -> None:
+    memory = shipped / "verified.json"
+    assert complaints(shipped, ONE_RULE, seeds=2) == []
+    assert not memory.exists()
+    memory.write_text("[]")
+    assert complaints(shipped, ONE_RULE, seeds=2) == []
+    assert memory.exists()
 
 
 @pytest.mark.slow
 def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = ["--results", str(with_agent / "results"), "--agents", str(with_agent / "agents")]
     arguments = ["verify", *folders, "--memory", str(with_agent / "memory.json")]
-    quick = "the shortest episodes of every result came back\n"
-    for option, said in (([], "every result came back\n"), (["--seeds", "1"], quick)):
-        assert main([*arguments, *option]) == 0
-        assert capsys.readouterr().out == said
+    assert main(arguments) == 0
+    assert capsys.readouterr().out == "every result came back\n"
+    assert main([*arguments, "--seeds", "1"]) == 0
+    assert capsys.readouterr().out == "the shortest episodes of every result came back\n"
     assert main([*arguments, "--check"]) == 0
     assert capsys.readouterr().out == "every result is valid\n"
     assert main([*arguments, "--policies", "nonsense"]) == 2
@@ -217,11 +241,11 @@ def test_command_line(with_agent: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_earning_too_much_is_found(shipped: Path, task: Task, make_result: MakeResult) -> None:
     path = file_of(shipped, RULE)
-    own = task.model_copy(update={"scenario": SHORT})
-    write_result(
-        make_result(CLAIRVOYANT, policy=spec(CLAIRVOYANT, kind="oracle"), on=own, returns=9.0),
-        path.parent,
-    )
-    rewrite(path, {"return": [*only(path).episodes["return"][:-1], 1e6]})
-    (found,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]
-    assert found.startswith(f"{place(path)}: beyond the clairvoyant bound for 1 seeds, by up to 99")
+    on_short = task.model_copy(update={"scenario": SHORT})
+    bound = spec(CLAIRVOYANT, kind="oracle")
+    write_result(make_result(CLAIRVOYANT, policy=bound, on=on_short, returns=9.0), path.parent)
+    *returns, _ = only(path).episodes["return"]
+    rewrite(path, {"return": [*returns, 1e6]})
+    (beyond,) = [complaint for complaint in checked(shipped) if "beyond" in complaint]
+    fault = "beyond the clairvoyant bound for 1 seeds, by up to 99"
+    assert beyond.startswith(f"{place(path)}: {fault}")
