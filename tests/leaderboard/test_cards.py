@@ -3,9 +3,12 @@
 import hashlib
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 
 from leaderboard import cards, page, policies
 from leaderboard.__main__ import main
@@ -18,7 +21,7 @@ from tests.leaderboard.conftest import ENV_ID, on
 from tests.train import onnx_agents
 from train.agents import agent_file
 from turning_env import Scenario
-from turning_env.scoring.policy import ScenarioId
+from turning_env.scoring.policy import PolicySpec, ScenarioId
 
 pytestmark = pytest.mark.slow  # exports and plays agents
 
@@ -26,24 +29,24 @@ pytestmark = pytest.mark.slow  # exports and plays agents
 @pytest.fixture
 def shipped(tmp_path: Path, task: Task) -> Path:
     """Two training seeds of one agent with their results, also on a split, and a rule."""
-    own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
-    short_split = Scenario.load("harder_lot").model_copy(
-        update={"control": onnx_agents.SCENARIO.control}
-    )
-    split = task.model_copy(update={"scenario": short_split, "seeds": [5, 6]})
-    paths = [
-        onnx_agents.write(tmp_path / "agents" / ENV_ID / "short", seed, memory=True)
-        for seed in (0, 1)
-    ]
-    for each in (own, split):
-        for policy in [
-            *policies.agents(paths, on(each.scenario)),
-            policies.one_named("fixed_handbook", on(each.scenario)),
-        ]:
-            assert policy.tuned_for in (None, ScenarioId.of(own.scenario))
-            result = Result.of(each, policy, attempt(Piece(policy, each.scenario, each.seeds)))
-            write_result(result, result_folder(tmp_path / "results", ENV_ID, each.scenario.name))
+    home = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
+    harder = Scenario.load("harder_lot")
+    short_and_harder = harder.model_copy(update={"control": onnx_agents.SCENARIO.control})
+    split = task.model_copy(update={"scenario": short_and_harder, "seeds": [5, 6]})
+    agents = tmp_path / "agents" / ENV_ID / "short"
+    paths = [onnx_agents.write(agents, seed, memory=True) for seed in (0, 1)]
+    for played in (home, split):
+        rule = policies.one_named("fixed_handbook", on(played.scenario))
+        folder = result_folder(tmp_path / "results", ENV_ID, played.scenario.name)
+        for policy in [*policies.agents(paths, on(played.scenario)), rule]:
+            assert policy.tuned_for in (None, ScenarioId.of(home.scenario))
+            write_result(result_of(policy, played), folder)
     return tmp_path
+
+
+def result_of(policy: PolicySpec, task: Task) -> Result:
+    """Have a policy play a task."""
+    return Result.of(task, policy, attempt(Piece(policy, task.scenario, task.seeds)))
 
 
 def command(shipped: Path) -> list[str]:
@@ -59,7 +62,7 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
     for seed in (0, 1):
         digest = hashlib.sha256((folder / f"ppo-seed{seed}.onnx").read_bytes()).hexdigest()
         assert f"| {seed} | `ppo-seed{seed}.onnx` | `{digest}` |\n" in card
-    for said in (
+    for statement in (
         onnx_agents.SCENARIO.digest(),
         "\ntrain it\ntrain it\n```",
         "| gamma | 0.8 |\n",
@@ -67,8 +70,14 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
         "4 held-out seeds, 2 training seeds",
         "| `harder_lot` | ",
     ):
-        assert said in card, said
-    program = card[card.index("```python\n") + 10 : card.rindex("```")]
+        assert statement in card, statement
+
+
+def test_the_program_on_a_card_loads_the_agent(shipped: Path) -> None:
+    assert main(command(shipped)) == 0
+    card = (shipped / "agents" / ENV_ID / "short" / "ppo.md").read_text("utf-8")
+    _, _, rest = card.partition("```python\n")
+    program, _, _ = rest.partition("```")
     names: dict[str, object] = {}
     exec(program, names)
     assert {"agent", "policy"} < names.keys()
@@ -76,12 +85,15 @@ def test_a_card_says_what_the_agent_is(shipped: Path, capsys: pytest.CaptureFixt
 
 def test_only_one_training_seed_must_be_there(shipped: Path) -> None:
     folder = shipped / "agents" / ENV_ID / "short"
-    written = folder / "ppo.md", shipped / "agents" / SUMS
+    card = folder / "ppo.md"
+    sums = shipped / "agents" / SUMS
     assert main(command(shipped)) == 0
-    before = [path.read_text("utf-8") for path in written]
+    card_before = card.read_text("utf-8")
+    sums_before = sums.read_text("utf-8")
     (folder / "ppo-seed1.onnx").unlink()
     assert main(command(shipped)) == 0
-    assert [path.read_text("utf-8") for path in written] == before
+    assert card.read_text("utf-8") == card_before
+    assert sums.read_text("utf-8") == sums_before
 
 
 def test_cards_without_results_are_refused(
@@ -93,9 +105,8 @@ def test_cards_without_results_are_refused(
     assert "ppo-seed1.onnx has no results" in capsys.readouterr().err
     (folder / "ppo-seed1.onnx").rename(folder / "ppo-seed7.onnx")
     assert main(command(shipped)) == 2
-    assert (
-        f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx" in capsys.readouterr().err
-    )
+    complaint = f"holds ppo-seed1 and should be at {ENV_ID}/short/ppo-seed1.onnx"
+    assert complaint in capsys.readouterr().err
     for path in folder.iterdir():
         path.unlink()
     assert main(command(shipped)) == 2
@@ -113,20 +124,46 @@ HOSTILE = {
 }
 
 
-def test_parameters_of_a_hostile_agent_are_short_and_no_markup(
-    tmp_path: Path, task: Task, monkeypatch
-) -> None:
+class HostileAgent(NamedTuple):
+    """An agent whose file states hostile parameters, and its results."""
+
+    file: agent_file.AgentFile
+    policy: PolicySpec
+    board: Leaderboard
+    folder: Path
+
+
+@pytest.fixture
+def hostile(tmp_path: Path, task: Task) -> HostileAgent:
     folder = tmp_path / "agents" / ENV_ID / "short"
     path = onnx_agents.write(folder, memory=True)
-    command = "python -m train.ppo\n```\n<script>" + 1_000_000 * "y"
-    own = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
-    (policy,) = policies.agents([path], own)
-    hostile = policy.model_copy(update={"command": command, "parameters": HOSTILE})
-    played = Result.of(own, hostile, attempt(Piece(policy, own.scenario, own.seeds)))
-    board = Leaderboard(own, [played], rank([played]), None, [])
+    home = task.model_copy(update={"scenario": onnx_agents.SCENARIO})
+    (policy,) = policies.agents([path], home)
+    stated = {
+        "command": "python -m train.ppo\n```\n<script>" + 1_000_000 * "y",
+        "parameters": HOSTILE,
+    }
+    # Changed after playing, as the parameters of a file decide how it plays.
+    result = result_of(policy, home)
+    hostile_policy = policy.model_copy(update=stated)
+    hostile_result = Result.of(home, hostile_policy, arrays_of(result))
     file = agent_file.read(path)
-    metadata = file.metadata.model_copy(update={"parameters": HOSTILE, "versions": {"<u>": "`|`"}})
-    card = cards.render(replace(file, metadata=metadata), [hostile], board, None, folder)
+    changes = {"parameters": HOSTILE, "versions": {"<u>": "`|`"}}
+    metadata = file.metadata.model_copy(update=changes)
+    return HostileAgent(
+        file=replace(file, metadata=metadata),
+        policy=hostile_policy,
+        board=Leaderboard(home, [hostile_result], rank([hostile_result]), None, []),
+        folder=folder,
+    )
+
+
+def arrays_of(result: Result) -> dict[str, NDArray[np.float64]]:
+    return {name: np.array(values) for name, values in result.episodes.items()}
+
+
+def test_a_card_shows_hostile_parameters_short_and_without_markup(hostile: HostileAgent) -> None:
+    card = cards.render(hostile.file, [hostile.policy], hostile.board, None, hostile.folder)
     before, _, rest = card.partition("````bash\n")
     code, _, after = rest.partition("\n````\n")
     assert code.startswith("python -m train.ppo")
@@ -135,8 +172,14 @@ def test_parameters_of_a_hostile_agent_are_short_and_no_markup(
         assert markup not in before + after, markup
     assert len(card) < 20_000
     assert "1,000,000 characters" in card
-    tables = [line for line in card.splitlines() if line.startswith("| ") and "&#" in line]
-    assert all(line.count("|") == 3 for line in tables)
-    html = page.render([board])
-    assert len(html) < len(page.render([Leaderboard(own, [], [], None, [])])) + 30_000
+    escaped = [line for line in card.splitlines() if line.startswith("| ") and "&#" in line]
+    assert escaped
+    for row in escaped:
+        assert row.count("|") == 3, row
+
+
+def test_a_page_shows_hostile_parameters_short_and_without_markup(hostile: HostileAgent) -> None:
+    html = page.render([hostile.board])
+    empty = Leaderboard(hostile.board.task, [], [], None, [])
+    assert len(html) < len(page.render([empty])) + 30_000
     assert "<script>alert" not in html

@@ -24,68 +24,76 @@ pytestmark = pytest.mark.slow  # plays agents in processes of their own
 def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """A run on a project that comes with a rule's and an agent's results."""
     path = onnx_agents.write(result_folder(tmp_path / "agents", ENV_ID, SHORT.name), memory=True)
+    shipped_results = tmp_path / "shipped"
     monkeypatch.setattr(leaderboard_policies, "AGENTS", tmp_path / "agents")
-    monkeypatch.setattr(result, "RESULTS", tmp_path / "shipped")
-    monkeypatch.setattr(
-        leaderboard_policies, "shipped_agents", leaderboard_policies.shipped_agents.__wrapped__
-    )
-    policies = [
-        leaderboard_policies.one_named("fixed_handbook", on(SHORT)),
-        *leaderboard_policies.agents([path], on(SHORT)),
-    ]
+    monkeypatch.setattr(leaderboard_policies, "shipped_agents", shipped_agents)
+    monkeypatch.setattr(result, "RESULTS", shipped_results)
+    rule = leaderboard_policies.one_named("fixed_handbook", on(SHORT))
+    agents = leaderboard_policies.agents([path], on(SHORT))
     task = Task(env_id=ENV_ID, scenario=SHORT, seeds=held_out_seeds(2))
-    play_all(task, policies, result_folder(result.RESULTS, ENV_ID, SHORT.name))
+    play_all(task, [rule, *agents], result_folder(shipped_results, ENV_ID, SHORT.name))
     SHORT.save(tmp_path / "short.toml")
     where = ["--scenario", str(tmp_path / "short.toml"), "--results", str(tmp_path / "results")]
     return ["run", *where, "--seeds", "2", "--policies"]
 
 
+def shipped_agents() -> dict[str, str]:
+    """Return the agents that the project of a test comes with, by SHA-256."""
+    files = leaderboard_policies.agent_files(leaderboard_policies.AGENTS)
+    return dict.fromkeys(files, "ppo")
+
+
+def folder_in(results: Path) -> Path:
+    return result_folder(results, ENV_ID, SHORT.name)
+
+
 def test_an_own_agent_stands_beside_the_shipped_one(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mine, folder = (
-        onnx_agents.write(tmp_path / "mine"),
-        result_folder(tmp_path / "results", ENV_ID, SHORT.name),
-    )
-    (theirs,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
-    assert main([*words, "--agents", str(mine), str(theirs)]) == 0
-    told = capsys.readouterr()
+    mine = onnx_agents.write(tmp_path / "mine")
+    folder = folder_in(tmp_path / "results")
+    (shipped,) = leaderboard_policies.AGENTS.glob("*/*/*.onnx")
+    assert main([*words, "--agents", str(mine), str(shipped)]) == 0
+    captured = capsys.readouterr()
     own = {standing.name: standing.own for standing in read_leaderboard(folder).standings}
     assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
-    assert "my_ppo (yours)" in told.out
-    places = [line.partition(": rank ") for line in told.out.splitlines()[-2:]]
-    assert [whose for whose, _, _ in places] == ["agent that ships with the project", "your agent"]
-    assert all(" of 3, return " in place for _, _, place in places)
-    assert "ppo comes with the project; --name" in told.err
+    assert "my_ppo (yours)" in captured.out
+    assert "ppo comes with the project; --name" in captured.err
+    of_the_shipped, of_mine = captured.out.splitlines()[-2:]
+    assert of_the_shipped.startswith("agent that ships with the project: rank ")
+    assert of_mine.startswith("your agent: rank ")
+    for line in (of_the_shipped, of_mine):
+        assert " of 3, return " in line
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
-    before = (folder / "ppo-seed0.json.xz").read_bytes()
-    assert (
-        before
-        == (result_folder(result.RESULTS, ENV_ID, SHORT.name) / "ppo-seed0.json.xz").read_bytes()
-    )
-    where = [
-        "--results",
-        str(tmp_path / "results"),
-        "--agents",
-        str(mine.parent),
-        "--memory",
-        str(tmp_path / "verified.json"),
-    ]
-    assert main(["verify", *where, "--policies", "my_ppo"]) == 0
+
+    # The result that ships is copied, not played again.
+    copied = folder / "ppo-seed0.json.xz"
+    original = folder_in(result.RESULTS) / copied.name
+    assert copied.read_bytes() == original.read_bytes()
+
+
+def test_an_own_agent_is_verified_and_takes_another_name(words: list[str], tmp_path: Path) -> None:
+    mine = onnx_agents.write(tmp_path / "mine")
+    results = tmp_path / "results"
+    assert main([*words, "--agents", str(mine)]) == 0
+    verify = ["verify", "--results", str(results), "--agents", str(mine.parent)]
+    memory = ["--memory", str(tmp_path / "verified.json")]
+    assert main([*verify, *memory, "--policies", "my_ppo"]) == 0
     assert main([*words, "--agents", str(mine), "--name", "second"]) == 0
-    assert {"my_ppo", "second", "ppo"} <= {
-        standing.name for standing in read_leaderboard(folder).standings
-    }
+    names = {standing.name for standing in read_leaderboard(folder_in(results)).standings}
+    assert {"my_ppo", "second", "ppo"} <= names
 
 
 def test_names_that_clash_are_refused_with_advice(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mine, other = (onnx_agents.write(tmp_path / name) for name in ("mine", "other"))
+    mine = onnx_agents.write(tmp_path / "mine")
     for name in ("ppo", "grid_search", "causal"):
         assert main([*words, "--agents", str(mine), "--name", name]) == 2
         assert "choose another --name" in capsys.readouterr().err
     assert not (tmp_path / "results").exists()
+
+    other = onnx_agents.write(tmp_path / "other")
     assert main([*words, "--agents", str(mine), str(other), "--name", "both"]) == 2
     assert f"{mine} is both-seed0 too" in capsys.readouterr().err
 
@@ -96,9 +104,9 @@ def test_an_agent_that_takes_too_long_is_skipped(
     path = tmp_path / "slow.onnx"
     path.write_bytes(onnx_agents.toiling(products=60, size=400))
     assert main([*words, "fixed_handbook", "--agent-time", "1", "--agents", str(path)]) == 2
-    told = capsys.readouterr()
-    assert "slow-seed0 cannot play: needs more than the 1 s of processor time" in told.err
-    assert "fixed_handbook" in told.out
+    captured = capsys.readouterr()
+    assert "slow-seed0 cannot play: needs more than the 1 s of processor time" in captured.err
+    assert "fixed_handbook" in captured.out
     assert (tmp_path / "results" / "index.html").exists()
 
 
@@ -107,7 +115,7 @@ def test_rules_that_are_not_tuned_are_skipped(
 ) -> None:
     path = tmp_path / "my lathe.toml"
     Scenario.model_validate({"name": "mine", "control": {"time_limit": 0.3}}).save(path)
-    words[2] = str(path)
+    words[words.index("--scenario") + 1] = str(path)
     assert main([*words, "fixed_tuned", "fixed_handbook"]) == 0
     advice = f"python -m baselines.tune --scenario '{path}'"
     assert advice in capsys.readouterr().err
@@ -115,16 +123,25 @@ def test_rules_that_are_not_tuned_are_skipped(
     assert "nothing to play" in capsys.readouterr().err
 
 
+def code_of_a_policy(speed: float) -> SimpleNamespace:
+    """Return a module with a policy that always acts alike."""
+
+    def steady(observations: list[object]) -> list[list[float]]:
+        return [[speed, speed]] * len(observations)
+
+    return SimpleNamespace(steady=steady)
+
+
 def test_code_of_ones_own_is_ranked_and_played_again_each_time(
-    words: list[str], tmp_path: Path, monkeypatch, capsys
+    words: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    path = result_folder(tmp_path / "results", ENV_ID, SHORT.name) / "mine-seed0.json.xz"
+    path = folder_in(tmp_path / "results") / "mine-seed0.json.xz"
     returns = []
     for speed in (0.0, 1.0):
-        policy = SimpleNamespace(
-            steady=lambda observations, speed=speed: [[speed] * 2] * len(observations)
-        )
-        monkeypatch.setitem(sys.modules, "some_policy", policy)
+        monkeypatch.setitem(sys.modules, "some_policy", code_of_a_policy(speed))
         assert main([*words, "--policy", "some_policy:steady", "--name", "mine"]) == 0
         last = capsys.readouterr().out.splitlines()[-1]
         assert last.startswith("your agent: rank ")

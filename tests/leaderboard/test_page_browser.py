@@ -1,4 +1,4 @@
-"""The page in a browser: what it does on clicks and keys, how it looks on narrow and dark screens, whom it trusts."""
+"""The page in a browser: clicks, narrow screens, and hostile names."""
 
 import re
 from collections.abc import Callable
@@ -15,7 +15,8 @@ from tests.leaderboard.conftest import ENV_ID, MakeResult, spec
 from turning_env.scoring.policy import PolicySpec
 
 HOSTILE = "</script><img src=x onerror=\"document.title='owned'\">'&amp;"
-BACKWARDS, LONG = "\u202eexe.gpj \u05d0\u05d1", "long" * 125
+BACKWARDS = "\u202eexe.gpj \u05d0\u05d1"
+LONG = "long" * 125
 
 pytestmark = pytest.mark.slow
 
@@ -23,39 +24,36 @@ Open = Callable[..., Page]
 
 
 def renamed(policy: PolicySpec, name: str) -> PolicySpec:
-    """Called and described as no file would let it."""
-    return policy.model_construct(
-        **(dict(policy) | {"name": name, "description": name, "parameters": {name: name}})
-    )
+    """Return a policy with a name and a description that no file may have."""
+    changes = {"name": name, "description": name, "parameters": {name: name}}
+    return policy.model_construct(**(dict(policy) | changes))
 
 
 @pytest.fixture(scope="module")
 def leaderboard(task: Task, make_result: MakeResult) -> Leaderboard:
-    """Hostile rules, an infeasible agent, an oracle, and the published controller, some of them recorded."""
+    """Hostile rules, an infeasible agent, an oracle and the published controller."""
+    oracle = spec("oracle", kind="oracle")
     results = [
         make_result("grid_search", returns=[1.0, 2.0, 3.0, 5.0]),
         make_result("fixed_tuned", returns=[0.0, 1.0, 2.0, 3.0]),
-        make_result("oracle", policy=spec("oracle", kind="oracle"), returns=9.0),
-        *(
-            make_result("ppo", seed, severe_overload_time=30.0, returns=2.0 * seed)
-            for seed in (0, 1)
-        ),
+        make_result("oracle", policy=oracle, returns=9.0),
+        make_result("ppo", 0, severe_overload_time=30.0, returns=0.0),
+        make_result("ppo", 1, severe_overload_time=30.0, returns=2.0),
     ]
     for place, name in enumerate((HOSTILE, BACKWARDS, LONG)):
         plain = make_result("plain", returns=[-1.0, -2.0, -3.0, -4.0 - place])
         results.append(plain.model_copy(update={"policy": renamed(plain.policy, name)}))
-    recorded = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
-    episodes = [
-        record(spec("plain", (0.1, 0.1)), task.scenario, seed).model_copy(
-            update={"policy": result.policy}
-        )
-        for result in results
-        for seed in recorded.get(result.policy.name, ())
-    ]
-    trajectories = Trajectories(task=task.digest, episodes=[]).model_copy(
-        update={"episodes": episodes}
-    )
-    return Leaderboard(task, results, rank(results), trajectories, [])
+
+    recorded_seeds = {HOSTILE: (7, 8), "grid_search": (7, 8), BACKWARDS: (8,)}
+    trajectory = {seed: record(spec("plain", (0.1, 0.1)), task.scenario, seed) for seed in (7, 8)}
+    episodes = []
+    for result in results:
+        for seed in recorded_seeds.get(result.policy.name, ()):
+            episodes.append(trajectory[seed].model_copy(update={"policy": result.policy}))
+    # Validation would refuse the names.
+    trajectories = Trajectories(task=task.digest, episodes=[])
+    trajectories = trajectories.model_copy(update={"episodes": episodes})
+    return Leaderboard(task, results, rank(results), trajectories, left_out=[])
 
 
 @pytest.fixture(scope="module")
@@ -66,18 +64,17 @@ def address(leaderboard: Leaderboard, tmp_path_factory: pytest.TempPathFactory) 
 
 
 def row(shown: Page, name: str) -> Locator:
-    return shown.locator("section:visible .open").filter(
-        has_text=re.compile(f"^{re.escape(name)}$")
-    )
+    """Return the button that opens the row of a policy."""
+    whole_name = re.compile(f"^{re.escape(name)}$")
+    return shown.locator("section:visible .open").filter(has_text=whole_name)
 
 
 def test_a_link_opens_its_policy(opened: Open, address: str) -> None:
     shown = opened(address)
     row(shown, HOSTILE).click()
     link = shown.url
-    assert (
-        shown.get_by_role("link", name="Link to this policy").evaluate("link => link.href") == link
-    )
+    link_to_policy = shown.get_by_role("link", name="Link to this policy")
+    assert link_to_policy.evaluate("link => link.href") == link
     row(shown, HOSTILE).click()
     assert shown.url == f"{address}#{ENV_ID}/rough_turning"
     again = opened(link)
@@ -100,18 +97,17 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open, address: str
     ]
     expect(inner.locator("figcaption")).to_have_text(titles)
     assert inner.locator(".panels .limit").count() == 3
-    # The published controller lies over it at first. Where the pointer is, every panel tells the values of both.
+    # The published controller lies over it at first. Every panel shows the values of both where
+    # the pointer is.
     assert inner.locator(".panels .second").count() == 5
     inner.locator(".panels svg").nth(1).hover(position={"x": 150, "y": 60})
     expect(inner.locator(".pointer[visibility=visible]")).to_have_count(5)
-    expect(inner.locator(".readout").first).to_have_text(
-        re.compile(r"^at 0\.\d+:.* \d.*grid_search \d")
-    )
-    inner.get_by_role("combobox", name="Second policy").select_option(label="none")
+    readout = re.compile(r"^at 0\.\d+:.* \d.*grid_search \d")
+    expect(inner.locator(".readout").first).to_have_text(readout)
+    second = inner.get_by_role("combobox", name="Second policy")
+    second.select_option(label="none")
     assert inner.locator(".panels .second").count() == 0
-    inner.get_by_role("combobox", name="Second policy").select_option(
-        label=f"\u2068{BACKWARDS}\u2069"
-    )
+    second.select_option(label=f"\u2068{BACKWARDS}\u2069")
     expect(inner.locator(".note")).to_contain_text("second policy was not recorded")
     inner.get_by_role("combobox", name="Seed").select_option(label="8")
     assert inner.locator(".panels .second").count() == 5
@@ -122,9 +118,8 @@ def test_a_row_opens_and_a_second_policy_lies_over_it(opened: Open, address: str
 @pytest.mark.parametrize("width", [360, 1280])
 def test_the_page_is_no_wider_than_the_screen(opened: Open, address: str, width: int) -> None:
     shown = opened(address, width)
-    expect(shown.locator("section:visible .policy").first.locator("td.g0").first).to_be_in_viewport(
-        ratio=1.0
-    )  # the best return
+    best_return = shown.locator("section:visible .policy").first.locator("td.g0").first
+    expect(best_return).to_be_in_viewport(ratio=1.0)
     row(shown, HOSTILE).click()
     expect(shown.locator(".panels svg").first).to_be_visible()
     assert shown.evaluate("document.documentElement.scrollWidth - innerWidth") == 0

@@ -28,13 +28,13 @@ HOSTILE_NAMES = {
 def acting(value: float) -> bytes:
     """Return an agent that always acts by ten times a value."""
     constant = np.full((1, 2), 10.0 * value, np.float32)
-    return onnx_agents.of_load(
-        ACTING, axes=onnx_agents.AXES, none=np.float32([0.0]), constant=constant
-    )
+    none = np.float32([0.0])
+    return onnx_agents.of_load(ACTING, axes=onnx_agents.AXES, none=none, constant=constant)
 
 
 @pytest.fixture
 def words(tmp_path: Path) -> list[str]:
+    """A run of a rule and of the agents that follow."""
     SHORT.save(tmp_path / "short.toml")
     where = ["--scenario", str(tmp_path / "short.toml"), "--results", str(tmp_path / "results")]
     return ["run", *where, "--seeds", "2", "--policies", "fixed_handbook", "--agents"]
@@ -46,16 +46,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 def write(path: Path, content: bytes) -> Path:
+    """Write a file and return its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     return path
 
 
 def test_files_that_are_refused_stop_no_other(
-    words: list[str], tmp_path: Path, folder: Path, capsys
+    words: list[str], tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good = onnx_agents.content()
-    refused = {
+    contents = {
         "garbage": b"garbage",
         "not_finite": acting(float("nan")),
         "too_large": acting(2.0),
@@ -64,45 +65,57 @@ def test_files_that_are_refused_stop_no_other(
         "bad name": good,
         "unic\u00f6de": good,
     }
-    refused |= {
-        name: onnx_agents.stating(good, name=stated) for name, stated in HOSTILE_NAMES.items()
-    }
-    paths = [write(tmp_path / f"{name}.onnx", content) for name, content in refused.items()]
-    (tmp_path / "link.onnx").symlink_to(paths[0])
-    (tmp_path / "folder.onnx").mkdir()
-    paths += [
-        tmp_path / "missing.onnx",
-        tmp_path / "folder.onnx",
-        tmp_path / "link.onnx",
-        Path("long" + 300 * "g" + ".onnx"),
-    ]
+    for name, stated in HOSTILE_NAMES.items():
+        contents[name] = onnx_agents.stating(good, name=stated)
+    paths = [write(tmp_path / f"{name}.onnx", content) for name, content in contents.items()]
+    link = tmp_path / "link.onnx"
+    link.symlink_to(paths[0])
+    folder_with_suffix = tmp_path / "folder.onnx"
+    folder_with_suffix.mkdir()
+    missing = tmp_path / "missing.onnx"
+    too_long = Path("long" + 300 * "g" + ".onnx")
+    paths += [missing, folder_with_suffix, link, too_long]
     team = write(tmp_path / "team.onnx", good)
     assert main([*words, *map(str, paths), str(team)]) == 2
-    told = capsys.readouterr()
+    errors = capsys.readouterr().err
     for path in paths:
-        assert f"- no agent can be loaded from {path}: " in told.err
-    assert "\x1b" not in told.err
-    assert {each.name for each in read_leaderboard(folder).standings} == {"fixed_handbook", "team"}
+        assert f"- no agent can be loaded from {path}: " in errors
+    assert "\x1b" not in errors
+    names = {standing.name for standing in read_leaderboard(folder).standings}
+    assert names == {"fixed_handbook", "team"}
     assert (tmp_path / "results" / "index.html").exists()
 
 
+@pytest.fixture
+def rival(words: list[str], tmp_path: Path) -> Path:
+    """The file of a rival, who has a result."""
+    path = write(tmp_path / "rival.onnx", onnx_agents.content())
+    assert main([*words, str(path)]) == 0
+    return path
+
+
 def test_a_result_is_named_after_the_file_and_not_after_what_the_file_states(
-    words, tmp_path, folder, capsys
+    words: list[str], tmp_path: Path, folder: Path, rival: Path
 ) -> None:
-    rival = write(tmp_path / "rival.onnx", onnx_agents.content())
-    assert main([*words, str(rival)]) == 0
     before = (folder / "rival-seed0.json.xz").read_bytes()
-    thief = write(
-        tmp_path / "thief-seed4.onnx",
-        onnx_agents.stating(onnx_agents.content(seed=1), name="rival", seed="0"),
-    )
+    stating_the_rival = onnx_agents.stating(onnx_agents.content(seed=1), name="rival", seed="0")
+    thief = write(tmp_path / "thief-seed4.onnx", stating_the_rival)
     assert main([*words, str(thief), str(rival)]) == 0
     assert (folder / "rival-seed0.json.xz").read_bytes() == before
     policy = only(folder / "thief-seed4.json.xz").policy
     assert (policy.name, policy.training_seed) == ("thief", 4)
     assert "rival" in policy.description
-    # Another file of the rival's name is refused, until it may replace the result.
-    again = write(tmp_path / "again" / "rival.onnx", onnx_agents.content(seed=2))
+
+
+def test_another_file_of_the_same_name_is_refused_until_it_may_replace_the_result(
+    words: list[str],
+    tmp_path: Path,
+    folder: Path,
+    rival: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    before = (folder / "rival-seed0.json.xz").read_bytes()
+    again = write(tmp_path / "again" / rival.name, onnx_agents.content(seed=2))
     assert main([*words, str(again)]) == 2
     assert "--replace" in capsys.readouterr().err
     assert (folder / "rival-seed0.json.xz").read_bytes() == before
@@ -110,24 +123,22 @@ def test_a_result_is_named_after_the_file_and_not_after_what_the_file_states(
     assert (folder / "rival-seed0.json.xz").read_bytes() != before
 
 
-def test_files_of_one_name_are_told_apart_by_their_folders(words, tmp_path, folder, capsys) -> None:
-    paths = [
-        write(tmp_path / team / "agent.onnx", onnx_agents.content(seed=seed))
-        for seed, team in enumerate(("red", "blue"))
-    ]
+def test_files_of_one_name_are_distinguished_by_their_folders(
+    words: list[str], tmp_path: Path, folder: Path
+) -> None:
+    red = write(tmp_path / "red" / "agent.onnx", onnx_agents.content(seed=0))
+    blue = write(tmp_path / "blue" / "agent.onnx", onnx_agents.content(seed=1))
     alone = write(tmp_path / "alone.onnx", onnx_agents.content(seed=3))
-    assert main([*words, *map(str, paths), str(alone), str(alone)]) == 0
-    assert {each.name for each in read_leaderboard(folder).standings} == {
-        "fixed_handbook",
-        "red_agent",
-        "blue_agent",
-        "alone",
-    }
-    # Folders that tell nothing apart: the first file plays, the other is refused.
-    same = [
-        write(tmp_path / str(place) / "team" / "agent.onnx", onnx_agents.content(seed=4 + place))
-        for place in range(2)
-    ]
-    assert main([*words, *map(str, same)]) == 2
+    assert main([*words, str(red), str(blue), str(alone), str(alone)]) == 0
+    names = {standing.name for standing in read_leaderboard(folder).standings}
+    assert names == {"fixed_handbook", "red_agent", "blue_agent", "alone"}
+
+
+def test_of_files_in_folders_of_one_name_only_the_first_plays(
+    words: list[str], tmp_path: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = write(tmp_path / "0" / "team" / "agent.onnx", onnx_agents.content(seed=4))
+    second = write(tmp_path / "1" / "team" / "agent.onnx", onnx_agents.content(seed=5))
+    assert main([*words, str(first), str(second)]) == 2
     assert "is team_agent-seed0 too" in capsys.readouterr().err
-    assert only(folder / "team_agent-seed0.json.xz")
+    assert only(folder / "team_agent-seed0.json.xz").policy.name == "team_agent"
