@@ -42,6 +42,8 @@ CHECKED_LOADS = 41  # number of loads at which a fitted piece is compared with i
 
 # Numbers have no exponent, because controls read exponents differently.
 _NUMBER = r"-?(?:\d{1,12}(?:\.\d{0,12})?|\.\d{1,12})"
+
+# A block of a first value; of FCTDEF, with its number, its limits and a0 to a3; and of an action.
 _FIRST_VALUE = re.compile(rf"(\$AC_PARAM\[\d\])\s*=\s*({_NUMBER})")
 _POLYNOMIAL = re.compile(rf"FCTDEF\((\d{{1,3}}),({_NUMBER}(?:,{_NUMBER}){{5}})\)")
 _ACTION = re.compile(
@@ -146,6 +148,7 @@ class Law:
         output = (match["output"] if number else match["variable"]).strip()
         if output not in WRITABLE:
             raise BlockError(f"{output!r} cannot be written, only {', '.join(WRITABLE)}")
+        # A control runs modal actions in the order of their ID, a law in that of its blocks.
         identity = int(match["identity"])
         last = max(self.actions, default=0)
         if identity <= last:
@@ -177,6 +180,8 @@ class Law:
         Raises:
             ZeroDivisionError: an expression divides by 0, which stops a control.
         """
+        # Synchronized actions act on the path for one cycle: without one, the override is the
+        # operator's, taken as 100 %.
         variables[OVERRIDE] = 100.0
         for action in self.actions.values():
             if action.condition is None or action.condition.value(variables):
@@ -254,6 +259,7 @@ class LawWriter:
         """Return the law; with limits, it clips the state to them and writes it to the override."""
         if limits is None:
             return Law([*self._polynomials, *self._actions])
+        # The state starts at 100 % and stays within the limits, so that it does not wind up.
         low = number_text(limits.low)
         high = number_text(limits.high)
         self.act(f"{STATE}={low}", f"{STATE}<{low}")

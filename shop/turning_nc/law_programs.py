@@ -97,6 +97,7 @@ def _one_line(part: PartProgram, parameters: Parameters) -> Law:
     """Return the law 160 % - 2 * load, at most 120 %."""
     limits = _limits(part)
     writer = LawWriter()
+    # The example of multiplicative adaptive control in Siemens's guide to synchronized actions.
     line = Polynomial(limits.low, min(120.0, limits.high), a0=160.0, a1=-2.0, a2=0.0, a3=0.0)
     writer.polynomial(line, OVERRIDE)
     return writer.law()
@@ -116,9 +117,12 @@ def _fuzzy(part: PartProgram, parameters: Parameters) -> Law:
     limits = _limits(part)
     middle = round(100.0 * target, DECIMALS)
 
+    # Equations (1), (3) and (5) of the fuzzy override paper go by a share W towards the highest
+    # override: W = k exp(-5 (load / target)^2).
     def below(load: float) -> float:
         return gain_below * math.exp(-5.0 * (0.01 * load / target) ** 2)
 
+    # Equations (2), (4), (6) and (7) go by a share 1 - W towards d: 1 - W = p - p exp(...).
     def above(load: float) -> float:
         return gain_above - gain_above * math.exp(-sharpness * (0.01 * load - target) ** 2)
 
@@ -138,6 +142,7 @@ def _constant_load(part: PartProgram, parameters: Parameters) -> Law:
     target = 100.0 * target_load(part.scenario, parameters["target"])
     share = lag_share(part.scenario.control.interval, 1.0 / parameters["gain"])
     limits = _limits(part)
+    # next = present - share (load / target - 1) present, so that the end is 0.
     excess = Polynomial(
         low=-share,
         high=share * (MAX_LOAD / target - 1.0),

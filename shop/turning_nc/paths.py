@@ -166,7 +166,8 @@ def arc_of_radius(start: Point, end: Point, radius: float, clockwise: bool) -> P
         raise BlockError(
             f"an arc of radius {abs(radius):g} mm cannot join points {chord:.3f} mm apart"
         )
-    # The centre lies on the chord's perpendicular bisector.
+    # The centre lies on the chord's perpendicular bisector: of the shorter arc to the right of the
+    # chord if it is clockwise, of the longer one to the left.
     height = math.sqrt(max(radius**2 - 0.25 * chord**2, 0.0))
     side = (1.0 if clockwise else -1.0) * math.copysign(1.0, radius)
     dz = (end.z - start.z) / chord
@@ -190,6 +191,7 @@ def break_corner(before: Path, after: Path, corner: Corner) -> BrokenCorner:
     cross = first.z * second.x - first.x * second.z
     dot = first.z * second.z + first.x * second.x
     turn = math.atan2(cross, dot)
+    # The turn is positive from Z towards X.
     if abs(turn) < MIN_TURN:
         return BrokenCorner(before, None, after)
     cut = corner.size * _cut_per_size(corner.kind, 0.5 * abs(turn))
@@ -202,6 +204,7 @@ def break_corner(before: Path, after: Path, corner: Corner) -> BrokenCorner:
     end = shifted(after.start, second, cut)
     centre = None
     if corner.kind == "radius":
+        # The centre lies across the first move, on the side to which the tool turns.
         side = math.copysign(corner.size, turn)
         centre = Point(start.z - side * first.x, start.x + side * first.z)
     return BrokenCorner(

@@ -456,18 +456,6 @@ def in_system(text: str, codes: dict[str, str]) -> str:
     return re.sub(r"G\d+", lambda found: codes.get(found[0], found[0]), text)
 
 
-SHOWING_B = ("cylinder", "cone", "thread", "face")
-SYSTEMS = [
-    pytest.param("fanuc-b", TO_B, SHOWING_B, id="B"),
-    pytest.param(
-        "fanuc-c",
-        TO_C,
-        (*SHOWING_B, "roughing", "facing", "pattern", "threads", "groove"),
-        id="C",
-    ),
-]
-
-
 def in_a(name: str) -> str:
     """Return a program of system A."""
     head = "G21 G40 G99 T0101\nG50 S2000\nG96 S150 M3\nG0 X62. Z2. F0.2\n"
@@ -475,9 +463,12 @@ def in_a(name: str) -> str:
 
 
 @pytest.mark.parametrize("name", IN_A)
-@pytest.mark.parametrize(("dialect", "codes", "showing"), SYSTEMS)
+@pytest.mark.parametrize(
+    ("dialect", "codes"),
+    [pytest.param("fanuc-b", TO_B, id="B"), pytest.param("fanuc-c", TO_C, id="C")],
+)
 def test_systems_b_and_c_make_the_cuts_of_system_a(
-    name: str, dialect: str, codes: dict[str, str], showing: tuple[str, ...]
+    name: str, dialect: str, codes: dict[str, str]
 ) -> None:
     text = in_system(in_a(name), codes)
     done = run(divide(text, DIALECTS[dialect])).moves
@@ -488,14 +479,20 @@ def test_systems_b_and_c_make_the_cuts_of_system_a(
     assert {move.max_spindle_speed for move in done} == {2000.0}
 
 
-@pytest.mark.parametrize("name", IN_A)
-@pytest.mark.parametrize(("dialect", "codes", "showing"), SYSTEMS)
-def test_systems_b_and_c_are_told_from_their_cycles(
-    name: str, dialect: str, codes: dict[str, str], showing: tuple[str, ...]
-) -> None:
+BOXES = ("cylinder", "cone", "thread", "face")
+CONTOURS_AND_THREADS = ("roughing", "facing", "pattern", "threads", "groove")
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_system_b_is_told_from_its_boxes(name: str) -> None:
     assert divide(in_a(name)).dialect.name == "fanuc"
-    if name in showing:
-        assert divide(in_system(in_a(name), codes)).dialect.name == dialect
+    assert divide(in_system(in_a(name), TO_B)).dialect.name == "fanuc-b"
+
+
+@pytest.mark.parametrize("name", [*BOXES, *CONTOURS_AND_THREADS])
+def test_system_c_is_told_from_its_units_and_cycles(name: str) -> None:
+    assert divide(in_a(name)).dialect.name == "fanuc"
+    assert divide(in_system(in_a(name), TO_C)).dialect.name == "fanuc-c"
 
 
 def test_system_b_has_absolute_and_incremental_coordinates() -> None:
