@@ -102,7 +102,9 @@ def _run(options: argparse.Namespace) -> None:
     tasks = _tasks(options)
     refused = policies.Refusals()
     runs = []
-    for task in tasks:  # load all policies first: errors are found before anything is played
+    # Load all policies first: errors are found before anything is played.
+    for task in tasks:
+        # Controllers play splits as they are tuned for the scenario itself.
         tuned_on = None if task is tasks[0] else tasks[0].scenario
         runs.append(_task_run(options, task, tuned_on, refused=refused))
     failed = list(refused.values())
@@ -117,6 +119,7 @@ def _run(options: argparse.Namespace) -> None:
         ranked_tasks = {task_run.folder: task_run.task for task_run in runs}
         leaderboards = read_leaderboards(options.results, ranked_tasks)
     except ResultError as error:
+        # That there are no results follows from the failures, so these are the message.
         raise ResultError(_failures(failed or [error])) from None
     _report(leaderboards, runs, options)
     if failed:
@@ -253,6 +256,7 @@ def _family_tasks(options: argparse.Namespace) -> list[Task]:
     """Return the tasks on a family to play: that on the given split, and those on all others."""
     family = Family.load(options.scenario or "shop")
     if options.private_key:
+        # The key determines the jobs of all splits but the training jobs.
         values = family.model_dump(exclude_none=True) | {"held_out_key": options.private_key}
         family = Family.load(values)
     num_jobs = len(options.seeds)
@@ -262,6 +266,7 @@ def _family_tasks(options: argparse.Namespace) -> list[Task]:
             if split in ("train", "validation"):
                 continue
             task = family_task(family, split, num_jobs)
+            # The first task may be one of them.
             if task.digest != tasks[0].digest:
                 tasks.append(task)
     return tasks

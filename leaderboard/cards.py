@@ -46,9 +46,9 @@ def write_all(results: Path, agents: Path) -> list[Path]:
     sums: list[str] = []
     for folder in folders:
         env_id, home = folder.parts[-2:]
-        board = read_leaderboard(_results_of(results, env_id, home))
-        across = table.across([board, *_splits(results, env_id, home)])
-        played = _agents_on(board)
+        leaderboard = read_leaderboard(_results_of(results, env_id, home))
+        across = table.across([leaderboard, *_splits(results, env_id, home)])
+        played = _agents_on(leaderboard)
         for name, files in _agents_in(folder).items():
             for file in files:
                 policy = played.get(file.metadata.label)
@@ -57,12 +57,14 @@ def write_all(results: Path, agents: Path) -> list[Path]:
                         f"{folder / file.metadata.label}{ONNX_SUFFIX} has no results in {results}: "
                         "play it first"
                     )
-            standing = board.names[files[0].metadata.label]
+            standing = leaderboard.names[files[0].metadata.label]
             trainings = [
-                policy for label, policy in played.items() if board.names[label] == standing
+                policy for label, policy in played.items() if leaderboard.names[label] == standing
             ]
             card = folder / f"{name}.md"
-            write_whole(card, render(files[0], trainings, board, across=across, folder=folder))
+            write_whole(
+                card, render(files[0], trainings, leaderboard, across=across, folder=folder)
+            )
             cards.append(card)
             for policy in trainings:
                 file_name = f"{env_id}/{home}/{policy.label}{ONNX_SUFFIX}"
@@ -83,9 +85,9 @@ def _splits(results: Path, env_id: str, home: str) -> list[Leaderboard]:
     return [read_leaderboard(folder) for folder in folders if result_files(folder)]
 
 
-def _agents_on(board: Leaderboard) -> dict[str, PolicySpec]:
+def _agents_on(leaderboard: Leaderboard) -> dict[str, PolicySpec]:
     """Return the agents on a leaderboard by label, in the order of their training seeds."""
-    agents = [result.policy for result in board.results if result.policy.kind == "agent"]
+    agents = [result.policy for result in leaderboard.results if result.policy.kind == "agent"]
     agents.sort(key=lambda policy: policy.training_seed or 0)
     return {policy.label: policy for policy in agents}
 
@@ -93,7 +95,7 @@ def _agents_on(board: Leaderboard) -> dict[str, PolicySpec]:
 def render(
     file: AgentFile,
     trainings: Sequence[PolicySpec],
-    board: Leaderboard,
+    leaderboard: Leaderboard,
     across: table.Across | None,
     folder: Path,
 ) -> str:
@@ -102,13 +104,13 @@ def render(
     Args:
         file: the agent of one training seed.
         trainings: the policies of all training seeds.
-        board: the leaderboard on which they have played.
+        leaderboard: the one on which they have played.
         across: full costs on scenarios on which it was not trained, if any.
         folder: the folder of the file.
     """
     metadata = file.metadata
-    name = board.names[metadata.label]
-    (standing,) = (standing for standing in board.standings if standing.name == name)
+    name = leaderboard.names[metadata.label]
+    (standing,) = (standing for standing in leaderboard.standings if standing.name == name)
     steps = "environment steps"
     if metadata.parameters.get("guide"):
         steps = f"decisions, each of {HOLD} environment steps,"
@@ -125,7 +127,7 @@ def render(
     templates.filters |= {"shown": markdown_text, "few": few, "fenced": fenced}
     card = templates.get_template("model_card.md.j2").render(
         standing=standing,
-        seeds=len(board.task.seeds),
+        seeds=len(leaderboard.task.seeds),
         columns=columns.applying(COLUMNS, [standing]),
         elsewhere=elsewhere,
         trainings=trainings,

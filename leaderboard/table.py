@@ -44,10 +44,10 @@ def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
     See ``leaderboard.standings.Standing``. A number with an interval has ``value``, ``low`` and
     ``high``.
     """
-    boards = []
+    entries = []
     for leaderboard in leaderboards:
         task = leaderboard.task
-        boards.append(
+        entries.append(
             {
                 "env_id": task.env_id,
                 "scenario": task.scenario.name,
@@ -57,7 +57,7 @@ def as_data(leaderboards: Sequence[Leaderboard]) -> dict[str, Any]:
                 "standings": [asdict(standing) for standing in leaderboard.standings],
             }
         )
-    return {"units": UNITS, "leaderboards": boards}
+    return {"units": UNITS, "leaderboards": entries}
 
 
 def render(leaderboard: Leaderboard) -> str:
