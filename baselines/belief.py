@@ -182,14 +182,19 @@ class Belief:
         """
         parameters = self.filter.parameters
         limits = self._scenario.limits
-        log_speed, log_feed = log(reading.cutting_speed), log(reading.feed)
-        by_speed, by_feed, by_wear = self.filter.exponents
+        log_speed = log(reading.cutting_speed)
+        log_feed = log(reading.feed)
+        exponents = self.filter.exponents
         log_criterion = log(parameters["wear_criterion"])
         loads = []
         for law, limit in ((FORCE, limits.thrust_force), (POWER, limits.power)):
             log_coefficient = parameters["log_coefficients"][:, law]
             at_criterion = log_coefficient + parameters["wear_exponents"][:, law] * log_criterion
-            by_place = by_speed[law] * log_speed + by_feed[law] * log_feed + by_wear[law] * log_wear
+            by_place = (
+                exponents.speed[law] * log_speed
+                + exponents.feed[law] * log_feed
+                + exponents.wear[law] * log_wear
+            )
             loads.append(at_criterion - log(limit) + by_place)
         return loads[FORCE], loads[POWER]
 

@@ -92,6 +92,7 @@ class GuidedRule(SelfTuning):
         num_envs = len(scenarios)
         parameters: Any = RULES["self_tuning"].fixed
         super().__init__(scenarios, num_envs, **parameters)
+        # The belief observes; the rule acts on the same filter.
         self._belief = Belief(scenarios, learns_laws=True)
         self._filter = self._belief.filter
         self._context = context

@@ -133,7 +133,7 @@ class Optimiser(Policy):
         parameters = self._parameters
         life = self._life_law()
         errors = self._filter.load_errors
-        by_speed, by_feed, by_wear = self._filter.exponents
+        exponents = self._filter.exponents
         force_spread = self._priced_spread * parameters["force_spread"]
         power_spread = self._priced_spread * parameters["power_spread"]
         laws = np.empty(len(used_life), EXPECTED_LAWS)
@@ -141,13 +141,13 @@ class Optimiser(Policy):
         laws["life_speed"] = life.speed
         laws["life_feed"] = life.feed
         laws["log_force"] = parameters["log_force_coefficient"] + force_spread + errors[FORCE]
-        laws["force_speed"] = by_speed[FORCE]
-        laws["force_feed"] = by_feed[FORCE]
-        laws["force_life"] = parameters["wear_time"] * by_wear[FORCE]
+        laws["force_speed"] = exponents.speed[FORCE]
+        laws["force_feed"] = exponents.feed[FORCE]
+        laws["force_life"] = parameters["wear_time"] * exponents.wear[FORCE]
         laws["log_power"] = parameters["log_power_coefficient"] + power_spread + errors[POWER]
-        laws["power_speed"] = by_speed[POWER]
-        laws["power_feed"] = by_feed[POWER]
-        laws["power_life"] = parameters["wear_time"] * by_wear[POWER]
+        laws["power_speed"] = exponents.speed[POWER]
+        laws["power_feed"] = exponents.feed[POWER]
+        laws["power_life"] = parameters["wear_time"] * exponents.wear[POWER]
         prices = np.empty(len(used_life), PRICES)
         price_life(parameters, laws, used_life, prices)
         return prices
@@ -230,7 +230,7 @@ class Optimiser(Policy):
         scenario = self._scenario
         economics = scenario.economics
         life = self._life_law()
-        by_speed, by_feed, by_wear = self._filter.exponents
+        exponents = self._filter.exponents
         min_log_speed, max_log_speed = self._reach(
             reading.commanded_cutting_speed,
             (scenario.machine.cutting_speed_min, self._max_speed(used_life)),
@@ -254,12 +254,12 @@ class Optimiser(Policy):
         environments["log_life_rate"] = life.log_rate
         environments["life_speed"] = life.speed
         environments["life_feed"] = life.feed
-        environments["force_speed"] = by_speed[FORCE]
-        environments["force_feed"] = by_feed[FORCE]
-        environments["force_wear"] = by_wear[FORCE]
-        environments["power_speed"] = by_speed[POWER]
-        environments["power_feed"] = by_feed[POWER]
-        environments["power_wear"] = by_wear[POWER]
+        environments["force_speed"] = exponents.speed[FORCE]
+        environments["force_feed"] = exponents.feed[FORCE]
+        environments["force_wear"] = exponents.wear[FORCE]
+        environments["power_speed"] = exponents.speed[POWER]
+        environments["power_feed"] = exponents.feed[POWER]
+        environments["power_wear"] = exponents.wear[POWER]
         return environments
 
     def _max_speed(self, used_life: Array) -> Any:

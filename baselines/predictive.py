@@ -48,16 +48,19 @@ class Predictive(Optimiser):
     def _max_speed(self, used_life: Array) -> Any:
         if not self._scheduled:
             return self._scenario.cutting_speed_max
+        exponent = self._scenario.material.wear.time
         log_wear = self._filter.log_wear_factor + DOUBT * self._filter.wear_deviation
-        doubtful_life = used_life * exp(log_wear / self._scenario.material.wear.time)
+        doubtful_life = used_life * exp(log_wear / exponent)
         step = np.minimum((doubtful_life * LIVES).astype(np.int64), LIVES - 1)
         model = np.arange(len(step)) % len(self._speeds)
-        return np.minimum(self._scenario.cutting_speed_max, self._speeds[model, step])
+        scheduled = self._speeds[model, step]
+        return np.minimum(self._scenario.cutting_speed_max, scheduled)
 
     def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         spent = super()._edge_is_spent(reading, used_life, price)
         if self._scheduled:
-            spent |= (used_life >= self._change_at) & (reading.nominal_wear > 0.0)
+            has_cut = reading.nominal_wear > 0.0
+            spent |= (used_life >= self._change_at) & has_cut
         return spent
 
     def _times_ahead(self) -> Array:
@@ -80,9 +83,11 @@ class Predictive(Optimiser):
         # tool is, where it is expected or as early as it may be: entering a bar too fast costs an
         # edge.
         left = pitch - column(self._filter.along)
+        cutting = (distance - left) % pitch >= approach
+        cutting |= (earlier - left) % pitch >= approach
         entering = (distance >= left) | (earlier >= left + approach)
-        cutting = ((distance - left) % pitch >= approach) | ((earlier - left) % pitch >= approach)
-        unmeasured = cutting & (entering | column(self._filter.memory["measured"] == 0))
+        measured = column(self._filter.memory["measured"] == 1)
+        unmeasured = cutting & (entering | ~measured)
         return Ahead(
             outlook=self._filter.outlook(np.minimum(distance, left), entering),
             cutting=cutting.astype(np.float64),

@@ -99,6 +99,17 @@ class WearErrors(NamedTuple):
     feed_exponent: Array  # [-]
 
 
+class LoadExponents(NamedTuple):
+    """Exponents in the laws of force and power [-]; every field has shape (2, num_envs).
+
+    ``kalman_steps.FORCE`` and ``POWER`` are the places of the laws.
+    """
+
+    speed: Array
+    feed: Array
+    wear: Array
+
+
 class NominalModel(NamedTuple):
     """The knowledge of a filter before its first reading, for some nominal models."""
 
@@ -247,15 +258,13 @@ class LoadFilter:
         return np.asarray(errors[BIAS] + by_exponents)
 
     @property
-    def exponents(self) -> Array:
-        """Expected exponents of speed, feed and wear in force and power, shape (3, 2, num_envs)."""
+    def exponents(self) -> LoadExponents:
+        """Expected exponents in the laws of force and power."""
         errors = self._law_errors
-        return np.stack(
-            [
-                self.parameters["speed_exponents"].T + errors[SPEED_ERROR],
-                self.parameters["feed_exponents"].T + errors[FEED_ERROR],
-                self.parameters["wear_exponents"].T + errors[WEAR_ERROR],
-            ]
+        return LoadExponents(
+            speed=self.parameters["speed_exponents"].T + errors[SPEED_ERROR],
+            feed=self.parameters["feed_exponents"].T + errors[FEED_ERROR],
+            wear=self.parameters["wear_exponents"].T + errors[WEAR_ERROR],
         )
 
     @property

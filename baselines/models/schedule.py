@@ -165,6 +165,11 @@ class _Cut:
         work = scenario.workpiece
         machine = scenario.machine
         self._scenario = scenario
+        self._material = scenario.material
+        self._failure = scenario.edge_failure
+        self._criterion = scenario.tool.wear_criterion
+        self._strength = scenario.tool.edge_strength
+        self._strength_spread = scenario.tool.edge_strength_spread
         self._speed = speed
         self._feed = feed
         self._depth = work.depth_of_cut
@@ -180,36 +185,33 @@ class _Cut:
 
     def life_rate(self, used_life: Array) -> Any:
         """Return the rate at which the life is used [1/min]."""
-        wear_law = self._scenario.material.wear
-        failure = self._scenario.edge_failure
+        law = self._material.wear
+        failure = self._failure
         wear = self._wear(used_life)
-        nominal_wear = wear_law(self._speed, self._feed, self._depth)
-        rate = real_power(nominal_wear / self._scenario.tool.wear_criterion, 1.0 / wear_law.time)
-        rate = rate * (
-            1.0
-            + _bump(
-                self._speed,
-                height=failure.built_up_edge,
-                centre=failure.built_up_speed,
-                width=failure.built_up_width,
-            )
+        # W = K t^n reaches the criterion at the rate (K / criterion)^(1/n).
+        wear_of_minute = law(self._speed, self._feed, self._depth)
+        rate = real_power(wear_of_minute / self._criterion, 1.0 / law.time)
+        built_up = _bump(
+            self._speed,
+            height=failure.built_up_edge,
+            centre=failure.built_up_speed,
+            width=failure.built_up_width,
         )
-        rate = rate * exp(failure.tertiary_rate * np.maximum(wear - failure.tertiary_wear, 0.0))
-        return rate * (1.0 + failure.running_in * exp(-wear / failure.running_in_wear))
+        tertiary = np.maximum(wear - failure.tertiary_wear, 0.0)
+        running_in = failure.running_in * exp(-wear / failure.running_in_wear)
+        rate = rate * (1.0 + built_up)
+        rate = rate * exp(failure.tertiary_rate * tertiary)
+        return rate * (1.0 + running_in)
 
     def value_rate(self, used_life: Array) -> Any:
         """Return the value of metal less the price of overload [s per s]."""
-        scenario = self._scenario
-        material = scenario.material
-        limits = scenario.limits
-        economics = scenario.economics
+        limits = self._scenario.limits
+        economics = self._scenario.economics
         # Loads half a standard deviation above the expected stand for all bars.
-        force = self._force(used_life) * exp(0.5 * self._spread(material.thrust_force))
-        cutting_power = material.power(
-            self._speed, self._feed, self._depth, wear=self._wear(used_life)
-        )
-        power = cutting_power + idle_power_at(scenario, self._speed)
-        power = power / capacity_at(scenario, self._speed) * exp(0.5 * self._spread(material.power))
+        force_factor = exp(0.5 * self._spread(self._material.thrust_force))
+        power_factor = exp(0.5 * self._spread(self._material.power))
+        force = self._force(used_life) * force_factor
+        power = self._power(used_life) * power_factor
         over = np.maximum(force / limits.thrust_force - 1.0, 0.0)
         over = over + np.maximum(power / limits.power - 1.0, 0.0)
         metal = self._speed * self._feed * self._depth / economics.reference_removal_rate
@@ -217,11 +219,10 @@ class _Cut:
 
     def hazard(self, middle: Array, end: Array) -> Any:
         """Return the rate of chipping and of collapse by heat [1/min]."""
-        scenario = self._scenario
-        failure = scenario.edge_failure
-        force_spread = self._spread(scenario.material.thrust_force)
-        load = log(self._force(middle) / scenario.tool.edge_strength) + 0.5 * force_spread**2
-        relative_wear = self._wear(middle) / scenario.tool.wear_criterion
+        failure = self._failure
+        force_spread = self._spread(self._material.thrust_force)
+        load = log(self._force(middle) / self._strength) + 0.5 * force_spread**2
+        relative_wear = self._wear(middle) / self._criterion
         hazard = failure.chipping_rate * exp(failure.chipping_load_exponent * load)
         hazard = hazard * real_power(relative_wear, failure.chipping_wear_exponent)
         if failure.collapse_temperature <= 0.0:
@@ -236,25 +237,29 @@ class _Cut:
 
     def strength_chance(self, used_life: Array) -> Any:
         """Return the chance that an edge is stronger than force and notch [-], above 0."""
-        tool = self._scenario.tool
-        notch_growth = self._scenario.edge_failure.notch_growth
-        force_spread = self._spread(self._scenario.material.thrust_force)
-        spread = hypotenuse(force_spread, tool.edge_strength_spread)
-        by_force = log(tool.edge_strength / self._force(used_life)) / spread
-        notch = np.maximum(notch_growth * used_life, MIN_POSITIVE)
-        by_notch = -log(notch) / max(tool.edge_strength_spread, MIN_POSITIVE)
+        force_spread = self._spread(self._material.thrust_force)
+        spread = hypotenuse(force_spread, self._strength_spread)
+        by_force = log(self._strength / self._force(used_life)) / spread
+        notch = np.maximum(self._failure.notch_growth * used_life, MIN_POSITIVE)
+        by_notch = -log(notch) / max(self._strength_spread, MIN_POSITIVE)
         return _probability(by_force) * _probability(by_notch) + MIN_POSITIVE
 
     def _wear(self, used_life: Array) -> Any:
         """Return the flank wear [mm]."""
-        scenario = self._scenario
-        return scenario.tool.wear_criterion * real_power(used_life, scenario.material.wear.time)
+        return self._criterion * real_power(used_life, self._material.wear.time)
 
     def _force(self, used_life: Array) -> Any:
         """Return the thrust force [N], with that of chatter."""
-        law = self._scenario.material.thrust_force
         wear = self._wear(used_life)
-        return law(self._speed, self._feed, self._depth, wear=wear) * self._dynamic
+        force = self._material.thrust_force(self._speed, self._feed, self._depth, wear=wear)
+        return force * self._dynamic
+
+    def _power(self, used_life: Array) -> Any:
+        """Return the power [kW], with the idling spindle's, over its share that is available."""
+        wear = self._wear(used_life)
+        cutting_power = self._material.power(self._speed, self._feed, self._depth, wear=wear)
+        power = cutting_power + idle_power_at(self._scenario, self._speed)
+        return power / capacity_at(self._scenario, self._speed)
 
     def _spread(self, law: PowerLaw) -> Any:
         """Return the standard deviation of a log response over bars."""

@@ -36,14 +36,13 @@ SHORT = {
 }
 
 
-def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any, list[Any]]:
-    """Return environments of training jobs, their observations and their nominal models."""
+def environments(*jobs: int) -> tuple[FamilyVectorEnv, Any]:
+    """Return environments of training jobs, and their first observations."""
     env = FamilyVectorEnv(
         len(jobs), FAMILY, context="hidden", autoreset_mode=AutoresetMode.DISABLED
     )
     observations, _ = env.reset(seed=list(jobs))
-    models = [FAMILY.job(job).scenario.nominal() for job in jobs]
-    return env, observations, models
+    return env, observations
 
 
 def test_the_log_speed_is_linear_in_the_numbers_of_the_catalogue() -> None:
@@ -63,7 +62,8 @@ def test_a_job_has_the_numbers_of_its_context() -> None:
 
 
 def test_no_job_is_cut_faster_than_its_law_allows() -> None:
-    env, observations, models = environments(5, 7)
+    env, observations = environments(5, 7)
+    models = [FAMILY.job(job).scenario.nominal() for job in (5, 7)]
     numbers = [FAMILY.job(job).numbers for job in (5, 7)]
     law = {"speed": -0.8, "speed_heat": -0.5, "change_at": 0.8}
     policy = RULES["contextual"].controller(models, 2, numbers=numbers, **FIXED, **law)

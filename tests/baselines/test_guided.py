@@ -18,11 +18,15 @@ FAMILY = Family.load("unmodelled")
 
 
 def environments(*jobs):
-    """Return environments of training jobs, their observations and their nominal models."""
+    """Return environments of training jobs, and their first observations."""
     env = FamilyVectorEnv(len(jobs), FAMILY, autoreset_mode=AutoresetMode.DISABLED)
     observations, _ = env.reset(seed=list(jobs))
-    models = [FAMILY.job(job).scenario.nominal() for job in jobs]
-    return env, observations, models
+    return env, observations
+
+
+def nominal_models(*jobs):
+    """Return the nominal models of training jobs."""
+    return [FAMILY.job(job).scenario.nominal() for job in jobs]
 
 
 class Constant(Policy):
@@ -44,7 +48,8 @@ def test_decisions_limit_the_speed_and_the_used_life():
     speeds = []
     lives = []
     for guide in (Constant(-1.0, -1.0), Constant(0.2, 0.0)):
-        env, observations, models = environments(7)
+        env, observations = environments(7)
+        models = nominal_models(7)
         policy = GuidedPolicy(guide, models)
         fastest = 0.0
         longest = 0.0
@@ -62,7 +67,8 @@ def test_decisions_limit_the_speed_and_the_used_life():
 
 def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
     guide = Constant(0.1, 0.1)
-    env, observations, models = environments(5, 9)
+    env, observations = environments(5, 9)
+    models = nominal_models(5, 9)
     policy = GuidedPolicy(guide, models)
     singles = [GuidedPolicy(Constant(0.1, 0.1), [model]) for model in models]
     for _ in range(90):
@@ -78,7 +84,8 @@ def test_a_batch_decides_as_its_environments_alone_and_as_often_as_it_should():
 
 
 def test_it_remembers_the_edge_that_broke():
-    env, observations, models = environments(2)  # a bar of adhesive steel, which notches edges
+    env, observations = environments(2)  # a bar of adhesive steel, which notches edges
+    models = nominal_models(2)
     rule = GuidedRule(models)
     history = {"edges_broken": 0.0}
     used = 0.0
@@ -94,7 +101,8 @@ def test_it_remembers_the_edge_that_broke():
 
 def test_a_lathe_of_ones_own_has_the_context_of_a_job_that_is_alike():
     job = FAMILY.job(5)
-    _, observations, models = environments(5)
+    _, observations = environments(5)
+    models = nominal_models(5)
     mean, spread = FAMILY.context_scale
     numbers = dict(zip(FAMILY.context_names, job.context * spread + mean, strict=True))
     shown = {name: numbers[name] for name in FAMILY.shown}
