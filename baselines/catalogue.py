@@ -69,12 +69,12 @@ def names(scenario: Scenario) -> list[str]:
 def names_on(family: Family) -> list[str]:
     """Return the names of the controllers that can play the jobs of a family."""
     scenario = family.job(0).scenario
-    found = names(scenario)
+    on_family = names(scenario)
     for name, rule in RULES.items():
         tuned_on_family = rule.needs_numbers and tuned.on_family(family, name)
         if tuned_on_family and rule.plays(scenario):
-            found.append(name)
-    return found
+            on_family.append(name)
+    return on_family
 
 
 def playable(name: str, scenario: Scenario) -> Rule:

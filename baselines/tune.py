@@ -426,8 +426,8 @@ def _tune(
     for name, rule in chosen.items():
         pieces.append((name, (name, rule, scenario, budget, logs[name])))
     with workers(jobs, None) as over:
-        found = spread(over, lambda piece: search(*piece), pieces)
-        for name, entry in tqdm(found, "tuning", total=len(pieces), unit="rule", disable=None):
+        results = spread(over, lambda piece: search(*piece), pieces)
+        for name, entry in tqdm(results, "tuning", total=len(pieces), unit="rule", disable=None):
             entries[name] = entry
             result = f"mean return {entry['mean_return']:.1f} s over {budget['seeds']} seeds"
             feasible = "feasible" if entry["feasible"] else "not feasible"

@@ -269,7 +269,7 @@ def learn_wear(memory, mean, covariance, log_factor, variance, scratch):
 def wear_edge(model, memory, mean, covariance, reading, old_wear):
     """Add the present depth, hardness, speed and feed to those that the edge has cut.
 
-    ``old_wear``: share of its wear.
+    ``old_wear``: share of its wear that it had before this step, 0 for a fresh edge.
     """
     # Wear grows as W = a t^n under constant conditions. So the share of the used life that this
     # step added is 1 - (old wear / wear)^(1/n). The history is the mean over the used life:

@@ -23,9 +23,12 @@ def observe(load: float, cutting_time: float, override: float = 1.0):
     machine = SHIFT.machine
     feed = override * SHIFT.control.initial_feed
     seen = FIRST.copy()
-    seen[:, OBS.power] = DEVIATION_SCALE * (load * machine.rated_power / SHIFT.limits.power - 1.0)
-    position = np.log(feed / machine.feed_min) / np.log(machine.feed_max / machine.feed_min)
-    seen[:, [OBS.feed, OBS.commanded_feed]] = np.clip(2.0 * position - 1.0, -1.0, 1.0)
+    power_over_limit = load * machine.rated_power / SHIFT.limits.power
+    seen[:, OBS.power] = DEVIATION_SCALE * (power_over_limit - 1.0)
+    span = np.log(machine.feed_max / machine.feed_min)
+    position = np.clip(2.0 * np.log(feed / machine.feed_min) / span - 1.0, -1.0, 1.0)
+    seen[:, OBS.feed] = position
+    seen[:, OBS.commanded_feed] = position
     seen[:, OBS.cutting_time] = np.log1p(cutting_time)
     seen[:, OBS.cutting] = 1.0
     return seen

@@ -10,7 +10,8 @@ from turning_env.scoring.seeds import tuning_seeds
 
 BASE = Scenario.load("rough_turning")
 SEEDS = tuning_seeds(2)
-COARSE = Grid(10.0, 60, 8)
+COARSE = Grid(cell=10.0, lives=60, speeds=8)
+FINE = Grid(cell=2.5, lives=480, speeds=32)
 
 
 @pytest.mark.slow
@@ -25,18 +26,18 @@ def test_knowing_the_present_earns_less_than_knowing_all_but_not_much_less() -> 
 def test_finer_grids_move_it_by_less_than_its_tolerance() -> None:
     brief = changed(BASE, tool={"wear_criterion": 0.15})
     machine_time = 60.0  # [s], of an edge
-    finer, usual = (
-        bounds(brief, SEEDS[:1], grid)[0] for grid in (Grid(2.5, 480, 32), clairvoyant.GRID)
-    )
+    finer = bounds(brief, SEEDS[:1], FINE)[0]
+    usual = bounds(brief, SEEDS[:1], clairvoyant.GRID)[0]
     assert abs(finer - usual) <= TOLERANCE * machine_time
 
 
 @pytest.mark.slow
 def test_it_does_not_depend_on_threads_or_on_what_is_computed_beside_it() -> None:
-    done: list[int] = []
-    together = bounds(BASE, SEEDS[:2], COARSE, on_seed=lambda: done.append(1), threads=2)
-    assert together.tolist() == [bounds(BASE, [seed], COARSE, threads=1)[0] for seed in SEEDS[:2]]
-    assert len(done) == 2
+    calls: list[int] = []
+    together = bounds(BASE, SEEDS, COARSE, on_seed=lambda: calls.append(1), threads=2)
+    for seed, bound in zip(SEEDS, together, strict=True):
+        assert bounds(BASE, [seed], COARSE, threads=1)[0] == bound
+    assert len(calls) == 2
 
 
 def test_it_says_what_it_covers() -> None:
