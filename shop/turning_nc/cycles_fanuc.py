@@ -29,7 +29,7 @@ from turning_nc.passes import (
     thread_passes,
 )
 from turning_nc.paths import Path, Point, Stop, joined
-from turning_nc.words import BlockError, Line
+from turning_nc.words import BlockError, Line, Word
 
 MAX_REPEATS = 1000
 
@@ -72,7 +72,8 @@ def run_cycle(control: Control, block: Block, code: int) -> int:
 
 def end_of_contour(control: Control, block: Block, code: int) -> int:
     """Return the index of the line after a cycle and its contour, if it has one."""
-    if code > 73 or not (block.line.first("P") and block.line.first("Q")):
+    has_contour = block.line.first("P") and block.line.first("Q")
+    if code > 73 or not has_contour:
         return block.index + 1
     try:
         contour = _contour_lines(control, block, code)
@@ -118,10 +119,12 @@ def _contour_lines(control: Control, block: Block, code: int) -> ContourLines:
     """
     names = _contour_names(block.line)
     places = control.places(block.part)
-    first = places.block(names.first, block.index + 1)
+    behind = places.lines[block.index + 1 :]
+    before = places.lines[: block.index]
+    first = places.block(names.first, behind)
     if first is None and code == 70:
-        first = places.block(names.first, 0, block.index)
-    last = None if first is None else places.block(names.last, first)
+        first = places.block(names.first, before)
+    last = None if first is None else places.block(names.last, places.lines[first:])
     if first is None or last is None:
         raise BlockError(
             f"the contour from N{names.first:g} to N{names.last:g} is not in the program"
@@ -298,10 +301,8 @@ def _peck(control: Control, line: Line, code: int) -> None:
     if not line.first("X", "Z", "U", "W"):
         control.cycle.pecking = control.length(line.first("R"), steps=True)
         return
-    p = line.first("P", "I")
-    q = line.first("Q", "K")
-    along_x = abs(control.length(p, steps=p is not None and p.address == "P"))
-    along_z = abs(control.length(q, steps=q is not None and q.address == "Q"))
+    along_x = abs(_length_or_steps(control, line.first("P", "I"), of_steps="P"))
+    along_z = abs(_length_or_steps(control, line.first("Q", "K"), of_steps="Q"))
     cycle = Pecking(
         along_x=code == 75,
         peck=along_x if code == 75 else along_z,
@@ -309,6 +310,12 @@ def _peck(control: Control, line: Line, code: int) -> None:
         back=control.cycle.pecking,
     )
     add_passes(control, pecked(control.here, control.target(line), cycle))
+
+
+def _length_or_steps(control: Control, word: Word | None, of_steps: str) -> float:
+    """Return the length of a word, which counts steps if it has an address [mm]."""
+    counts_steps = word is not None and word.address == of_steps
+    return control.length(word, steps=counts_steps)
 
 
 def _drill(control: Control, line: Line, code: int) -> None:

@@ -207,8 +207,8 @@ def _contour_lines(control: Control, name: str, part: str) -> ContourLines:
     if ":" in name:
         labels = [label.strip() for label in name.upper().split(":")]
         places = control.places(part)
-        first = places.label(labels[0])
-        last = places.label(labels[1])
+        first = places.label(labels[0], places.lines)
+        last = places.label(labels[1], places.lines)
         if first is None or last is None or first >= last or len(labels) != 2:
             raise BlockError(f"the labels of the contour {name!r} are not in the program")
         return ContourLines(part, first, end=last + 1)

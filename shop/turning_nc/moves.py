@@ -227,21 +227,19 @@ class ProgramControl(Control):
         """
         target = None
         if flow.jump != "GOTOB":
-            target = self._place_of(flow.target, places, first=following)
+            target = self._place_of(flow.target, places, places.lines[following:])
         if target is None and flow.jump != "GOTOF":
-            target = self._place_of(flow.target, places, end=following)
+            target = self._place_of(flow.target, places, places.lines[:following])
         if target is None:
             raise BlockError(f"the block {flow.target} is not in this part of the program")
         return target
 
-    def _place_of(
-        self, target: str, places: Places, *, first: int = 0, end: int | None = None
-    ) -> int | None:
+    def _place_of(self, target: str, places: Places, within: range) -> int | None:
         """Return the first of some lines with a label, or on a Fanuc with the number of a block."""
-        label = places.label(target, first, end)
+        label = places.label(target, within)
         if not self.fanuc:
             return label
-        number = places.block(float(target), first, end)
+        number = places.block(float(target), within)
         if label is None or number is None:
             return number if label is None else label
         return min(label, number)

@@ -1,6 +1,7 @@
 """An index of a part's blocks, labels and loops, so that a jump need not search all lines."""
 
 import bisect
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from turning_nc.words import BlockError, Line
@@ -14,31 +15,28 @@ class Places:
 
     def __init__(self, lines: Sequence[Line]) -> None:
         """Look through the lines once."""
-        self._numbers: dict[float, list[int]] = {}
-        self._labels: dict[str, list[int]] = {}
+        self.lines = range(len(lines))
+        """Indices of all lines; a slice of it is where to look for a block."""
+        self._numbers: defaultdict[float, list[int]] = defaultdict(list)
+        self._labels: defaultdict[str, list[int]] = defaultdict(list)
         for index, line in enumerate(lines):
             number = line.number_of("N")
             if number is not None:
-                self._numbers.setdefault(number, []).append(index)
+                self._numbers[number].append(index)
             for word in line.words:
                 if word.address.endswith(":"):
-                    self._labels.setdefault(word.address[:-1], []).append(index)
+                    label = word.address[:-1]
+                    self._labels[label].append(index)
         self._ends = _ends_of_loops(lines)
         self._begins = {end: begin for begin, end in self._ends.items()}
 
-    def block(self, number: float, first: int = 0, end: int | None = None) -> int | None:
-        """Return the first line from ``first`` to before ``end`` whose block has a number.
+    def block(self, number: float, within: range) -> int | None:
+        """Return the first line whose block has a number; None if there is none."""
+        return _first_within(self._numbers[number], within)
 
-        It is None if there is none.
-        """
-        return _first_within(self._numbers.get(number, []), first, end)
-
-    def label(self, name: str, first: int = 0, end: int | None = None) -> int | None:
-        """Return the first line from ``first`` to before ``end`` that begins with a label.
-
-        It is None if there is none.
-        """
-        return _first_within(self._labels.get(name, []), first, end)
+    def label(self, name: str, within: range) -> int | None:
+        """Return the first line that begins with a label; None if there is none."""
+        return _first_within(self._labels[name], within)
 
     def begin_of_loop(self, end: int) -> int:
         """Return the line at which the loop begins that ends in a line."""
@@ -49,11 +47,12 @@ class Places:
         return _other_end(self._ends, begin)
 
 
-def _first_within(indices: list[int], first: int, end: int | None) -> int | None:
-    place = bisect.bisect_left(indices, first)
-    if place == len(indices) or (end is not None and indices[place] >= end):
-        return None
-    return indices[place]
+def _first_within(indices: list[int], within: range) -> int | None:
+    """Return the first of sorted indices that is within a range."""
+    place = bisect.bisect_left(indices, within.start)
+    if place < len(indices) and indices[place] in within:
+        return indices[place]
+    return None
 
 
 def _other_end(ends: Mapping[int, int], index: int) -> int:

@@ -28,7 +28,7 @@ from baselines.models.process import Process
 from baselines.two_limits import set_point
 from shop.examples.adapt_programs import COLLECTION, FOLDER, SCENARIO, path_of, situation_of
 from shop.tests.turning_nc.linuxcnc import INSTALLED, Canonical, canonical, translated
-from shop.tests.turning_nc.test_moves import BAR, moves
+from shop.tests.turning_nc.programs import BAR, moves
 from tests.programs import NO_LINUXCNC
 from tests.walking import ROOT
 from turning_env import Scenario
