@@ -361,13 +361,10 @@ def growth(model, k, t):
     # The process is stationary: Q = P0 - T P0 T', where P0 is the prior.
     field = model.prior[k]
     slope = model.prior[k + 1]
-    return Growth(
-        field=field
-        - (t.field_field * t.field_field * field + t.field_slope * t.field_slope * slope),
-        both=-(t.field_field * t.slope_field * field + t.field_slope * t.slope_slope * slope),
-        slope=slope
-        - (t.slope_field * t.slope_field * field + t.slope_slope * t.slope_slope * slope),
-    )
+    kept_field = t.field_field * t.field_field * field + t.field_slope * t.field_slope * slope
+    kept_both = t.field_field * t.slope_field * field + t.field_slope * t.slope_slope * slope
+    kept_slope = t.slope_field * t.slope_field * field + t.slope_slope * t.slope_slope * slope
+    return Growth(field=field - kept_field, both=-kept_both, slope=slope - kept_slope)
 
 
 @compiled
@@ -490,7 +487,9 @@ def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
     scratch.variance[law] = 0.0
     if cutting and expected > 0.5 * nominal and load > MIN_READING * nominal:
         # Behind its lag a reading depends on when the tool entered, which is known to a sub-step.
-        timing = 0.5 * model.sub_step * (nominal / expected - 1.0) / lag if lag > 0.0 else 0.0
+        timing = 0.0
+        if lag > 0.0:
+            timing = 0.5 * model.sub_step * (nominal / expected - 1.0) / lag
         place = Place(
             log_speed=log_speed - model.reference_log_speed,
             log_feed=log_feed - model.reference_log_feed,

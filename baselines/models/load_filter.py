@@ -121,7 +121,11 @@ class NominalModel(NamedTuple):
 def records(rows: Sequence[dict[str, Any]]) -> Any:
     """Return one record for each row of numbers and arrays, for compiled loops."""
     fields: Any = [(name, np.float64, np.shape(value)) for name, value in rows[0].items()]
-    return np.array([tuple(row.values()) for row in rows], np.dtype((np.record, fields)))
+    filled = np.empty(len(rows), np.dtype((np.record, fields)))
+    for i, row in enumerate(rows):
+        for name, value in row.items():
+            filled[name][i] = value
+    return filled
 
 
 def model_of(scenarios: Sequence[Scenario], errors: LawErrors | None = None) -> NominalModel:

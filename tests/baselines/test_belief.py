@@ -22,8 +22,10 @@ def actions(size):
     """Return random actions, shape (STEPS, 2, size), which change the edge now and then."""
     random = np.random.default_rng(0)
     drawn = random.uniform(-0.3, 0.3, (STEPS, 2, size)).astype(np.float32)
-    changes = np.random.default_rng(1)
-    drawn[:, :, 2:] = changes.choice([-1.0, 1.0], (STEPS, 2, size - 2), p=[0.95, 0.05])
+    change_edge = np.random.default_rng(1).choice(
+        [-1.0, 1.0], size=(STEPS, 2, size - 2), p=[0.95, 0.05]
+    )
+    drawn[:, :, 2:] = change_edge
     return drawn
 
 
@@ -86,15 +88,17 @@ def test_expected_loads_are_as_sure_as_they_say():
         before = observations
         observations, *_ = envs.step(still)
         far_from_next_bar = believed("log_time_to_bar") > np.log(3.0)
-        in_metal = (before[:, OBS.cutting] > 0) & (observations[:, OBS.cutting] > 0)
-        steady = in_metal & far_from_next_bar & (believed("bar_measured") > 0)
+        steady = far_from_next_bar & (believed("bar_measured") > 0)
+        steady &= before[:, OBS.cutting] > 0
+        steady &= observations[:, OBS.cutting] > 0
         if step <= 40:
             continue
         for law, entry in (("power", OBS.power), ("force", OBS.thrust_force)):
             load = observations[:, entry] / DEVIATION_SCALE + 1.0
             log_load = np.log(np.maximum(load, 0.01))
             spread = np.hypot(believed(f"this_log_{law}_deviation"), 0.02)
-            errors.append(((log_load - believed(f"this_log_{law}")) / spread)[steady])
+            error = (log_load - believed(f"this_log_{law}")) / spread
+            errors.append(error[steady])
     errors = np.concatenate(errors)
     assert len(errors) > 2000
     assert np.median(np.abs(errors)) < 1.0

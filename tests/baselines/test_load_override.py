@@ -26,7 +26,8 @@ def observe(load: float, cutting_time: float, override: float = 1.0):
     power_over_limit = load * machine.rated_power / SHIFT.limits.power
     seen[:, OBS.power] = DEVIATION_SCALE * (power_over_limit - 1.0)
     span = np.log(machine.feed_max / machine.feed_min)
-    position = np.clip(2.0 * np.log(feed / machine.feed_min) / span - 1.0, -1.0, 1.0)
+    share = np.log(feed / machine.feed_min) / span
+    position = np.clip(2.0 * share - 1.0, -1.0, 1.0)
     seen[:, OBS.feed] = position
     seen[:, OBS.commanded_feed] = position
     seen[:, OBS.cutting_time] = np.log1p(cutting_time)
@@ -36,7 +37,8 @@ def observe(load: float, cutting_time: float, override: float = 1.0):
 
 def learned() -> LearnedPower:
     """Return a control that has learned a cut at the programmed feed, in the shift."""
-    policy = LearnedPower(PartProgram(SHIFT, {}), 1, target=1.0, gain=5.0, extreme=2.5, wear=1.4)
+    program = PartProgram(SHIFT, {})
+    policy = LearnedPower(program, 1, target=1.0, gain=5.0, extreme=2.5, wear=1.4)
     for second in np.arange(0.0, LEARNING_TIME + 0.05, 0.1):
         load = REFERENCE if second >= SETTLING_TIME - 1e-6 else 0.1  # rising at first
         policy.act(observe(load, second / 60.0))

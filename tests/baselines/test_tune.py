@@ -31,7 +31,10 @@ RULE = replace(
 
 def hill(setting: Parameters) -> tuple[float, float]:
     """Return a score that is highest at a share of 0.7, and feasible up to 0.6."""
-    return -((setting["share"] - 0.7) ** 2), ALLOWANCE * setting["share"] / 0.6
+    share = setting["share"]
+    mean_return = -((share - 0.7) ** 2)
+    severe_limit = ALLOWANCE * share / 0.6
+    return mean_return, severe_limit
 
 
 class Counted:
@@ -88,7 +91,8 @@ def test_the_middle_comes_first_and_the_best_feasible_setting_wins(
     assert 0.55 < share <= 0.6
     assert entry.pop("severe_share") == pytest.approx(0.8 * ALLOWANCE * share / 0.6)
     assert entry.pop("parameters").keys() == {"gain"}
-    best = max(hill(setting)[0] for setting in counted.settings if setting["share"] <= 0.6)
+    feasible = [setting for setting in counted.settings if setting["share"] <= 0.6]
+    best = max(hill(setting)[0] for setting in feasible)
     assert entry == {
         "version": 1,
         "mean_return": best,

@@ -46,7 +46,8 @@ def follow(played: Scenario, nominal: Scenario, steps: int) -> tuple[LoadFilter,
 def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
     estimate, reading = follow(heavier(factor), NOMINAL, steps=60)
     assert reading.cutting.all()
-    outlook = estimate.outlook(np.zeros((NUM_ENVS, 1)), np.zeros((NUM_ENVS, 1), np.bool_))
+    distance = np.zeros((NUM_ENVS, 1))
+    outlook = estimate.outlook(distance, entering=np.zeros((NUM_ENVS, 1), np.bool_))
     expected = np.full((NUM_ENVS, 1), np.log(factor))
     assert outlook.log_force == pytest.approx(expected, abs=0.04)
     assert outlook.log_power == pytest.approx(expected, abs=0.03)
@@ -70,7 +71,8 @@ def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     for step in range(61):
         estimate.observe(read(observations, nominal))
         change_edge = 1.0 if step % 30 == 29 else -1.0
-        observations, *_ = env.step(np.array([[0.0, 0.0, change_edge]] * NUM_ENVS))
+        action = np.array([0.0, 0.0, change_edge])
+        observations, *_ = env.step(np.tile(action, (NUM_ENVS, 1)))
     assert estimate.mean[:, LOT] == pytest.approx(np.log(1.3), abs=0.05)
     assert estimate.mean[:, INSERT] == pytest.approx(0.0, abs=0.05)
     estimate.reset(ALL)
