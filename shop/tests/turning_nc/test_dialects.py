@@ -30,7 +30,7 @@ def cuts(text: str) -> list[tuple[float, float]]:
     return [(round(z, 4), round(2.0 * x, 4)) for z, x in ends]
 
 
-class Deed(NamedTuple):
+class Effect(NamedTuple):
     """What a move does, without places in the program's text."""
 
     kind: str
@@ -61,9 +61,9 @@ class Deed(NamedTuple):
         )
 
 
-def deeds(text: str, go_on: bool = False) -> list[Deed]:
+def effects(text: str, go_on: bool = False) -> list[Effect]:
     """Return what the moves of a program do."""
-    return [Deed.of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
+    return [Effect.of(move) for move in run(divide(text), Reading(go_on=go_on)).moves]
 
 
 # Spelling.
@@ -94,7 +94,7 @@ def test_blanks_and_ends_of_lines_change_nothing(text: str, spelling: str) -> No
     respelled = SPELLINGS[spelling](text)
     assert respelled != text
     assert divide(respelled).dialect == divide(text).dialect
-    assert deeds(respelled) == deeds(text)
+    assert effects(respelled) == effects(text)
 
 
 def test_blanks_inside_numbers_are_skipped() -> None:
@@ -199,11 +199,11 @@ def test_only_words_that_are_not_understood_are_left_out(name: str) -> None:
         moves(change.text)
     notes = run(divide(change.text), Reading(go_on=True)).notes
     assert any(note.partition(": ")[2].startswith("left out") for note in notes)
-    done = deeds(change.text, go_on=True)
+    done = effects(change.text, go_on=True)
     # Lines behind the end are not run, so they shift no others.
     if "M30" not in change.words:
-        done = [deed._replace(line=deed.line - change.more_lines) for deed in done]
-    assert done == deeds(change.clean)
+        done = [effect._replace(line=effect.line - change.more_lines) for effect in done]
+    assert done == effects(change.clean)
 
 
 def test_coordinates_of_a_cycle_that_is_not_read_do_not_move_the_tool() -> None:
@@ -217,7 +217,7 @@ def test_the_contour_of_a_cycle_that_is_left_out_is_not_cut() -> None:
     # The contour turns back.
     contour = "N1 G0 X30.\nG1 Z-20. F0.2\nX40. Z-10.\nN2 Z-30.\n"
     text = f"{BAR}G71 U2. R0.5\nG71 P1 Q2 U0.4 W0.\n{contour}G1 X58. Z-5. F0.1"
-    ends = [deed.end for deed in deeds(text, go_on=True)]
+    ends = [effect.end for effect in effects(text, go_on=True)]
     assert ends == [(2.0, 31.0), (-5.0, 29.0)]
 
 
@@ -248,8 +248,8 @@ NULL = {
 @pytest.mark.parametrize("name", NULL)
 def test_other_axes_at_0_have_no_effect(name: str) -> None:
     change = NULL[name]
-    done = [(deed.kind, deed.end) for deed in deeds(change.text)]
-    assert done == [(deed.kind, deed.end) for deed in deeds(change.clean)]
+    done = [(effect.kind, effect.end) for effect in effects(change.text)]
+    assert done == [(effect.kind, effect.end) for effect in effects(change.clean)]
     with pytest.raises(NcError, match="not understood"):
         moves(change.clean.replace(change.word, f"{change.word} B30.", 1))
 
@@ -264,21 +264,21 @@ def test_words_beside_a_dwell_act(dwell: str, seconds: float) -> None:
     made = moves(f"G21 G99\nM3 S800 T0303 {dwell} F0.3\nG0 X62. Z2.\nG1 X56.\nZ-9.").moves
     assert [move.time for move in made if move.kind == "dwell"] == [pytest.approx(seconds)]
     assert made[0].kind == "dwell"
-    last = Deed.of(made[-1])
+    last = Effect.of(made[-1])
     assert (last.tool, last.speed, last.feed) == ("T0303", 800.0, 0.3)
     assert last.spindle_on
 
 
 @pytest.mark.parametrize(("dwell", "seconds"), DWELLS)
 def test_the_end_beside_a_dwell_acts(dwell: str, seconds: float) -> None:
-    last = deeds(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.")[-1]
+    last = effects(f"{BAR}G1 X56. F0.2\n{dwell} M30\nZ-5.")[-1]
     assert (last.kind, last.time) == ("dwell", pytest.approx(seconds))
 
 
 def test_a_dwell_of_linuxcnc_is_in_seconds_and_stands_before_a_move() -> None:
-    done = deeds("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.")
-    assert [deed.kind for deed in done] == ["dwell", "dwell", "rapid", "feed"]
-    assert [deed.time for deed in done] == [1.0, 0.5, 0.0, 0.0]
+    done = effects("G7 G21 G95 G97\nM3 S800 G4 P1 F0.2\nG0 X62. Z2. G4 P0.5\nG1 Z-5.")
+    assert [effect.kind for effect in done] == ["dwell", "dwell", "rapid", "feed"]
+    assert [effect.time for effect in done] == [1.0, 0.5, 0.0, 0.0]
     assert done[-1].speed == 800.0
 
 
