@@ -1,4 +1,7 @@
-"""Cards of a data set: README.md, as a hub shows it, and croissant.json, its metadata in Croissant 1.0."""
+"""Cards of a data set: README.md and croissant.json.
+
+A hub shows the first; the second holds metadata in Croissant 1.0.
+"""
 
 import hashlib
 import json
@@ -18,13 +21,16 @@ CONTEXT = {
 CONFORMS_TO = [f"http://mlcommons.org/croissant/{name}1.0" for name in ("", "RAI/")]
 LICENCE = "https://spdx.org/licenses/MIT.html"
 RAI = {
-    "dataCollection": "Synthetic: policies played a simulation of a lathe. Nothing was measured on a machine.",
-    "dataBiases": "States are those that the named policies visit; others are rare or absent. One lathe, one steel and one "
-    "insert, or a family of lathes, as the description says.",
-    "dataLimitations": "The simulation leaves out collisions, chatter and chips, and its laws come from few cuts. Do not control "
-    "a machine with what was learned from these data unless people responsible for it have reviewed it.",
+    "dataCollection": "Synthetic: policies played a simulation of a lathe. "
+    "Nothing was measured on a machine.",
+    "dataBiases": "States are those that the named policies visit; others are rare or absent. "
+    "One lathe, one steel and one insert, or a family of lathes, as the description says.",
+    "dataLimitations": "The simulation leaves out collisions, chatter and chips, and its laws come "
+    "from few cuts. Do not control a machine with what was learned from these data unless people "
+    "responsible for it have reviewed it.",
     "dataUseCases": "Offline reinforcement learning and imitation, scored in the same simulation.",
-    "dataSocialImpact": "Faster research on machining. Advice for real machines would need measurements of them.",
+    "dataSocialImpact": "Faster research on machining. "
+    "Advice for real machines would need measurements of them.",
     "personalSensitiveInformation": "None.",
 }
 """Responsible-AI fields by name."""
@@ -37,7 +43,8 @@ tags: [minari, offline-rl, gymnasium, machining]
 
 # {name}
 
-{description} Minari's format; {total_episodes} episodes, {total_steps} steps, seeds {first_seed} to {last_seed}, {seeds_are}.
+{description} Minari's format; {total_episodes} episodes, {total_steps} steps, \
+seeds {first_seed} to {last_seed}, {seeds_are}.
 Standard deviation of the noise on actions: {action_noise}. SHA-256 of all arrays: `{checksum}`.
 
 ```python
@@ -51,7 +58,13 @@ env = dataset.recover_environment()  # pip install rough-turning
 
 
 def write(folder: Path, metadata: Mapping[str, Any], checksum: str) -> None:
-    """Write both cards of a data set into its folder, from Minari's metadata and the checksum of its arrays."""
+    """Write both cards of a data set into its folder.
+
+    Args:
+        folder: folder of the data set.
+        metadata: Minari's metadata.
+        checksum: SHA-256 of the arrays.
+    """
     name = metadata["dataset_id"]
     rows = "".join(f"* **{field}.** {text}\n" for field, text in RAI.items())
     (folder / "README.md").write_text(

@@ -2,12 +2,13 @@
 
     python -m examples.offline make --out runs/datasets
     python -m examples.offline make --behaviours mixture --episodes 20 --out runs/small
-    python -m examples.offline make --env RoughTurning-Family-v0 --behaviours self_tuning --episodes 20
+    python -m examples.offline make --env RoughTurning-Family-v0 --behaviours self_tuning
 
-Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best policy that ships; `mixture`, both by turns,
-with noise; `load_rule`, a simple rule with noise that needs the wheel alone. Without --behaviours the first three are recorded.
-On other ids, a behaviour is the name of a controller that is tuned there.
-Episodes are those of seeds that no agent is trained on, no rule is tuned on and nothing is scored on.
+Behaviours: `grid_search`, the published controller; `analytic_gradient`, the best policy that
+ships; `mixture`, both by turns, with noise; `load_rule`, a simple rule with noise that needs the
+wheel alone. Without --behaviours the first three are recorded. On other ids, a behaviour is the
+name of a controller that is tuned there. Episodes are those of seeds that no agent is trained on,
+no rule is tuned on and nothing is scored on.
 """
 
 import argparse
@@ -19,7 +20,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import gymnasium
@@ -27,6 +28,7 @@ import minari  # type: ignore[import-untyped]
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from minari.data_collector.episode_buffer import EpisodeBuffer  # type: ignore[import-untyped]
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from examples import data_card
@@ -39,32 +41,46 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.policy import Observations, PolicyFactory
 from turning_env.scoring.seeds import TUNING_START
 
-AGENT = (
-    Path(__file__).parents[1] / "agents" / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
-)
-FIRST_SEED = 999_000_000  # seeds of the last training seed, which is kept for data sets
+AGENTS = Path(__file__).parents[1] / "agents"
+AGENT = AGENTS / ENV_ID / "rough_turning" / "analytic_gradient-seed0.onnx"
+FIRST_SEED = 999_000_000
+"""First seed of the last training seed, which is kept for data sets."""
 MAX_EPISODES = TUNING_START - FIRST_SEED
-NUM_ENVS = 64  # episodes played side by side
+NUM_ENVS = 64
+"""Number of episodes played side by side."""
+
+
+class Behaviour(NamedTuple):
+    """Policies that act in turn, with noise on their actions."""
+
+    policies: tuple[str, ...]
+    noise: float = 0.0
+    """Standard deviation of the noise; actions with noise are clipped to -1..1."""
 
 
 BEHAVIOURS = {
-    "grid_search": (("grid_search",), 0.0),
-    "analytic_gradient": (("analytic_gradient",), 0.0),
-    "mixture": (("grid_search", "analytic_gradient"), 0.2),
-    "load_rule": (("load_rule",), 0.2),
+    "grid_search": Behaviour(("grid_search",)),
+    "analytic_gradient": Behaviour(("analytic_gradient",)),
+    "mixture": Behaviour(("grid_search", "analytic_gradient"), noise=0.2),
+    "load_rule": Behaviour(("load_rule",), noise=0.2),
 }
-"""Policies that act in turn, and the standard deviation of the noise on their actions, which are then clipped to -1..1."""
 CANONICAL = ("grid_search", "analytic_gradient", "mixture")
+"""Behaviours that are recorded without --behaviours."""
 
 
-def acting(behaviour: str) -> tuple[tuple[str, ...], float]:
-    """Return the policies of a behaviour, of which a controller's name is one, and the noise on their actions."""
-    return BEHAVIOURS.get(behaviour, ((behaviour,), 0.0))
+def behaviour_of(name: str) -> Behaviour:
+    """Return the behaviour with a name; a controller's name is one, too."""
+    return BEHAVIOURS.get(name, Behaviour((name,)))
 
 
 def load_rule(observations: Observations) -> Any:
-    """Return actions that lower the feed while the power or the force is above 80 % of its limit, and raise it below."""
-    feed = -0.3 * (observations[:, [OBS.power, OBS.thrust_force]].max(axis=1) + 1.0)
+    """Return actions of a simple rule.
+
+    They lower the feed while the power or the force is above 80 % of its limit, and raise it below.
+    """
+    # Loads are observed as 5 * (load / limit - 1): -1 is 80 % of the limit.
+    load = observations[:, [OBS.power, OBS.thrust_force]].max(axis=1)
+    feed = -0.3 * (load + 1.0)
     return np.stack((np.zeros_like(feed), feed), axis=1)
 
 
@@ -84,74 +100,106 @@ def policy(name: str, env_id: str = ENV_ID, seeds: Sequence[int] = ()) -> Policy
 
     if env_id == FAMILY_ID:
         family = Family.load("shop")
-        return catalogue.spec(
-            name, [family.job(seed).scenario for seed in seeds], Scenario.load(family.base)
-        ).make
+        scenarios = [family.job(seed).scenario for seed in seeds]
+        return catalogue.spec(name, scenarios, Scenario.load(family.base)).make
     return catalogue.spec(name, Scenario.load(IDS[env_id])).make
+
+
+class Steps(NamedTuple):
+    """What a step of all environments returns; arrays have a first axis of environments."""
+
+    actions: NDArray[np.float32]
+    rewards: NDArray[np.float64]  # [s]
+    terminations: NDArray[np.bool_]
+    truncations: NDArray[np.bool_]
 
 
 def record(
     make: PolicyFactory, seeds: Sequence[int], noise: float = 0.0, env_id: str = ENV_ID
 ) -> list[EpisodeBuffer]:
-    """Play one episode per seed, all side by side: observations (T + 1, entries), actions (T, size), rewards [s] and ends (T).
+    """Play one episode per seed, all side by side.
 
     The noise of an episode depends on its seed alone.
+
+    Returns:
+        per episode: observations (T + 1, entries), actions (T, size), rewards [s] and ends (T).
     """
-    envs = vector_env(
-        "shop" if env_id == FAMILY_ID else IDS[env_id], len(seeds), AutoresetMode.NEXT_STEP
-    )
-    own = len(layout(envs.scenario))  # a controller does not see the context
+    source = "shop" if env_id == FAMILY_ID else IDS[env_id]
+    envs = vector_env(source, len(seeds), AutoresetMode.NEXT_STEP)
+    # A controller does not see the context of a family's job, which follows the scenario's entries.
+    entries = len(layout(envs.scenario))
     controller = make(len(seeds))
     generators = [np.random.default_rng(seed) for seed in seeds]
-    observations, _ = envs.reset(seed=list(seeds))
+
+    first_observations, _ = envs.reset(seed=list(seeds))
     controller.reset(np.ones(len(seeds), np.bool_))
-    seen, steps = [observations], []
+    observations = [first_observations]
+    steps: list[Steps] = []
     lengths = np.zeros(len(seeds), np.int64)
     while not lengths.all():
-        actions = controller.act(observations[:, :own])
+        actions = controller.act(observations[-1][:, :entries])
         if noise:
-            actions = actions + np.stack(
-                [each.normal(0.0, noise, actions.shape[1]) for each in generators]
-            )
+            size = actions.shape[1]
+            noises = [generator.normal(0.0, noise, size) for generator in generators]
+            actions = actions + np.stack(noises)
         actions = actions.clip(-1.0, 1.0).astype(np.float32)
-        observations, rewards, terminated, truncated, _ = envs.step(actions)
-        seen.append(observations)
-        steps.append((actions, rewards, terminated, truncated))
+        next_observations, rewards, terminated, truncated, _ = envs.step(actions)
+        observations.append(next_observations)
+        steps.append(Steps(actions, rewards, terminated, truncated))
         ended = terminated | truncated
         lengths[ended & (lengths == 0)] = len(steps)
         controller.reset(ended)
-    entries, columns = (
-        np.stack(seen, axis=1),
-        [np.stack(column, axis=1) for column in zip(*steps, strict=True)],
-    )
-    return [
-        EpisodeBuffer(
-            None,
-            seed,
-            None,
-            entries[index, : length + 1],
-            *(column[index, :length] for column in columns),
-            {},
+    return _buffers(observations, steps, seeds, lengths)
+
+
+def _buffers(
+    observations: Sequence[NDArray[np.float32]],
+    steps: Sequence[Steps],
+    seeds: Sequence[int],
+    lengths: NDArray[np.int64],
+) -> list[EpisodeBuffer]:
+    """Return Minari's buffer of each episode.
+
+    What an environment played after its episode's end is left out.
+    """
+    observations_of_envs = np.stack(observations, axis=1)
+    actions = np.stack([step.actions for step in steps], axis=1)
+    rewards = np.stack([step.rewards for step in steps], axis=1)
+    terminations = np.stack([step.terminations for step in steps], axis=1)
+    truncations = np.stack([step.truncations for step in steps], axis=1)
+    buffers = []
+    for index, (seed, length) in enumerate(zip(seeds, lengths, strict=True)):
+        buffer = EpisodeBuffer(
+            seed=seed,
+            observations=observations_of_envs[index, : length + 1],
+            actions=actions[index, :length],
+            rewards=rewards[index, :length],
+            terminations=terminations[index, :length],
+            truncations=truncations[index, :length],
+            infos={},
         )
-        for index, (seed, length) in enumerate(zip(seeds, lengths, strict=True))
-    ]
+        buffers.append(buffer)
+    return buffers
 
 
 def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path:
-    """Play and write a data set, whole or not at all; returns its folder. What is there already is left as it is."""
+    """Play and write a data set, whole or not at all; return its folder.
+
+    A data set that is there already is left as it is.
+    """
     name = f"{IDS.get(env_id, 'family')}-{behaviour}-v0"
     if (out / name).exists():
         return out / name
-    policies, noise = acting(behaviour)
+    policies, noise = behaviour_of(behaviour)
     buffers: list[EpisodeBuffer] = []
     with tqdm(total=episodes, desc=behaviour, unit="episode", disable=None) as bar:
-        for number, each in enumerate(
-            policies
-        ):  # by turns: seed i is played by policy i modulo their number
+        # By turns: policy i of n plays the seeds i, i + n, i + 2 n, ... after the first.
+        for number, policy_name in enumerate(policies):
             seeds = range(FIRST_SEED + number, FIRST_SEED + episodes, len(policies))
             for start in range(0, len(seeds), NUM_ENVS):
-                some = seeds[start : start + NUM_ENVS]
-                buffers += record(policy(each, env_id, some), some, noise, env_id)
+                some_seeds = seeds[start : start + NUM_ENVS]
+                factory = policy(policy_name, env_id, some_seeds)
+                buffers += record(factory, some_seeds, noise, env_id)
                 bar.update(len(buffers) - bar.n)
     buffers.sort(key=lambda buffer: buffer.seed)
     out.mkdir(parents=True, exist_ok=True)
@@ -164,14 +212,12 @@ def make(behaviour: str, episodes: int, out: Path, env_id: str = ENV_ID) -> Path
 def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, env_id: str) -> None:
     """Have Minari write a data set below ``root``, with a description and its cards."""
     source = Family.load("shop") if env_id == FAMILY_ID else Scenario.load(IDS[env_id])
-    policies, noise = acting(behaviour)
-    folder = patch.dict(
-        os.environ, {"MINARI_DATASETS_PATH": str(root)}
-    )  # Minari takes the folder from nowhere else
-    with folder, warnings.catch_warnings():
-        warnings.filterwarnings(
-            "ignore", message=".*(author|code_permalink)"
-        )  # Minari would have a mail address
+    policies, noise = behaviour_of(behaviour)
+    # Minari takes the folder from nowhere else.
+    datasets_path = patch.dict(os.environ, {"MINARI_DATASETS_PATH": str(root)})
+    with datasets_path, warnings.catch_warnings():
+        # Minari would have a mail address.
+        warnings.filterwarnings("ignore", message=".*(author|code_permalink)")
         dataset = minari.create_dataset_from_buffers(
             name,
             buffers,
@@ -188,12 +234,15 @@ def write(name: str, behaviour: str, buffers: list[EpisodeBuffer], root: Path, e
             "action_noise": noise,
             "first_seed": buffers[0].seed,
             "last_seed": buffers[-1].seed,
-            "seeds_are": "of training seed 999: none is trained on, tuned on or held out by the project",
+            "seeds_are": "of training seed 999: none is trained on, tuned on or held out by the "
+            "project",
         }
     )
-    turns = zip(cycle(policies), buffers, strict=False)
-    marks = [{"behaviour": name, "return": float(sum(each.rewards))} for name, each in turns]
-    dataset.storage.update_episode_metadata(marks)
+    episode_metadata = [
+        {"behaviour": policy_name, "return": float(sum(buffer.rewards))}
+        for policy_name, buffer in zip(cycle(policies), buffers, strict=False)
+    ]
+    dataset.storage.update_episode_metadata(episode_metadata)
     data_card.write(root / name, dataset.storage.metadata, checksum(dataset))
 
 
@@ -210,7 +259,10 @@ def load(folder: Path) -> minari.MinariDataset:
 
 
 def checksum(dataset: minari.MinariDataset) -> str:
-    """Return the SHA-256 of all arrays, episode by episode: observations, actions, rewards, terminations, truncations."""
+    """Return the SHA-256 of all arrays, episode by episode.
+
+    The order is observations, actions, rewards, terminations, truncations.
+    """
     digest = hashlib.sha256()
     for episode in dataset.iterate_episodes():
         for array in (
@@ -224,55 +276,63 @@ def checksum(dataset: minari.MinariDataset) -> str:
     return digest.hexdigest()
 
 
-@exits(ValueError, KeyError)
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit status."""
+def _summary(folder: Path, behaviour: str, dataset: minari.MinariDataset) -> str:
+    """Return a line on a data set, with the mean return of each policy."""
+    episodes = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
+    means = []
+    for name in behaviour_of(behaviour).policies:
+        returns = [episode["return"] for episode in episodes if episode["behaviour"] == name]
+        if returns:
+            means.append(f"{name} {np.mean(returns):.1f} s")
+    return (
+        f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; "
+        f"mean return of {', '.join(means)}"
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m examples.offline", **described(__doc__))
     commands = parser.add_subparsers(dest="command", required=True)
-    making = commands.add_parser("make", help="play, write data sets, print their checksums")
-    making.add_argument(
+    make_parser = commands.add_parser("make", help="play, write data sets, print their checksums")
+    make_parser.add_argument(
         "--env",
         choices=[*IDS, FAMILY_ID],
         default=ENV_ID,
         help="environment id (default: %(default)s)",
     )
-    making.add_argument(
+    make_parser.add_argument(
         "--behaviours",
         nargs="+",
         metavar="NAME",
         default=CANONICAL,
         help=f"default: {' '.join(CANONICAL)}",
     )
-    making.add_argument(
+    make_parser.add_argument(
         "--episodes", type=at_least(1), default=200, help="of each (default: %(default)s)"
     )
-    making.add_argument(
+    make_parser.add_argument(
         "--out",
         type=Path,
         default=Path("runs/datasets"),
         help="folder of data sets (default: %(default)s)",
     )
+    return parser
+
+
+@exits(ValueError, KeyError)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit status."""
+    parser = _parser()
     options = parser.parse_args(arguments)
     if options.episodes > MAX_EPISODES:
         parser.error(f"--episodes is {options.episodes}, but must be at most {MAX_EPISODES}")
-    if options.env == ENV_ID and (
-        unknown := [each for each in options.behaviours if each not in BEHAVIOURS]
-    ):
+    unknown = [name for name in options.behaviours if name not in BEHAVIOURS]
+    if options.env == ENV_ID and unknown:
         parser.error(f"--behaviours has {unknown[0]!r}, but must be of {', '.join(BEHAVIOURS)}")
     for behaviour in options.behaviours:
         folder = make(behaviour, options.episodes, options.out, options.env)
         dataset = load(folder)
-        marks = list(dataset.storage.get_episode_metadata(dataset.episode_indices))
-        returns = {
-            name: [each["return"] for each in marks if each["behaviour"] == name]
-            for name in acting(behaviour)[0]
-        }
-        means = ", ".join(
-            f"{name} {np.mean(values):.1f} s" for name, values in returns.items() if values
-        )
-        print(
-            f"{folder}: {dataset.total_episodes} episodes, {dataset.total_steps} steps; mean return of {means}"
-        )
+        print(_summary(folder, behaviour, dataset))
         print(f"    sha256 {checksum(dataset)}", flush=True)
     return 0
 

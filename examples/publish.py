@@ -1,10 +1,11 @@
-"""Publish agents and data sets on the Hugging Face hub: a repository each, whose card is its README.
+"""Publish agents and data sets on the Hugging Face hub: one repository each.
 
-    python -m examples.publish OWNER agents/RoughTurning-v0/rough_turning/ppo.md runs/datasets/rough_turning-mixture-v0
+    python -m examples.publish OWNER agents/*/*/*.md runs/datasets/rough_turning-mixture-v0
     python -m examples.publish OWNER agents/*/*/*.md runs/datasets/* --upload
 
-An agent is named by its card, a data set by its folder (``examples.offline make``). Without --upload, the command prints what it
-would upload. Log in first: ``hf auth login``.
+An agent is named by its card, a data set by its folder (``examples.offline make``). The card is the
+repository's README. Without --upload, the command prints what it would upload. Log in first: ``hf
+auth login``.
 """
 
 import argparse
@@ -22,7 +23,7 @@ class Repository(NamedTuple):
     """A repository of the hub."""
 
     name: str
-    kind: str
+    kind: str  # "model" or "dataset"
     files: dict[str, Path]  # files by their names in the repository
 
 
@@ -32,19 +33,25 @@ def repository(path: Path) -> Repository:
     Raises:
         ValueError: it is neither.
     """
-    if path.suffix == ".md" and (agents := sorted(path.parent.glob(f"{path.stem}-seed*.onnx"))):
-        files = {"README.md": path} | {each.name: each for each in agents}
-        return Repository(
-            "-".join((*path.resolve().parts[-3:-1], path.stem)), "model", files
-        )  # id, scenario, name
+    agents = sorted(path.parent.glob(f"{path.stem}-seed*.onnx"))
+    if path.suffix == ".md" and agents:
+        id_and_scenario = path.resolve().parts[-3:-1]
+        name = "-".join((*id_and_scenario, path.stem))
+        files = {"README.md": path} | {agent.name: agent for agent in agents}
+        return Repository(name, "model", files)
     if (path / "croissant.json").is_file():
-        files = {
-            each.relative_to(path).as_posix(): each
-            for each in sorted(path.rglob("*"))
-            if each.is_file()
-        }
+        below = sorted(file for file in path.rglob("*") if file.is_file())
+        files = {file.relative_to(path).as_posix(): file for file in below}
         return Repository(path.resolve().name, "dataset", files)
     raise ValueError(f"{path} is neither the card of an agent nor the folder of a data set")
+
+
+def upload(home: str, repository: Repository) -> None:
+    """Create a repository on the hub, under the name ``home``, and upload its files."""
+    hub = HfApi()
+    hub.create_repo(home, repo_type=repository.kind, exist_ok=True)
+    operations = [CommitOperationAdd(name, file) for name, file in repository.files.items()]
+    hub.create_commit(home, operations, commit_message="Upload", repo_type=repository.kind)
 
 
 @exits(ValueError)
@@ -57,14 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--upload", action="store_true", help="create the repositories and upload")
     options = parser.parse_args(arguments)
-    for name, kind, files in list(map(repository, options.paths)):
-        home = f"{options.owner}/{name}"
-        print(f"{kind} {home}: {', '.join(files)}", flush=True)
+    # All paths are checked before anything is uploaded.
+    repositories = [repository(path) for path in options.paths]
+    for present in repositories:
+        home = f"{options.owner}/{present.name}"
+        print(f"{present.kind} {home}: {', '.join(present.files)}", flush=True)
         if options.upload:
-            hub = HfApi()
-            hub.create_repo(home, repo_type=kind, exist_ok=True)
-            added = [CommitOperationAdd(target, source) for target, source in files.items()]
-            hub.create_commit(home, added, commit_message="Upload", repo_type=kind)
+            upload(home, present)
     return 0
 
 

@@ -1,9 +1,10 @@
 """RLlib: PPO on the vector environment of any id.
 
-python -m examples.rllib_ppo --steps 100000
-python -m examples.rllib_ppo --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
+python -m examples.rllib_ppo --total-timesteps 100000
+python -m examples.rllib_ppo --env RoughTurning-Family-v0 --gamma 0.997 --reward-scale 0.05
 """
 
+import math
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +23,10 @@ ROLLOUT = 8192  # steps of all environments between updates
 
 
 def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
-    """Return the environments of a worker; its Gymnasium imports this package, which registers the ids."""
+    """Return the environments of a worker.
+
+    The worker's Gymnasium imports this package by the id's prefix, which registers the ids.
+    """
     envs = gymnasium.make_vec(
         f"turning_env:{config['id']}", config["num_envs"], vectorization_mode="vector_entry_point"
     )
@@ -31,22 +35,22 @@ def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    options = parser("rllib_ppo", __doc__, 100_000, 64, ids=True).parse_args(arguments)
+    options = parser("rllib_ppo", __doc__, 100_000, num_envs=64, ids=True).parse_args(arguments)
     ray.init(include_dashboard=False, num_cpus=1, log_to_driver=False)
     register_env("rough_turning", make)
+    env_config = {"id": options.env, "reward_scale": options.reward_scale}
+    network = DefaultModelConfig(fcnet_hiddens=[64, 64], fcnet_activation="relu")
     config = (
         PPOConfig()
-        .environment(
-            "rough_turning", env_config={"id": options.env, "reward_scale": options.reward_scale}
-        )
+        .environment("rough_turning", env_config=env_config)
         .env_runners(
             num_env_runners=0,
             num_envs_per_env_runner=options.num_envs,
             gym_env_vectorize_mode="vector_entry_point",
         )
-        .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64], fcnet_activation="relu"))
+        .rl_module(model_config=network)
         .training(
-            gamma=options.discount,
+            gamma=options.gamma,
             lr=1e-3,
             train_batch_size_per_learner=ROLLOUT,
             minibatch_size=512,
@@ -55,19 +59,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         .debugging(seed=options.seed)
     )
     algorithm = config.build_algo()
-    for _ in range(-(-options.steps // ROLLOUT)):
+    for _ in range(math.ceil(options.total_timesteps / ROLLOUT)):
         algorithm.train()
     module = algorithm.get_module()
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
-        numbers: torch.Tensor = module.forward_inference({"obs": observations})[
-            "action_dist_inputs"
-        ]
+        outputs = module.forward_inference({"obs": observations})
+        numbers: torch.Tensor = outputs["action_dist_inputs"]
         return numbers.chunk(2, dim=1)[0]  # the other half holds standard deviations
 
-    print(
-        f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}"
-    )
+    result = score(of_tensors(mean), options.tuning_seeds, options.env)
+    print(f"PPO after {options.total_timesteps} steps: {result}")
     ray.shutdown()
     return 0
 

@@ -15,40 +15,48 @@ from turning_env.scoring.policy import Observations
 from turning_env.scoring.seeds import tuning_seeds
 
 ENV_ID = "RoughTurning-v0"
-NUM_SEEDS = 32  # number of tuning seeds for a score; experiments are never scored on held-out seeds
+NUM_SEEDS = 32
+"""Number of tuning seeds for a score; experiments are never scored on held-out seeds."""
 
 
 def of_tensors(function: Callable[[torch.Tensor], torch.Tensor]) -> Callable[[Observations], Any]:
     """Return a function of PyTorch's tensors as one of arrays, without gradients."""
-    return torch.no_grad()(lambda observations: function(torch.from_numpy(observations)).numpy())
+
+    def of_arrays(observations: Observations) -> Any:
+        with torch.no_grad():
+            return function(torch.from_numpy(observations)).numpy()
+
+    return of_arrays
 
 
 def score(policy: Any, num_seeds: int = NUM_SEEDS, env_id: str = ENV_ID) -> str:
-    """Return the mean return per episode [s of machine time] with its standard error, for people.
+    """Return a line with the mean return per episode [s of machine time] and its standard error.
 
-    The policy, any that ``turning_env.score`` accepts, plays the first tuning seeds, or the first validation jobs of the family.
+    The policy, any that ``turning_env.score`` accepts, plays the first tuning seeds, or the first
+    validation jobs of the family.
     """
     if env_id == FAMILY_ID:
-        returns = play_family(
-            Family.load("shop"), "validation", range(num_seeds), as_factory(policy)
-        )["return"]
+        family = Family.load("shop")
+        episodes = play_family(family, "validation", range(num_seeds), as_factory(policy))
     else:
-        returns = play(as_factory(policy), Scenario.load(IDS[env_id]), tuning_seeds(num_seeds))[
-            "return"
-        ]
-    error = returns.std(ddof=1) / math.sqrt(num_seeds) if num_seeds > 1 else math.nan
+        scenario = Scenario.load(IDS[env_id])
+        episodes = play(as_factory(policy), scenario, tuning_seeds(num_seeds))
+    returns = episodes["return"]
+    error = math.nan
+    if num_seeds > 1:
+        error = returns.std(ddof=1) / math.sqrt(num_seeds)
     return (
         f"{returns.mean():.0f} s per episode (standard error {error:.0f}, {num_seeds} tuning seeds)"
     )
 
 
-def at_least(least: int) -> Callable[[str], int]:
-    """Return an argparse type for a whole number of at least ``least``."""
+def at_least(minimum: int) -> Callable[[str], int]:
+    """Return an argparse type for a whole number of at least ``minimum``."""
 
     def number(text: str) -> int:
-        if not text.removeprefix("-").isdecimal() or int(text) < least:
+        if not text.removeprefix("-").isdecimal() or int(text) < minimum:
             raise argparse.ArgumentTypeError(
-                f"is {text}, but must be a whole number of at least {least}"
+                f"is {text}, but must be a whole number of at least {minimum}"
             )
         return int(text)
 
@@ -56,42 +64,63 @@ def at_least(least: int) -> Callable[[str], int]:
 
 
 def parser(
-    name: str, doc: str | None, steps: int, num_envs: int | None = None, ids: bool = False
+    name: str,
+    description: str | None,
+    total_timesteps: int,
+    num_envs: int | None = None,
+    ids: bool = False,
 ) -> argparse.ArgumentParser:
-    """Return a parser with the options that all examples share; ``ids``: and with those of a task, for any id."""
-    made = argparse.ArgumentParser(prog=f"python -m examples.{name}", **described(doc))
-    made.add_argument(
+    """Return a parser with the options that the examples share.
+
+    Args:
+        name: name of the example.
+        description: docstring of the example, which its help shows.
+        total_timesteps: default of ``--total-timesteps``.
+        num_envs: default of ``--num-envs``; None: there is no such option.
+        ids: whether there are options of a task, for any id.
+    """
+    parser = argparse.ArgumentParser(prog=f"python -m examples.{name}", **described(description))
+    parser.add_argument(
+        "--total-timesteps",
         "--steps",
         type=at_least(1),
-        default=steps,
+        metavar="N",
+        default=total_timesteps,
         help="total steps of all environments (default: %(default)s)",
     )
     if num_envs is not None:
-        made.add_argument(
+        parser.add_argument(
             "--num-envs",
             type=at_least(1),
             default=num_envs,
             help="environments (default: %(default)s)",
         )
     if ids:
-        made.add_argument(
+        parser.add_argument(
             "--env",
             choices=[*IDS, FAMILY_ID],
             default=ENV_ID,
             help="environment id (default: %(default)s)",
         )
-        made.add_argument("--discount", type=float, default=0.8, help="default: %(default)s")
-        made.add_argument(
+        parser.add_argument(
+            "--gamma",
+            "--discount",
+            type=float,
+            metavar="GAMMA",
+            default=0.8,
+            help="discount per step (default: %(default)s)",
+        )
+        parser.add_argument(
             "--reward-scale", type=float, default=1 / 3, help="factor on rewards [s] (default: 1/3)"
         )
-    made.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
-    made.add_argument(
+    parser.add_argument("--seed", type=at_least(0), default=0, help="default: %(default)s")
+    parser.add_argument(
         "--tuning-seeds",
         type=at_least(1),
         default=NUM_SEEDS,
         help="seeds of the score (default: %(default)s)",
     )
-    return made
+    return parser
 
 
 def run(main: Callable[[Sequence[str] | None], int]) -> int:

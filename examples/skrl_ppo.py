@@ -1,11 +1,13 @@
 """skrl: PPO on the vector environment.
 
-    python -m examples.skrl_ppo --steps 200000
-    python -m examples.skrl_ppo --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
+    python -m examples.skrl_ppo --total-timesteps 200000
+    python -m examples.skrl_ppo --env RoughTurning-Family-v0 --gamma 0.997 --reward-scale 0.05
 
-skrl expects the next episode's first observation at the end of an episode, so the autoreset mode must be SAME_STEP.
+skrl expects the next episode's first observation at the end of an episode, so the autoreset mode
+must be SAME_STEP.
 """
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -22,12 +24,12 @@ from skrl.utils.model_instantiators.torch import deterministic_model, gaussian_m
 import turning_env  # noqa: F401 - registers the ids
 from examples.shared import of_tensors, parser, run, score
 
-ROLLOUT = 64  # steps per environment between updates
+N_STEPS = 64  # steps per environment between updates
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    options = parser("skrl_ppo", __doc__, 200_000, 64, ids=True).parse_args(arguments)
+    options = parser("skrl_ppo", __doc__, 200_000, num_envs=64, ids=True).parse_args(arguments)
     set_seed(options.seed)
     envs = wrap_env(
         gymnasium.make_vec(options.env, options.num_envs, autoreset_mode="SameStep"),
@@ -41,32 +43,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     layers = [{"name": "net", "input": "OBSERVATIONS", "layers": [64, 64], "activations": "relu"}]
     policy = gaussian_model(**spaces, network=layers, output="ACTIONS", initial_log_std=-1.0)
     value = deterministic_model(**spaces, network=layers, output="ONE")
-    silent = ExperimentCfg(write_interval=0, checkpoint_interval=0)
     cfg = PPO_CFG(
-        rollouts=ROLLOUT,
+        rollouts=N_STEPS,
         learning_epochs=5,
         mini_batches=8,
-        discount_factor=options.discount,
-        experiment=silent,
+        discount_factor=options.gamma,
+        experiment=ExperimentCfg(write_interval=0, checkpoint_interval=0),
     )
+    # A truncated episode would go on: its last reward gets the value of its last observation.
     cfg.time_limit_bootstrap = True
     cfg.rewards_shaper = lambda rewards, *_: rewards * options.reward_scale
-    memory = RandomMemory(memory_size=ROLLOUT, num_envs=options.num_envs, device="cpu")
+    memory = RandomMemory(memory_size=N_STEPS, num_envs=options.num_envs, device="cpu")
     agent = PPO(models={"policy": policy, "value": value}, memory=memory, cfg=cfg, **spaces)
-    updates = -(-options.steps // (ROLLOUT * options.num_envs))
-    trainer_cfg = SequentialTrainerCfg(timesteps=updates * ROLLOUT, headless=True)
+
+    updates = math.ceil(options.total_timesteps / (N_STEPS * options.num_envs))
+    trainer_cfg = SequentialTrainerCfg(timesteps=updates * N_STEPS, headless=True)
     SequentialTrainer(env=envs, agents=agent, cfg=trainer_cfg).train()
     policy.eval()
 
     def mean(observations: torch.Tensor) -> torch.Tensor:
-        actions: torch.Tensor = policy.act({"observations": observations}, role="policy")[1][
-            "mean_actions"
-        ]
+        _, outputs = policy.act({"observations": observations}, role="policy")
+        actions: torch.Tensor = outputs["mean_actions"]
         return actions
 
-    print(
-        f"PPO after {options.steps} steps: {score(of_tensors(mean), options.tuning_seeds, options.env)}"
-    )
+    result = score(of_tensors(mean), options.tuning_seeds, options.env)
+    print(f"PPO after {options.total_timesteps} steps: {result}")
     return 0
 
 

@@ -1,12 +1,13 @@
 """Stable-Baselines3 and sb3-contrib, on the batch or on single environments.
 
-    python -m examples.stable_baselines --algorithm ppo --steps 500000
-    python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8 --steps 20000
-    python -m examples.stable_baselines --env RoughTurning-Family-v0 --discount 0.997 --reward-scale 0.05
+    python -m examples.stable_baselines --algorithm ppo --total-timesteps 500000
+    python -m examples.stable_baselines --algorithm sac --vec-env gymnasium --num-envs 8
+    python -m examples.stable_baselines --env RoughTurning-Family-v0 --gamma 0.997
 
-With ``--vec-env gymnasium``, Stable-Baselines3 makes single environments (``make_vec_env``) and steps them one after the other.
-With ``batch``, the adapter in ``turning_env.adapters`` steps all environments in one call, about thirty times as fast. ``python
--m train.ppo`` and the other trainings add checkpoints and a learning curve.
+With ``--vec-env gymnasium``, Stable-Baselines3 makes single environments (``make_vec_env``) and
+steps them one after the other. With ``batch``, the adapter in ``turning_env.adapters`` steps all
+environments in one call, about thirty times as fast. ``python -m train.ppo`` and the other
+trainings add checkpoints and a learning curve.
 """
 
 import sys
@@ -24,9 +25,14 @@ from examples.shared import at_least, parser, run, score
 from turning_env import IDS
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
+ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "tqc")
+
 
 def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: float) -> VecEnv:
-    """Return ``num_envs`` environments behind Stable-Baselines3's interface; environment i plays seed + i."""
+    """Return ``num_envs`` environments behind Stable-Baselines3's interface.
+
+    Environment i plays seed + i.
+    """
     if kind == "gymnasium":
         return make_vec_env(
             env_id,
@@ -42,16 +48,23 @@ def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: fl
     return env
 
 
-def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int, discount: float) -> Any:
-    """Return an untrained model. Without a change of edges a short horizon matters most: life is charged as it is used."""
+def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int, gamma: float) -> Any:
+    """Return an untrained model, with ``rollout`` steps of all environments between updates.
+
+    Without a change of edges a short horizon matters most: life is charged as it is used.
+    """
     layers = {"net_arch": [64, 64], "activation_fn": torch.nn.ReLU}
     common: dict[str, Any] = {
         "learning_rate": 1e-3,
-        "gamma": discount,
+        "gamma": gamma,
         "seed": seed,
         "device": "cpu",
     }
-    on_policy = common | {"n_steps": rollout // env.num_envs, "batch_size": 512, "n_epochs": 5}
+    on_policy = common | {
+        "n_steps": rollout // env.num_envs,
+        "batch_size": 512,
+        "n_epochs": 5,
+    }
     off_policy = common | {
         "learning_starts": 2000,
         "batch_size": 256,
@@ -73,30 +86,40 @@ def new_model(algorithm: str, env: VecEnv, seed: int, rollout: int, discount: fl
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Train, score; return the exit status."""
-    command_line = parser("stable_baselines", __doc__, 500_000, 64, ids=True)
-    algorithms = ("ppo", "recurrent_ppo", "sac", "tqc")
+    command_line = parser("stable_baselines", __doc__, 500_000, num_envs=64, ids=True)
     command_line.add_argument(
-        "--algorithm", choices=algorithms, default="ppo", help="default: %(default)s"
+        "--algorithm", choices=ALGORITHMS, default="ppo", help="default: %(default)s"
     )
     command_line.add_argument(
         "--vec-env", choices=("batch", "gymnasium"), default="batch", help="default: %(default)s"
     )
-    text = "steps of all environments between two updates of ppo and recurrent_ppo (default: %(default)s)"
-    command_line.add_argument("--rollout", type=at_least(2), default=4096, help=text)
+    command_line.add_argument(
+        "--rollout",
+        type=at_least(2),
+        default=4096,
+        help="steps of all environments between two updates of ppo and recurrent_ppo "
+        "(default: %(default)s)",
+    )
     options = command_line.parse_args(arguments)
-    if options.num_envs > options.rollout // 2:
+    max_envs = options.rollout // 2
+    if options.num_envs > max_envs:
         command_line.error(
-            f"--num-envs is {options.num_envs}, but must be at most {options.rollout // 2}, half of --rollout"
+            f"--num-envs is {options.num_envs}, but must be at most {max_envs}, half of --rollout"
         )
     env = make_envs(
-        options.vec_env, options.env, options.num_envs, options.seed, options.reward_scale
+        options.vec_env,
+        options.env,
+        num_envs=options.num_envs,
+        seed=options.seed,
+        reward_scale=options.reward_scale,
     )
-    model = new_model(options.algorithm, env, options.seed, options.rollout, options.discount)
-    model.learn(options.steps, progress_bar=sys.stderr.isatty())
+    model = new_model(
+        options.algorithm, env, seed=options.seed, rollout=options.rollout, gamma=options.gamma
+    )
+    model.learn(options.total_timesteps, progress_bar=sys.stderr.isatty())
     env.close()
-    print(
-        f"{options.algorithm} after {model.num_timesteps} steps: {score(model, options.tuning_seeds, options.env)}"
-    )
+    result = score(model, options.tuning_seeds, options.env)
+    print(f"{options.algorithm} after {model.num_timesteps} steps: {result}")
     return 0
 
 

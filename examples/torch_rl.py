@@ -1,8 +1,9 @@
 """TorchRL: check the ids, and roll out the batch behind TorchRL's own wrapper.
 
-python -m examples.torch_rl --steps 100000
+python -m examples.torch_rl --total-timesteps 100000
 """
 
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -18,26 +19,29 @@ with needed():
     from torchrl.envs import GymWrapper, check_env_specs  # type: ignore[import-untyped]
 
 
+def wrapped(env_id: str, num_envs: int) -> GymWrapper:
+    """Return environments of an id behind TorchRL's wrapper, which resets them itself."""
+    envs = gymnasium.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.DISABLED)
+    return GymWrapper(envs)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check, roll out, print; return the exit status."""
-    options = parser("torch_rl", __doc__, 100_000, 1024).parse_args(arguments)
+    options = parser("torch_rl", __doc__, 100_000, num_envs=1024).parse_args(arguments)
     for env_id in (*IDS, FAMILY_ID):
-        check_env_specs(
-            GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode=AutoresetMode.DISABLED))
-        )
+        check_env_specs(wrapped(env_id, num_envs=2))
         print(f"{env_id}: checked")
-    envs = GymWrapper(
-        gymnasium.make_vec(
-            "RoughTurning-v0", options.num_envs, autoreset_mode=AutoresetMode.DISABLED
-        )
-    )
+
+    envs = wrapped("RoughTurning-v0", options.num_envs)
     envs.set_seed(options.seed)
+    n_steps = math.ceil(options.total_timesteps / options.num_envs)
     start = time.perf_counter()
-    rollout = envs.rollout(-(-options.steps // options.num_envs), break_when_any_done=False)
+    rollout = envs.rollout(n_steps, break_when_any_done=False)
     speed = rollout.numel() / (time.perf_counter() - start)
     reward = rollout["next", "reward"].mean().item()
     print(
-        f"random actions: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, {speed:.0f} steps per second"
+        f"random actions: {tuple(rollout.batch_size)}, mean reward {reward:.2f} s, "
+        f"{speed:.0f} steps per second"
     )
     return 0
 

@@ -1,8 +1,7 @@
 """Settings for rl-baselines3-zoo, translated from ``train/hyperparameters``, for every id.
 
-python -m rl_zoo3.train --algo ppo --env RoughTurning-Family-v0 --gym-packages turning_env --conf-file examples.zoo.ppo --seed 0
-
-The zoo's learning rate falls to zero, and it does not scale rewards.
+Use them by ``--conf-file examples.zoo.ppo``; docs/ecosystem.md has the commands. The zoo's learning
+rate falls to zero, and it does not scale rewards.
 """
 
 from typing import Any

@@ -10,38 +10,39 @@ from turning_env import FAMILY_ID, IDS
 
 pytest.importorskip("rl_zoo3")
 
+TRAININGS = [("ppo", env_id) for env_id in (*IDS, FAMILY_ID)]
+TRAININGS += [("sac", FAMILY_ID), ("tqc", "RoughTurning-v0")]
+SMALL = {
+    "ppo": "n_envs:4 n_steps:64 batch_size:64",
+    "sac": "n_envs:4 buffer_size:1000 learning_starts:100",
+    "tqc": "n_envs:4 buffer_size:1000 learning_starts:100",
+}
 
-CASES = [
-    *(("ppo", each) for each in (*IDS, FAMILY_ID)),
-    ("sac", FAMILY_ID),
-    ("tqc", "RoughTurning-v0"),
-]
+
+def common_options(algorithm: str, env_id: str, folder: Path) -> str:
+    return (
+        f"--algo {algorithm} --env {env_id} --gym-packages turning_env -f {folder} "
+        "--seed 0 --num-threads 1 --device cpu"
+    )
+
+
+def run(program: str, options: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", [program, *options.split()])
+    module = import_module(f"rl_zoo3.{program}")
+    getattr(module, program)()
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # what the zoo does is not this project's
-@pytest.mark.parametrize(("algorithm", "env_id"), CASES)
+@pytest.mark.filterwarnings("ignore")  # the zoo's warnings are not this project's
+@pytest.mark.parametrize(("algorithm", "env_id"), TRAININGS)
 def test_the_zoo_trains_and_plays(
     algorithm: str, env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
 ) -> None:
-    common = f"--algo {algorithm} --env {env_id} --gym-packages turning_env -f {tmp_path} --seed 0 --num-threads 1 --device cpu"
-    few = (
-        "n_envs:4 n_steps:64 batch_size:64"
-        if algorithm == "ppo"
-        else "n_envs:4 buffer_size:1000 learning_starts:100"
-    )
-    programs = [
-        (
-            "train",
-            f"--conf-file examples.zoo.{algorithm} --n-timesteps 256 --eval-freq -1 -params {few}",
-            "Saving to",
-        )
-    ]
-    if env_id == "RoughTurning-v0" and algorithm == "ppo":
-        programs.append(
-            ("enjoy", "--no-render --n-timesteps 3700", "Mean reward: -")
-        )  # an episode has at most 3600 steps
-    for program, options, said in programs:
-        monkeypatch.setattr(sys, "argv", [program, *common.split(), *options.split()])
-        getattr(import_module(f"rl_zoo3.{program}"), program)()
-        assert said in capsys.readouterr().out
+    common = common_options(algorithm, env_id, tmp_path)
+    small = f"--n-timesteps 256 --eval-freq -1 -params {SMALL[algorithm]}"
+    run("train", f"{common} --conf-file examples.zoo.{algorithm} {small}", monkeypatch)
+    assert "Saving to" in capsys.readouterr().out
+    if algorithm == "ppo" and env_id == "RoughTurning-v0":
+        # An episode has at most 3600 steps.
+        run("enjoy", f"{common} --no-render --n-timesteps 3700", monkeypatch)
+        assert "Mean reward: -" in capsys.readouterr().out
