@@ -166,8 +166,8 @@ def log_probability(actions: Tensor, means: Tensor, log_deviations: Tensor) -> T
 class FirstEntries(torch.nn.Linear):
     """A layer that sees the first entries of its input alone."""
 
-    def forward(self, input: Tensor) -> Tensor:  # noqa: A002 - the name in torch.nn.Linear
-        return super().forward(input[..., : self.in_features])
+    def forward(self, entries: Tensor) -> Tensor:
+        return super().forward(entries[..., : self.in_features])
 
 
 class AsymmetricPolicy(ActorCriticPolicy):

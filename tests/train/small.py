@@ -5,17 +5,11 @@ from typing import Any
 
 from stable_baselines3.common.callbacks import BaseCallback
 
-from train import analytic_gradient, lagrangian_ppo, ppo, recurrent_ppo, sac, tqc
 from train.run import Run
-from train.training import Algorithm
+from train.training import Algorithm, algorithm_of
 from turning_env import Family, Scenario
 
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
-
-ALGORITHMS = {
-    module.ALGORITHM.name: module.ALGORITHM
-    for module in (ppo, sac, tqc, recurrent_ppo, lagrangian_ppo, analytic_gradient)
-}
 
 _ON_POLICY = {
     "total_timesteps": 2048,
@@ -33,20 +27,24 @@ _OFF_POLICY = {
     "batch_size": 32,
     "gradient_steps": 1,
 }
+_TEACHER = {
+    "total_timesteps": 2048,
+    "num_envs": 8,
+    "n_steps": 16,
+    "batch_envs": 4,
+    "cells": 8,
+}
 PARAMETERS: dict[str, dict[str, Any]] = {
     "ppo": _ON_POLICY,
     "sac": _OFF_POLICY,
     "tqc": _OFF_POLICY | {"n_quantiles": 5},
     "recurrent_ppo": _ON_POLICY | {"lstm_hidden_size": 4},
     "lagrangian_ppo": _ON_POLICY,
-    "analytic_gradient": {
-        "total_timesteps": 2048,
-        "num_envs": 8,
-        "n_steps": 16,
-        "batch_envs": 4,
-        "cells": 8,
-    },
+    "analytic_gradient": _TEACHER,
 }
+"""Small trainings by algorithm; ``guided_ppo``, for families alone, has tests of its own."""
+
+ALGORITHMS = {name: algorithm_of(name) for name in PARAMETERS}
 
 
 class Interruption(BaseCallback):
@@ -69,5 +67,12 @@ def small_run(
     env_id: str = "RoughTurning-v0",
     **changes: Any,
 ) -> Run:
-    parameters = PARAMETERS[algorithm.name] | changes
-    return Run.plan(algorithm.name, env_id, scenario, 3, runs, "a command --runs here", parameters)
+    return Run.plan(
+        algorithm=algorithm.name,
+        env_id=env_id,
+        scenario=scenario,
+        seed=3,
+        runs=runs,
+        command="a command --runs here",
+        given=PARAMETERS[algorithm.name] | changes,
+    )
