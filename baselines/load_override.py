@@ -162,6 +162,7 @@ class LearnedPower(Policy):
             program.override(reading), reading.power, target=target, share=self._share
         )
         override[reading.power > STOP * extreme] = 0.0
+        # While it learns, and where metal is missing, the feed is the programmed one.
         undercut = power < UNDERCUT * learned_power
         override[undercut | ~learned] = 1.0
 

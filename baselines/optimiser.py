@@ -134,6 +134,7 @@ class Optimiser(Policy):
         life = self._life_law()
         errors = self._filter.load_errors
         exponents = self._filter.exponents
+        # Loads so many standard deviations above the expected stand for all bars of an edge.
         force_spread = self._priced_spread * parameters["force_spread"]
         power_spread = self._priced_spread * parameters["power_spread"]
         laws = np.empty(len(used_life), EXPECTED_LAWS)
@@ -154,6 +155,8 @@ class Optimiser(Policy):
 
     def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
         """Return whether to change the edge: its life has no price left, or may soon be over."""
+        # The wear factor contains the errors of the law of wear for this edge, so the law here is
+        # the nominal one.
         exponent = self._scenario.material.wear.time
         life = self._nominal_life_law()
         log_rate = life.log_rate + life.speed * log(reading.cutting_speed)

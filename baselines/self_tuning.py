@@ -64,6 +64,7 @@ class SelfTuning(Predictive):
         return np.minimum(self._scenario.cutting_speed_max, top_speed)
 
     def _early(self, velocity: Array) -> Array:
+        # An edge that was found worn or broken ended its step early, so the position is uncertain.
         return self._filter.memory["slack"] + EARLY * velocity
 
     def _life_law(self) -> LifeLaw:
@@ -77,6 +78,7 @@ class SelfTuning(Predictive):
         )
 
     def _edge_is_spent(self, reading: Reading, used_life: Array, price: Array) -> Mask:
+        # Without a price, an edge would be changed: see ``Optimiser``.
         believed_price = np.where(used_life < MIN_SPENT_LIFE, np.inf, price)
         spent = super()._edge_is_spent(reading, used_life, believed_price)
         if not self._scheduled:
