@@ -178,6 +178,7 @@ def curves(trainings: Mapping[str, Training]) -> dict[str, Curve]:
     Raises:
         ValueError: the trainings of an algorithm have no steps in common.
     """
+    # Labels are a name and a training seed, such as ppo-seed0.
     groups: dict[str, list[Training]] = {}
     for label, training in trainings.items():
         groups.setdefault(label.rpartition("-seed")[0], []).append(training)

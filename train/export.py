@@ -226,6 +226,7 @@ def _foreign_metadata(run: Run, path: Path, name: str | None, seed: int | None) 
 
     Without a name, it gets its file's name; without a seed, the seed in the file's name.
     """
+    # Names on leaderboards are plain ASCII: accents are dropped, other characters become _.
     ascii_stem = unicodedata.normalize("NFKD", path.stem).encode("ascii", "ignore").decode()
     stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", ascii_stem).lstrip(".-")
     seed_in_name = 0
@@ -293,6 +294,7 @@ def largest_differences(
 
 
 def _sampled_difference(original: Policy, policy: Policy, space: Space) -> float:
+    # The memory is cleared once: it must agree over a sequence of steps, too.
     rng = np.random.default_rng(0)
     shape = (NUM_ENVS, len(space.low))
     starts = np.ones(NUM_ENVS, np.bool_)

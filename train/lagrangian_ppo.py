@@ -60,6 +60,7 @@ class AllowanceVecEnv(RoughTurningVecEnv):
         price is needed.
         """
         if self._engaged_time > 0.0:
+            # Dual ascent on the logarithm keeps the multiplier positive.
             self.severe_share = self._severe_time / self._engaged_time
             self._has_overloaded |= self.severe_share > 0.0
             if self._has_overloaded:

@@ -123,11 +123,13 @@ class LeanPPO(PPO):
         entries = self.rollout_buffer.observations.shape[-1]
         for _ in range(self.n_epochs):
             for batch in samples[torch.randperm(len(samples))].split(self.batch_size):
+                # See _samples for the columns.
                 observations = batch[:, :entries]
                 actions = batch[:, entries:-3]
                 old_log_probabilities, advantages, returns = batch[:, -3:].unbind(dim=1)
                 advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
 
+                # Probability of the action under the new policy over that under the old one.
                 means, values = self._outputs(observations)
                 log_probabilities = log_probability(actions, means, policy.log_std)
                 log_ratio = log_probabilities - old_log_probabilities
@@ -190,6 +192,7 @@ def settings(run: Run) -> dict[str, Any]:
     """Return the arguments of Stable-Baselines3's PPO for a run; its variants share them."""
     p = run.parameters
     return {
+        # It falls linearly over the whole training.
         "learning_rate": LinearSchedule(
             start=p["learning_rate"], end=p["final_learning_rate"], end_fraction=1.0
         ),
@@ -206,6 +209,7 @@ def settings(run: Run) -> dict[str, Any]:
             "net_arch": p["net_arch"],
             "activation_fn": ACTIVATIONS[p["activation_fn"]],
             "log_std_init": p["log_std_init"],
+            # The epsilon of OpenAI's Baselines; fused: one call updates all weights.
             "optimizer_kwargs": {"eps": 1e-5, "fused": True},
         },
         # With fewer, the mean return would be that of some environments alone.

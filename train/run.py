@@ -91,6 +91,7 @@ def overrides(algorithm: str, settings: Iterable[str]) -> dict[str, Any]:
     examples: dict[str, Any] = {}
     for table in tables.values():
         examples |= table
+    # Defaults last: the type of a default counts more than that of an id's value.
     examples |= default
 
     values = {}
@@ -115,6 +116,7 @@ def _typed(name: str, value: Any, example: Any) -> Any:
     A negative value is allowed only if the example is negative.
     """
     if isinstance(example, list) and isinstance(value, list):
+        # One negative entry in the example allows negative entries anywhere.
         return [_typed(name, entry, min(example)) for entry in value]
     if isinstance(example, float) and type(value) is int:
         value = float(str(value))  # infinite if it is too large

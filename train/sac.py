@@ -27,6 +27,7 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
     p = run.parameters
     actions = math.prod(vec_env.action_space.shape or ())
     return {
+        # It falls linearly over the whole training.
         "learning_rate": LinearSchedule(
             start=p["learning_rate"], end=p["final_learning_rate"], end_fraction=1.0
         ),
@@ -35,6 +36,7 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
         "batch_size": p["batch_size"],
         "tau": p["tau"],
         "gamma": p["gamma"],
+        # After every step of all environments, not of one.
         "train_freq": 1,
         "gradient_steps": p["gradient_steps"],
         # "auto": the coefficient is learned, so that the policy's entropy approaches its target.
@@ -46,6 +48,7 @@ def settings(run: Run, vec_env: VecEnv) -> dict[str, Any]:
         },
         "tensorboard_log": str(run.folder / "tensorboard"),
         "seed": run.seed,
+        # Networks this small are slower on a GPU.
         "device": "cpu",
     }
 

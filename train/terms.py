@@ -53,6 +53,7 @@ class Terms:
             raise ValueError(
                 f"life_price is {self.life_price!r}, but must be one of {', '.join(LIFE_PRICES)}"
             )
+        # Tracker and prices are of one geometry and one set of laws, and each job has its own.
         if self.context and (self.position or self.life_price != "flat"):
             raise ValueError(
                 "position and life_price other than flat are computed for one scenario, "
@@ -66,6 +67,7 @@ class Terms:
         """Return the terms of a run."""
         (entries,) = seen_space(run.env_id, run.scenario, run.parameters).shape
         context = len(run.parameters["context"]["names"]) if run.family else 0
+        # An algorithm need not have all terms in its hyperparameter file.
         values = {name: run.parameters.get(name, default) for name, default in TERMS.items()}
         return cls(run.scenario, entries, context, **values)
 
@@ -99,6 +101,8 @@ class Terms:
 
         Those that an asymmetric critic alone sees follow them.
         """
+        # The belief is made of whole observations, so it comes first; the hidden state is not the
+        # agent's, so it comes last.
         if self.belief:
             env = VectorBeliefObservation(env)
         inputs = self._inputs

@@ -203,6 +203,7 @@ def load_checkpoint(run: Run, algorithm: Algorithm) -> Any:
         raise ValueError(
             f"{run.checkpoint} cannot be read: {error}; delete it to train from the start"
         ) from error
+    # The environments go on within their episodes, so they must not be reset.
     model.set_env(state["vec_env"], force_reset=False)
     for name, value in state["attributes"].items():
         setattr(model, name, value)
@@ -225,6 +226,7 @@ def new_model(run: Run, algorithm: Algorithm) -> Any:
         raise ValueError(
             f"{algorithm.name} cannot be made with these hyperparameters: {error!r}"
         ) from error
+    # Seeds take effect when the environments are reset, at the start of learning.
     vec_env.seed(run.seed * SEED_STRIDE)
     return model
 
@@ -237,6 +239,7 @@ def _model_and_environments(run: Run, algorithm: Algorithm) -> tuple[Any, RoughT
         run.family or run.scenario, p["num_envs"], p["reward_scale"], terms.shown
     )
     model: Any = algorithm.new_model(run, vec_env)
+    # The last layer starts near 0, so its bias is the mean of the first actions.
     means = p.get("initial_actions")
     if means:
         model.policy.action_net.bias.data[: len(means)] = torch.tensor(means)
@@ -279,6 +282,7 @@ def train(
     """
     check_trainable(run, algorithm)
     with folder_lock(run.folder, wait):
+        # Networks are small: more threads would wait for one another.
         torch.set_num_threads(1)
         # Validation of distributions takes a third of the time of a family's PPO.
         torch.distributions.Distribution.set_default_validate_args(False)

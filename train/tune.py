@@ -76,6 +76,7 @@ class Task:
     @property
     def name(self) -> str:
         """Name of the study: a digest of everything that its trials have in common."""
+        # Searched values differ between trials, all others must not.
         searched = algorithm_of(self.algorithm).search
         fixed = {name: value for name, value in self.first_setting.items() if name not in searched}
         common = [
@@ -108,6 +109,7 @@ def evaluate(task: Task, setting: dict[str, Any]) -> Played:
     A training may fail, for example because it diverges.
     """
     algorithm = algorithm_of(task.algorithm)
+    # A folder per setting: an interrupted trial resumes its trainings.
     runs = task.folder / digest_of([task.name, setting])[:16]
     episodes = []
     for seed in range(task.seeds):

@@ -106,6 +106,7 @@ class Metadata(BaseModel):
 
     def properties(self) -> dict[str, str]:
         """Return the metadata as ONNX keeps it."""
+        # Older files have no name, and a file without it has its algorithm's.
         implied = {"name"} if self.name == self.algorithm else None
         values = self.model_dump(mode="json", exclude=implied)
         return {
@@ -306,6 +307,7 @@ def read(path: Path) -> AgentFile:
     Raises:
         ValueError: the file is no agent's.
     """
+    # The errors of checks do not name the file, as they also serve files without one.
     content = read_content(path)
     try:
         return checked(content)
