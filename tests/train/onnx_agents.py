@@ -1,4 +1,7 @@
-"""Tiny untrained agents and their files, written as text of nodes: PyTorch's exporter takes seconds."""
+"""Tiny untrained agents and their files.
+
+They are written as text of nodes: PyTorch's exporter takes seconds.
+"""
 
 import functools
 from pathlib import Path

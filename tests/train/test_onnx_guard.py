@@ -1,4 +1,4 @@
-"""A stranger's network runs in a process of its own, within limits, and what it answers is checked."""
+"""A stranger's network runs in a process of its own, within limits; its answers are checked."""
 
 import os
 import signal

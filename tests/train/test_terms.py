@@ -1,6 +1,7 @@
-"""Terms of training charge what they should, and actors are shown in play what their training showed."""
+"""Terms of a training charge what they should, and agents see in play what training showed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from train import analytic_gradient, export, ppo
 from train.agent_inputs import HiddenStateWrapper
 from train.agents import agent_file, onnx_policy
 from train.life_price import LifePriceVecEnv
-from train.training import train
+from train.training import Algorithm, train
 from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEnv
 
 # Of its edges some wear out, some break, and some last till the end.
@@ -28,41 +29,51 @@ FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
 
 @pytest.mark.parametrize("life_price", ["end", "marginal"])
 def test_training_rewards_charge_whole_edges_alike(life_price: str) -> None:
-    ours, single = (
-        LifePriceVecEnv(life_price, MIXED, NUM_ENVS, 0.5),
-        RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep"),
-    )
-    ours.seed(5)
-    ours.reset()
-    single.reset(seed=5)
+    env = LifePriceVecEnv(life_price, MIXED, NUM_ENVS, 0.5)
+    env.seed(5)
+    env.reset()
+    # Its infos hold the states at the ends of episodes.
+    vector_env = RoughTurningVectorEnv(NUM_ENVS, MIXED, "SameStep")
+    vector_env.reset(seed=5)
     generator = np.random.default_rng(1)
-    learned, kinds = np.zeros(NUM_ENVS), set()
-    at_end = ours.potential(np.array(1.0)) if life_price == "marginal" else 0.0
+    training_returns = np.zeros(NUM_ENVS)
+    ends = set()
+    potential_at_end = env.potential(np.array(1.0)) if life_price == "marginal" else 0.0
     for _ in range(400):
         actions = generator.uniform(-0.5, 1.0, (NUM_ENVS, 2)).astype(np.float32)
-        _, rewards, dones, infos = ours.step(actions)
-        *_, terminated, truncated, terms = single.step(actions)
-        learned += rewards / 0.5
-        for index in np.flatnonzero(dones):
-            used, broken = (terms["final_info"][name][index] for name in ("used_life", "broken"))
-            kinds.add("unfinished" if truncated[index] else "broken" if broken else "worn")
-            more = at_end if terminated[index] else ours.potential(used)
-            assert learned[index] == pytest.approx(
-                infos[index]["episode"]["r"] + more, rel=1e-4, abs=1e-2
-            )
-            learned[index] = 0.0
-    assert kinds == {"unfinished", "broken", "worn"}
+        _, rewards, ended, infos = env.step(actions)
+        *_, truncated, vector_infos = vector_env.step(actions)
+        training_returns += rewards / 0.5
+        for index in np.flatnonzero(ended):
+            potential = potential_at_end
+            if truncated[index]:
+                ends.add("unfinished")
+                potential = env.potential(vector_infos["final_info"]["used_life"][index])
+            elif vector_infos["final_info"]["broken"][index]:
+                ends.add("broken")
+            else:
+                ends.add("worn")
+            expected = infos[index]["episode"]["r"] + potential
+            assert training_returns[index] == pytest.approx(expected, rel=1e-4, abs=1e-2)
+            training_returns[index] = 0.0
+    assert ends == {"unfinished", "broken", "worn"}
 
 
-def test_hyperparameters_that_no_model_can_have_are_named(tmp_path: Path) -> None:
-    for algorithm, wrong, message in (
+@pytest.mark.parametrize(
+    ("algorithm", "wrong", "message"),
+    [
         (ppo.ALGORITHM, {"life_price": "margin"}, "must be one of flat, marginal, end"),
         (ppo.ALGORITHM, {"frames": 0}, "frames is 0, but must be 1 to 100"),
         (ppo.ALGORITHM, {"num_envs": 0}, "num_envs is 0"),
         (analytic_gradient.ALGORITHM, {"life_price": "end"}, "must be marginal or flat"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            train(small_run(algorithm, tmp_path / "".join(wrong), **wrong), algorithm)
+    ],
+    ids=["life_price", "frames", "num_envs", "life_price of a teacher"],
+)
+def test_hyperparameters_that_no_model_can_have_are_named(
+    algorithm: Algorithm, wrong: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        train(small_run(algorithm, tmp_path, **wrong), algorithm)
 
 
 def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:

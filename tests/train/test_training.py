@@ -82,7 +82,7 @@ def _bytes(parameters: Any) -> bytes:
 
 
 def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
-    """The agent in a run's folder acts on plain observations as its model on what it was shown, with memory and resets."""
+    """The agent in a run's folder acts on plain observations as its model on its inputs."""
     loaded = training.load_agent(run.folder)
     assert (loaded.name, loaded.training_seed, loaded.command) == (
         f"{run.algorithm}_short",
