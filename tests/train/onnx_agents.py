@@ -61,24 +61,28 @@ def run(folder: Path, seed: int = 0, algorithm: str = "ppo") -> Run:
 
 
 def of_text(body: str, about: Metadata | None = None, memory: int = 0, **weights: Any) -> bytes:
-    """Return a file of nodes from ``observation`` (and ``memory``) to ``action`` (and ``next_memory``)."""
+    """Return a file of nodes from ``observation`` to ``action``.
+
+    With a memory, the nodes also take ``memory`` and give ``next_memory``.
+    """
     about = about or metadata(run(Path()), "ppo")
-    sizes = {"observation": len(about.observation_space.low), "action": len(about.action_space.low)}
-    sizes |= {"memory": memory, "next_memory": memory} if memory else {}
-    values = {
-        each: helper.make_tensor_value_info(each, TensorProto.FLOAT, ["n", size])
-        for each, size in sizes.items()
-    }
-    ends = ("observation", "memory"), ("action", "next_memory")
-    inputs, outputs = ([values[each] for each in names if each in values] for names in ends)
-    nodes = onnx.parser.parse_graph(
-        f"g (float[n, 11] observation) => (float[n, 2] action) {{ {body} }}"
-    ).node
-    held = [numpy_helper.from_array(np.asarray(array), each) for each, array in weights.items()]
+    inputs = [value("observation", len(about.observation_space.low))]
+    outputs = [value("action", len(about.action_space.low))]
+    if memory:
+        inputs.append(value("memory", memory))
+        outputs.append(value("next_memory", memory))
+    header = "g (float[n, 11] observation) => (float[n, 2] action)"
+    nodes = onnx.parser.parse_graph(f"{header} {{ {body} }}").node
+    held = [numpy_helper.from_array(np.asarray(array), name) for name, array in weights.items()]
     graph = helper.make_graph(nodes, "network", inputs, outputs, held)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
     helper.set_model_props(model, about.properties())
     return bytes(model.SerializeToString())
+
+
+def value(name: str, size: int) -> onnx.ValueInfoProto:
+    """Return an input or output for any number of environments."""
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size])
 
 
 def layer(inner: str, name: str, outer: str) -> str:
@@ -88,27 +92,26 @@ def layer(inner: str, name: str, outer: str) -> str:
 @functools.cache
 def content(memory: bool = False, seed: int = 0, algorithm: str = "ppo") -> bytes:
     """Return the file of an ``actor``."""
-    weights = {
-        name.replace(".", "_"): array.numpy()
-        for name, array in actor(memory, seed).state_dict().items()
-    }
-    body = (
-        "seen = Concat <axis = 1> (observation, memory) "
-        + layer("seen", "cell", "sums")
-        + "next_memory = Tanh(sums) "
-    )
-    body += layer("next_memory", "head", "unclipped")
-    if not memory:
+    state = actor(memory, seed).state_dict()
+    weights = {name.replace(".", "_"): array.numpy() for name, array in state.items()}
+    weights["low"] = np.float32(-1)
+    weights["high"] = np.float32(1)
+    if memory:
+        body = (
+            "seen = Concat <axis = 1> (observation, memory) "
+            + layer("seen", "cell", "sums")
+            + "next_memory = Tanh(sums) "
+            + layer("next_memory", "head", "unclipped")
+        )
+    else:
         body = (
             layer("observation", "layers_0", "sums")
             + "hidden = Relu(sums) "
             + layer("hidden", "layers_2", "unclipped")
         )
-    bounds = {"low": np.float32(-1), "high": np.float32(1)}
+    body += " action = Clip(unclipped, low, high)"
     about = metadata(run(Path(), seed, algorithm), algorithm)
-    return of_text(
-        f"{body} action = Clip(unclipped, low, high)", about, 7 * memory, **weights, **bounds
-    )
+    return of_text(body, about, memory=Remembering.memory_size if memory else 0, **weights)
 
 
 def write(folder: Path, seed: int = 0, algorithm: str = "ppo", memory: bool = False) -> Path:
@@ -127,11 +130,15 @@ def stating(content: bytes, **properties: str) -> bytes:
 
 
 def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
-    """Write the file of an agent of a family that holds its set point, nearly, and changes no edge."""
-    context = {"names": list(family.context_names)}
-    context |= {
-        name: values.tolist()
-        for name, values in zip(("mean", "spread"), family.context_scale, strict=True)
+    """Write the file of an agent of a family.
+
+    The agent holds its set point, nearly, and changes no edge.
+    """
+    mean, spread = family.context_scale
+    context = {
+        "names": list(family.context_names),
+        "mean": mean.tolist(),
+        "spread": spread.tolist(),
     }
     parameters = {"family": family.portable(), "context": context, "total_timesteps": 1000}
     about = metadata(
@@ -152,7 +159,10 @@ def write_of_family(folder: Path, family: Family, seed: int = 0) -> Path:
 
 
 def of_load(body: str, **weights: Any) -> bytes:
-    """Return a file that acts by ``first``, the first two observations, after nodes that turn it into ``change``."""
+    """Return a file whose actions are a tenth of ``change``.
+
+    The nodes of ``body`` make ``change`` of ``first``, the first two observations.
+    """
     given = {"start": [0], "stop": [2], "axis": [1], "small": np.float32([0.1])}
     return of_text(
         f"first = Slice(observation, start, stop, axis) {body} action = Mul(change, small)",
@@ -160,40 +170,64 @@ def of_load(body: str, **weights: Any) -> bytes:
     )
 
 
-AXES, ONES, WIDE = np.array([1]), np.ones(1, np.float32), np.ones((1, 1_000_000), np.float32)
+AXES = np.array([1])
+ONES = np.ones(1, np.float32)
+WIDE = np.ones((1, 1_000_000), np.float32)
 LOADS: dict[str, tuple[str, dict[str, Any]]] = {
     "plain": ("change = Identity(first)", {}),
-    "unbounded": ("change = Mul(first, big)", {"big": 9.9 * ONES}),  # beyond 1 if observations are
+    # Acts beyond 1 if observations are.
+    "unbounded": ("change = Mul(first, big)", {"big": 9.9 * ONES}),
+    # Acts by the other environments.
     "sociable": (
         "mean = ReduceMean(first, axes) change = Sub(first, mean)",
         {"axes": np.array([0])},
-    ),  # acts by the others
-    "counting": (  # acts by an environment's index
-        "nothing = Mul(first, zero) ones = Add(nothing, one) place = CumSum(ones, across) change = Softsign(place)",
+    ),
+    # Acts by an environment's index.
+    "counting": (
+        "nothing = Mul(first, zero) ones = Add(nothing, one) "
+        "place = CumSum(ones, across) change = Softsign(place)",
         {"across": np.array(0), "zero": 0.0 * ONES, "one": ONES},
     ),
-    "few": (
-        "change = ReduceMax(first, axes)",
-        {"axes": np.array([0])},
-    ),  # acts once for all environments
-    "swelling": (  # asks for four megabytes per environment, several times at once
-        "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) none = Sub(swollen0, swollen1) "
+    # Acts once for all environments.
+    "few": ("change = ReduceMax(first, axes)", {"axes": np.array([0])}),
+    # Asks for four megabytes per environment, several times at once.
+    "swelling": (
+        "sum = ReduceSum(first, axes) swollen0 = Add(sum, wide0) swollen1 = Add(sum, wide1) "
+        "none = Sub(swollen0, swollen1) "
         "column = ReduceMax(none, axes) change = Add(first, column)",
         {"axes": AXES, "wide0": WIDE, "wide1": 2.0 * WIDE},
     ),
 }
+"""Nodes and weights of files by name."""
 
 
 def named(name: str) -> bytes:
     """Return one of ``LOADS``, or ``toiling``."""
-    return toiling() if name == "toiling" else of_load(LOADS[name][0], **LOADS[name][1])
+    if name == "toiling":
+        return toiling()
+    body, weights = LOADS[name]
+    return of_load(body, **weights)
 
 
 def toiling(products: int = 60, size: int = 900) -> bytes:
-    """Multiply matrices for seconds before acting."""
-    body = "sum = ReduceSum(first, axes) nothing = Mul(sum, zero) lone = Unsqueeze(nothing, last) product0 = Add(lone, matrix) "
-    body += " ".join(f"product{k + 1} = MatMul(product{k}, product{k})" for k in range(products))
-    body += f" most = ReduceMax <keepdims = 0> (product{products}, inner)"
-    body += " column = Unsqueeze(most, axes) change = Add(first, column)"
-    axes = {"axes": AXES, "last": np.array([2]), "inner": np.array([1, 2])}
-    return of_load(body, zero=0.0 * ONES, matrix=np.zeros((size, size), np.float32), **axes)
+    """Return a file that multiplies matrices for seconds before it acts."""
+    nodes = [
+        "sum = ReduceSum(first, axes)",
+        "nothing = Mul(sum, zero)",
+        "lone = Unsqueeze(nothing, last)",
+        "product0 = Add(lone, matrix)",
+    ]
+    nodes += [f"product{k + 1} = MatMul(product{k}, product{k})" for k in range(products)]
+    nodes += [
+        f"most = ReduceMax <keepdims = 0> (product{products}, inner)",
+        "column = Unsqueeze(most, axes)",
+        "change = Add(first, column)",
+    ]
+    return of_load(
+        " ".join(nodes),
+        axes=AXES,
+        last=np.array([2]),
+        inner=np.array([1, 2]),
+        zero=0.0 * ONES,
+        matrix=np.zeros((size, size), np.float32),
+    )
