@@ -1,7 +1,7 @@
 """Check the licences and the versions of the installed packages.
 
-``make audit`` then looks up their known vulnerabilities with pip-audit. The exit status is 1 if a licence is not allowed, or if a
-package has another version than ``packaging/constraints.txt`` pins.
+``make audit`` then looks up their known vulnerabilities with pip-audit. The exit status is 1 if a
+licence is not allowed, or if a package has another version than ``packaging/constraints.txt`` pins.
 
     python -m tools.audit
 """
@@ -16,10 +16,11 @@ from pathlib import Path
 from turning_env.console import described, exits
 
 ALLOWED = re.compile(
-    r"MIT|BSD|Apache|\bPSF|Python Software Foundation|\bISC\b|MPL|Mozilla Public|HPND|Zlib|CC0|Unlicense|LGPL|Lesser General",
+    r"MIT|BSD|Apache|\bPSF|Python Software Foundation|\bISC\b|MPL|Mozilla Public|HPND|Zlib|CC0"
+    r"|Unlicense|LGPL|Lesser General",
     re.IGNORECASE,
 )
-"""Licences that the project's use and distribution allow; LGPL and MPL are allowed because their code is not changed."""
+"""Allowed licences; LGPL and MPL are among them because their code is not changed."""
 REFUSED = re.compile(
     r"\bA?GPL(?!\S* WITH )|Affero|(?<!Lesser )General Public|Proprietary|Commercial", re.IGNORECASE
 )
@@ -27,7 +28,7 @@ REFUSED = re.compile(
 
 
 def licence_of(found: Distribution) -> str:
-    """Return the licence that a distribution states, or the heads of its licence files; empty if it states none."""
+    """Return the licence that a distribution states, or the heads of its licence files; or ""."""
     data = found.metadata
     classified = [
         text.rpartition(" :: ")[2]

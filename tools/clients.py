@@ -1,9 +1,10 @@
-"""Test the recipes of other libraries, each in an empty virtual environment with the wheel, its library and PyTorch only.
+"""Test the recipes of other libraries, each in an empty virtual environment.
 
     python -m tools.clients
     python -m tools.clients skrl sbx-rl --write docs/ecosystem.md
 
-It needs a package index and 2 GB of disk, and takes some minutes per library. The exit status is 1 if a recipe fails.
+It needs a package index and 2 GB of disk, and takes some minutes per library. The exit status is 1
+if a recipe fails.
 """
 
 import argparse
@@ -24,7 +25,11 @@ from turning_env.console import described, exits
 from turning_env.files import replace_file
 
 MAX_INSTALL, MAX_RUN = 1800.0, 900.0  # time limit of the installation, and of the recipe [s]
-VERSIONS = "import importlib.metadata as m, json, sys; print(json.dumps([m.version(name) for name in sys.argv[1:]]))"
+VERSIONS = """
+import json, sys
+from importlib.metadata import version
+print(json.dumps([version(name) for name in sys.argv[1:]]))
+"""
 
 
 class Client(NamedTuple):
@@ -53,7 +58,11 @@ CLIENTS = {
 
 
 def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | None]:
-    """Install and run a recipe in an empty folder; return the versions of library and Gymnasium, and the failure, if any."""
+    """Install and run a recipe in an empty folder.
+
+    Returns:
+        The versions of the library and of Gymnasium, and the failure, if any.
+    """
     client, python = CLIENTS[library], new_python(folder)
     install = [
         str(Path(sys.executable).with_name("uv")),
@@ -95,7 +104,7 @@ def attempt(library: str, wheel: Path, folder: Path) -> tuple[list[str], str | N
 
 
 def with_row(text: str, library: str, row: str) -> str:
-    """Return a Markdown text with a library's row of the table replaced; ValueError unless there is exactly one."""
+    """Return a Markdown text with a library's row replaced; ValueError unless there is one."""
     replaced, count = re.subn(
         rf"^\| {re.escape(library)} \|.*$", lambda _: row, text, flags=re.MULTILINE
     )

@@ -14,7 +14,7 @@ PROJECTS = (ROOT / "pyproject.toml", ROOT / "shop" / "pyproject.toml")
 
 
 def requirements(extras: list[str]) -> list[str]:
-    """Return the requirements in the order of the files; the project's own distributions are left out.
+    """Return the requirements in the order of the files, without the project's own distributions.
 
     Args:
         extras: names of extras, each of which at least one of the distributions must have.

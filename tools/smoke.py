@@ -1,7 +1,8 @@
 """Make, check and play every task of an installed wheel, single and as a batch, without the clone.
 
-Then print the digest of all presets' trajectories, which must not depend on the version of Python. ``tools/wheel.py`` runs this
-file with the Python into which the wheel was installed, from an empty folder.
+Then print the digest of all presets' trajectories, which must not depend on the version of Python.
+``tools/wheel.py`` runs this file with the Python into which the wheel was installed, from an empty
+folder.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ DIGEST = "digest of what all presets gave: "
 
 
 def check_task(env_id: str) -> None:
-    """Check a task's interface with Gymnasium's checker, and play a few steps, single and as a batch."""
+    """Check a task with Gymnasium's checker, and play a few steps, single and as a batch."""
     env = gymnasium.make(env_id)
     check_env(env.unwrapped, skip_render_check=True)
     env.reset(seed=1)
@@ -33,7 +34,7 @@ def check_task(env_id: str) -> None:
 
 
 def digest_of_plays(steps: int = 60) -> str:
-    """Return the SHA-256 of every preset's first steps in two episodes, single and as a batch of three."""
+    """Return the SHA-256 of every preset's first steps in two episodes, single and as a batch."""
     whole = hashlib.sha256()
     for preset in turning_env.presets():
         env, envs = (

@@ -1,10 +1,11 @@
-"""Kill programs at random moments, and step environments for months of cutting. Takes about an hour.
+"""Kill programs at random moments, and step environments for months of cutting: an hour.
 
-Kills: SIGKILL, which no program can catch, ends each program, which is then started again. After each kill, every file must be
-readable and no process may be left. The final results must equal those of an undisturbed run.
+Kills: SIGKILL, which no program can catch, ends each program, which is then started again. After
+each kill, every file must be readable and no process may be left. The final results must equal
+those of an undisturbed run.
 
-Steps: environments are stepped and reset in one process. Memory must not grow, and the environments of a batch must match single
-ones bit for bit.
+Steps: environments are stepped and reset in one process. Memory must not grow, and the environments
+of a batch must match single ones bit for bit.
 
 The exit status is 1 if any of this does not hold.
 
@@ -143,7 +144,7 @@ class Toll:
 
 
 def kill(program: Program, kills: int, folder: Path, random: Random) -> Toll:
-    """Kill a program ``kills`` times, each in a new folder and at a random moment of its undisturbed duration.
+    """Kill a program ``kills`` times, each in a new folder and at a random moment of its duration.
 
     Each time it is started again, and its results are compared with those of an undisturbed run.
 
@@ -194,7 +195,7 @@ def _run(program: Program, folder: Path) -> None:
 
 
 def _killed(process: BaseProcess) -> bool:
-    """Kill a process, but not its children; return whether the children end by themselves, as they should."""
+    """Kill a process, but not its children; return whether these end by themselves."""
     assert process.pid is not None
     process.kill()
     process.join()
@@ -220,7 +221,7 @@ def _finish(program: Program, folder: Path) -> None:
 
 
 def files(folder: Path) -> Iterator[Path]:
-    """Yield the result files, without hidden files, which are being written, and TensorBoard's, which grow."""
+    """Yield the result files, without hidden ones, which are being written, and TensorBoard's."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         if (
@@ -244,7 +245,7 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Return digests of the files, without times and without journals, which also hold killed trials."""
+    """Return digests of the files, without times and journals, which also hold killed trials."""
     found = {}
     for path in files(folder):
         if path.suffix != ".log" and path.name != "run.json":
@@ -272,7 +273,8 @@ def _read(path: Path) -> bytes:
             return json.dumps(
                 [{key: float(row[key]) for key in row if key != "wall_time"} for row in rows]
             ).encode()
-        case ".zip":  # a model of Stable-Baselines3: weights and optimisers' states; the rest names times and paths
+        case ".zip":
+            # A model of Stable-Baselines3: weights and optimisers' states; the rest names times.
             with zipfile.ZipFile(path) as archive:
                 return b"".join(
                     archive.read(name)
@@ -295,7 +297,8 @@ class Endured(NamedTuple):
 def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
     """Step a batch with random actions, ``count`` steps of single environments in all.
 
-    The first ``checked`` environments are compared with single ones of the same seeds and actions, bit for bit, at every step.
+    The first ``checked`` environments are compared with single ones of the same seeds and actions,
+    bit for bit, at every step.
     """
     import psutil  # type: ignore[import-untyped]
 
@@ -360,7 +363,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if parsed.only != "kills":
         came = step_long(parsed.steps)
         print(
-            "\n| steps | episodes | per second | growth [MB] | differing from single environments |\n|---|---|---|---|---|"
+            "\n| steps | episodes | per second | growth [MB] | differing from single environments |\n"
+            "|---|---|---|---|---|"
         )
         rate, growth = f"{came.steps / came.seconds:.0f}", f"{came.growth / 1e6:.1f}"
         print(f"| {came.steps} | {came.episodes} | {rate} | {growth} | {came.differing} |")
@@ -370,7 +374,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _kill_all(kills: int, random: Random) -> bool:
     print(
-        "| program | kills | files torn | other results | processes left | undisturbed [s] |\n|---|---|---|---|---|---|"
+        "| program | kills | files torn | other results | processes left | undisturbed [s] |\n"
+        "|---|---|---|---|---|---|"
     )
     held = True
     with ExitStack() as stack:

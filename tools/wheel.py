@@ -1,8 +1,9 @@
-"""Build the wheel, install it with its requirements into an empty virtual environment, and play every task there.
+"""Build the wheel, install it into an empty virtual environment, and play every task there.
 
-It compares all installed files with the hashes in packaging/constraints.txt. Presets must play as in the clone, bit for bit. The first
-Python also tries the oldest and the newest Gymnasium, each with Stable-Baselines3. Each Python takes a minute or two, mostly for
-compiling. The exit status is 1 if anything fails.
+It compares all installed files with the hashes in packaging/constraints.txt. Presets must play as
+in the clone, bit for bit. The first Python also tries the oldest and the newest Gymnasium, each
+with Stable-Baselines3. Each Python takes a minute or two, mostly for compiling. The exit status is
+1 if anything fails.
 
     python -m tools.wheel
     python -m tools.wheel --python python3.12 python3.13
@@ -34,17 +35,24 @@ import turning_env
 from stable_baselines3 import SAC
 from stable_baselines3.common.env_util import make_vec_env
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
-for env in ("RoughTurning-v0", make_vec_env("RoughTurning-v0", 4), RoughTurningVecEnv("rough_turning", 4)):
+vector = make_vec_env("RoughTurning-v0", 4)
+batch = RoughTurningVecEnv("rough_turning", 4)
+for env in ("RoughTurning-v0", vector, batch):
     SAC("MlpPolicy", env, learning_starts=8).learn(16)
 """
 SCORE = """
 import numpy as np, turning_env
-print(turning_env.score(lambda observations: np.zeros((len(observations), 1)), "RoughTurning-Override-v1", seeds=4))
+policy = lambda observations: np.zeros((len(observations), 1))
+print(turning_env.score(policy, "RoughTurning-Override-v1", seeds=4))
 """
 
 
 def built(folder: Path) -> Path:
-    """Build the wheel into a folder and return its path. Raise subprocess.CalledProcessError if it cannot be built."""
+    """Build the wheel into a folder and return its path.
+
+    Raises:
+        subprocess.CalledProcessError: it cannot be built.
+    """
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder],
         cwd=ROOT,
@@ -61,7 +69,10 @@ def new_python(folder: Path, python: str = sys.executable) -> str:
 
 
 def digests(wheel: Path, constraints: str, python: str, gymnasiums: Sequence[str]) -> set[str]:
-    """Install the wheel for a Python, with pinned requirements and other versions of Gymnasium; return the digests of plays."""
+    """Install the wheel for a Python, with pinned requirements; return the digests of plays.
+
+    ``gymnasiums``: versions to play with, beside the pinned one.
+    """
     with TemporaryDirectory() as name:
         folder, empty = Path(name), Path(name) / "empty"
         empty.mkdir()

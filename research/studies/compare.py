@@ -1,13 +1,15 @@
-"""Run a study: variants of a training or of a controller, scored on one task and compared seed by seed.
+"""Run a study: variants of a training or a controller on one task, compared seed by seed.
 
     python -m research.studies ablation
     python -m research.studies equal_terms --variants ppo ppo-position --trainings 3 --jobs 2
     python -m research.studies my_study.toml --steps 300000
 
-A study is a TOML file of this folder, or one of your own. It prints a Markdown table with 95 % bootstrap intervals over seeds and
-training seeds. Differences are paired by seed. Costs are all that the reward charges, per volume of metal.
+A study is a TOML file of this folder, or one of your own. It prints a Markdown table with 95 %
+bootstrap intervals over seeds and training seeds. Differences are paired by seed. Costs are all
+that the reward charges, per volume of metal.
 
-``RUNS/NAME`` keeps trainings and episodes: the same command continues where it stopped, and one with more trainings adds to them.
+``RUNS/NAME`` keeps trainings and episodes: the same command continues where it stopped, and one
+with more trainings adds to them.
 """
 
 import argparse
@@ -42,7 +44,7 @@ from turning_env.files import digest_of, replace_file
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate, RankKey, rank_key
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats, RankKey, rank_key
 from turning_env.scoring.workers import spread, workers
 
 FOLDER = Path(__file__).parent
@@ -65,22 +67,22 @@ class Variant(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    like: str = ""  # variant that supplies the fields this one lacks, and with which it is compared instead of the first
+    like: str = ""
+    """Variant that supplies the fields this one lacks, and with which it is compared."""
     algorithm: str = ""
     policy: str = ""
-    settings: dict[
-        str, Any
-    ] = {}  # hyperparameters of the algorithm, or parameters of the controller
-    scenario: dict[
-        str, dict[str, Any]
-    ] = {}  # values of the scenario that differ in training and in play, by section
-    trainings: int = Field(0, ge=0)  # number of training seeds; 0: that of the study
+    settings: dict[str, Any] = {}
+    """Hyperparameters of the algorithm, or parameters of the controller."""
+    scenario: dict[str, dict[str, Any]] = {}
+    """Values of the scenario that differ in training and in play, by section."""
+    trainings: int = Field(0, ge=0)
+    """Number of training seeds; 0: that of the study."""
     true_fields: str | tuple[str, ...] | None = None
-    """Prefix, or prefixes, of the fields whose true values the controller receives on jobs; None: of none."""
-    family: str | None = None  # family of the jobs; None: the id's own
-    hidden: tuple[str, ...] | None = (
-        None  # prefixes of the family's hidden fields that the jobs have; None: all
-    )
+    """Prefixes of the fields whose true values the controller receives on jobs; None: of none."""
+    family: str | None = None
+    """Family of the jobs; None: the id's own."""
+    hidden: tuple[str, ...] | None = None
+    """Prefixes of the family's hidden fields that the jobs have; None: all."""
 
 
 class Study(BaseModel):
@@ -96,46 +98,58 @@ class Study(BaseModel):
     settings: dict[str, Any] = {}  # hyperparameters of all trainings
     splits: bool = False  # whether the variants also play the splits
     scenarios: dict[str, dict[str, dict[str, Any]]] = {}
-    """Values by section of further scenarios on which controllers are ranked; the table then compares these rankings."""
-    overload_prices: tuple[
-        float, ...
-    ] = ()  # prices of overload at which the same episodes are charged again
+    """Values by section of further scenarios on which controllers are ranked.
+
+    The table then compares these rankings.
+    """
+    overload_prices: tuple[float, ...] = ()
+    """Prices of overload at which the same episodes are charged again."""
     variants: dict[str, Variant] = Field(min_length=1)
 
     @model_validator(mode="after")
     def _has_what_it_names(self) -> Self:
-        if self.task not in (*IDS, FAMILY_ID):
-            raise ValueError(
-                f"task is {self.task!r}, but must be one of {', '.join((*IDS, FAMILY_ID))}"
-            )
+        tasks = (*IDS, FAMILY_ID)
+        if self.task not in tasks:
+            raise ValueError(f"task is {self.task!r}, but must be one of {', '.join(tasks)}")
         before: list[str] = []
-        for name, own in self.variants.items():
-            if own.like and own.like not in before:
+        for name, stated in self.variants.items():
+            if stated.like and stated.like not in before:
                 raise ValueError(
-                    f"variants.{name}.like is {own.like!r}, but must be a variant before it: {', '.join(before)}"
+                    f"variants.{name}.like is {stated.like!r}, but must be a variant before it: "
+                    f"{', '.join(before)}"
                 )
             before.append(name)
-            each = self.variant(name)
-            if bool(each.algorithm) == bool(each.policy):
-                raise ValueError(f"variants.{name} needs one of algorithm, policy and like")
-            if each.algorithm not in ("", *(path.stem for path in HYPERPARAMETERS.glob("*.toml"))):
-                raise ValueError(
-                    f"variants.{name}.algorithm is {each.algorithm!r}, but must be a name in {HYPERPARAMETERS}"
-                )
-            if self.task in IDS:
-                with_changes(self.task, each.scenario)
-            known = hyperparameters(each.algorithm, self.task) if each.algorithm else each.settings
-            if unknown := [
-                key for key in self.settings | each.settings if key not in known and each.algorithm
-            ]:
-                raise ValueError(
-                    f"variants.{name}.settings has {unknown[0]!r}, but must be of {', '.join(known)}"
-                )
+            self._check_variant(name)
         return self
+
+    def _check_variant(self, name: str) -> None:
+        variant = self.variant(name)
+        if bool(variant.algorithm) == bool(variant.policy):
+            raise ValueError(f"variants.{name} needs one of algorithm, policy and like")
+        if self.task in IDS:
+            with_changes(self.task, variant.scenario)
+        if not variant.algorithm:
+            return
+        algorithms = [path.stem for path in HYPERPARAMETERS.glob("*.toml")]
+        if variant.algorithm not in algorithms:
+            raise ValueError(
+                f"variants.{name}.algorithm is {variant.algorithm!r}, but must be a name in "
+                f"{HYPERPARAMETERS}"
+            )
+        known = hyperparameters(variant.algorithm, self.task)
+        for key in self.settings | variant.settings:
+            if key not in known:
+                raise ValueError(
+                    f"variants.{name}.settings has {key!r}, but must be of {', '.join(known)}"
+                )
 
     @classmethod
     def read(cls, name: str) -> Self:
-        """Return the study of a name or of a TOML file. Raise UserError if there is no such study, or it cannot be read."""
+        """Return the study of a name or of a TOML file.
+
+        Raises:
+            UserError: there is no such study, or it cannot be read.
+        """
         path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
         if not path.is_file():
             raise UserError(
@@ -145,21 +159,22 @@ class Study(BaseModel):
             return cls.model_validate(tomllib.loads(path.read_text("utf-8")))
         except ValidationError as error:
             first = error.errors()[0]
-            raise UserError(
-                f"{path}: {' '.join([*map(str, first['loc']), *first['msg'].split()])}"
-            ) from error
+            place = " ".join(str(part) for part in first["loc"])
+            message = " ".join(first["msg"].split())
+            raise UserError(f"{path}: {place} {message}".replace(":  ", ": ")) from error
         except ValueError as error:
             raise UserError(f"{path}: {error}") from error
 
     def variant(self, name: str) -> Variant:
         """Return a variant with the fields of the one that it is like."""
-        own = self.variants[name]
-        if not own.like:
-            return own
-        whole, fields = self.variant(own.like).model_dump(), own.model_dump(exclude_unset=True)
-        return Variant.model_validate(
-            whole | fields | {"settings": whole["settings"] | own.settings}
-        )
+        stated = self.variants[name]
+        if not stated.like:
+            return stated
+        values = self.variant(stated.like).model_dump()
+        settings = values["settings"] | stated.settings
+        values |= stated.model_dump(exclude_unset=True)
+        values["settings"] = settings
+        return Variant.model_validate(values)
 
     def count(self, name: str) -> int:
         """Return the number of trainings of a variant."""
@@ -206,22 +221,29 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
-    """Return the training of a variant with a training seed, which the recorded command repeats on the id's own scenario."""
+    """Return the training of a variant with a training seed.
+
+    The recorded command repeats it on the id's own scenario.
+    """
     variant = study.variant(name)
     settings = study.settings | variant.settings
-    words = [
-        f"--set {shlex.quote(f'{key}={json.dumps(value)}')}" for key, value in settings.items()
-    ]
-    words = [*(["--scenario", variant.family] if variant.family else []), f"--seed {seed}", *words]
-    command = " ".join([f"python -m train.{variant.algorithm} --env {study.task}", *words])
+    words = [f"python -m train.{variant.algorithm} --env {study.task}"]
+    if variant.family:
+        words.append(f"--scenario {variant.family}")
+    words.append(f"--seed {seed}")
+    for key, value in settings.items():
+        words.append(f"--set {shlex.quote(f'{key}={json.dumps(value)}')}")
+    command = " ".join(words)
     return Run.plan(
         variant.algorithm, study.task, home_of(study, variant), seed, runs / name, command, settings
     )
 
 
 def publish(trained: Sequence[tuple[str, Run]], folder: Path) -> None:
-    """Write agents under the names of their variants as ONNX files, and their learning curves, beside those that are there."""
-    curves = Trainings.read(folder / CURVES).trainings if (folder / CURVES).exists() else {}
+    """Add agents, named after their variants, and their learning curves to a folder."""
+    curves: dict[str, Training] = {}
+    if (folder / CURVES).exists():
+        curves |= Trainings.read(folder / CURVES).trainings
     for name, run in trained:
         if not (folder / f"{name}-seed{run.seed}{ONNX_SUFFIX}").exists():
             export(run.folder, folder, name)
@@ -241,11 +263,12 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
         runs: folder of trainings and episodes.
 
     Raises:
-        ValueError: a training's folder holds a training with other settings, or there is no such policy or file.
+        ValueError: a training's folder holds a training with other settings, or there is no such
+            policy or file.
     """
     name, seed = piece
-    variant, seconds = study.variant(name), None
-    kept = [
+    variant = study.variant(name)
+    identity: list[Any] = [
         study.task,
         study.seeds,
         study.episodes,
@@ -253,60 +276,68 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
         seed,
         variant.model_dump(mode="json"),
     ]
-    home = home_of(study, variant)
+    agent = None
+    seconds = None
     if variant.algorithm:
         run = run_of(study, name, seed, runs)
-        spec = load_agent(train(run, algorithm_of(variant.algorithm)).parent)
+        agent = load_agent(train(run, algorithm_of(variant.algorithm)).parent)
         seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
-        kept.append(run.parameters)
+        identity.append(run.parameters)
+    home = home_of(study, variant)
     if isinstance(home, Family):
-        jobs, split = range(study.episodes), JOBS[study.seeds]
-        kept.append(home.digest())
-        if variant.policy:
-            rule, first = catalogue.RULES.get(variant.policy), home.job(0).scenario
-            kept.append(rule.version if rule else VERSION)
-            told = "" if variant.policy == CAUSAL else variant.true_fields
-            plays = FamilyPlay(
-                home if told is None else Truthful.of(home, told),
-                split,
-                variant.policy,
-                False,
-                variant.settings,
-            )
-            found = partial(plays, first, jobs, lambda ended: None)
-        else:
-            make = informed(spec, [home.job(number, split).scenario for number in jobs])
-            found = partial(play_family, home, split, jobs, make)
-        return Played({study.task: _cached(runs, kept, found)}, seconds)
+        jobs_episodes = _played_on_family(study, variant, home, agent, identity, runs)
+        return Played({study.task: jobs_episodes}, seconds)
+    scenarios = [home]
+    if study.splits:
+        scenarios += [Scenario.load(split) for split in SPLITS]
+    for title, changes in study.scenarios.items():
+        scenarios.append(with_changes(study.task, changes, title))
+    seeds_of = tuning_seeds if study.seeds == "tuning" else held_out_seeds
+    seeds = seeds_of(study.episodes)
     episodes = {}
-    others = [
-        with_changes(study.task, changes, title) for title, changes in study.scenarios.items()
-    ]
-    for scenario in (home, *(map(Scenario.load, SPLITS) if study.splits else ()), *others):
-        if variant.policy:
+    for scenario in scenarios:
+        spec = agent
+        if spec is None:
             spec = _controller(variant, scenario, Scenario.load(IDS[study.task]))
-            kept.append(spec.identity)
-        seeds, make = (
-            (tuning_seeds if study.seeds == "tuning" else held_out_seeds)(study.episodes),
-            informed(spec, scenario),
-        )
-        episodes[scenario.name] = _cached(
-            runs, [*kept, scenario.digest()], partial(play, make, scenario, seeds)
-        )
+            identity.append(spec.identity)
+        work = partial(play, informed(spec, scenario), scenario, seeds)
+        episodes[scenario.name] = _cached(runs, [*identity, scenario.digest()], work)
     return Played(episodes, seconds)
 
 
+def _played_on_family(
+    study: Study,
+    variant: Variant,
+    family: Family,
+    agent: PolicySpec | None,
+    identity: list[Any],
+    runs: Path,
+) -> Episodes:
+    """Return the episodes of a variant on a family's jobs; ``agent``: None for a controller."""
+    jobs = range(study.episodes)
+    split = JOBS[study.seeds]
+    identity = [*identity, family.digest()]
+    if agent is not None:
+        make = informed(agent, [family.job(number, split).scenario for number in jobs])
+        return _cached(runs, identity, partial(play_family, family, split, jobs, make))
+    rule = catalogue.RULES.get(variant.policy)
+    identity.append(rule.version if rule else VERSION)
+    # The causal oracle receives all true values.
+    true_fields = "" if variant.policy == CAUSAL else variant.true_fields
+    truthful = family if true_fields is None else Truthful.of(family, true_fields)
+    plays = FamilyPlay(truthful, split, variant.policy, forgets=False, parameters=variant.settings)
+    work = partial(plays, family.job(0).scenario, jobs, lambda ended: None)
+    return _cached(runs, identity, work)
+
+
 def _controller(variant: Variant, scenario: Scenario, home: Scenario) -> PolicySpec:
-    """Return the variant's controller for a scenario, tuned for ``home`` unless its settings say otherwise."""
-    nominal, tuned = scenario.nominal(), catalogue.spec(variant.policy, scenario, home)
-    rule, parameters = (
-        catalogue.playable(variant.policy, nominal),
-        tuned.parameters | variant.settings,
-    )
-    values: Any = parameters
-    return tuned.model_copy(
-        update={"parameters": parameters, "make": partial(rule.controller, nominal, **values)}
-    )
+    """Return the variant's controller, tuned for ``home`` unless its settings say otherwise."""
+    nominal = scenario.nominal()
+    tuned = catalogue.spec(variant.policy, scenario, home)
+    rule = catalogue.playable(variant.policy, nominal)
+    parameters: dict[str, Any] = tuned.parameters | variant.settings
+    make = partial(rule.controller, nominal, **parameters)
+    return tuned.model_copy(update={"parameters": parameters, "make": make})
 
 
 def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Episodes:
@@ -315,9 +346,8 @@ def _cached(runs: Path, identity: list[Any], work: Callable[[], Episodes]) -> Ep
     if not path.exists():
         content = json.dumps({field: values.tolist() for field, values in work().items()})
         replace_file(path, lambda partial_path: partial_path.write_text(content, "utf-8"))
-    return {
-        field: np.array(values) for field, values in json.loads(path.read_text("utf-8")).items()
-    }
+    episodes = json.loads(path.read_text("utf-8"))
+    return {field: np.array(values) for field, values in episodes.items()}
 
 
 class Row:
@@ -330,67 +360,90 @@ class Row:
     """
 
     def __init__(self, name: str, trained: Sequence[Played], bootstrap: Bootstrap) -> None:
-        self.name, self._bootstrap = name, bootstrap
-        self.scenarios = {
-            scenario: {
-                field: np.stack([each.episodes[scenario][field] for each in trained])
-                for field in fields
-            }
-            for scenario, fields in trained[0].episodes.items()
-        }
-        self._own = next(iter(self.scenarios.values()))
-        self._seconds = [each.seconds for each in trained if each.seconds is not None]
+        self.name = name
+        self._bootstrap = bootstrap
+        # Arrays of shape (training seeds, seeds), by scenario and field.
+        self.scenarios: dict[str, Episodes] = {}
+        for scenario, fields in trained[0].episodes.items():
+            stacked = {}
+            for field in fields:
+                stacked[field] = np.stack([played.episodes[scenario][field] for played in trained])
+            self.scenarios[scenario] = stacked
+        self.home = next(iter(self.scenarios))
+        self._seconds = [played.seconds for played in trained if played.seconds is not None]
 
     def cells(self, other: "Row | None", prices: Sequence[float] = ()) -> dict[str, str]:
-        """Return the texts by heading, with differences from another row and returns at other prices of overload."""
-        own, returns, bootstrap = self._own, self._own["return"], self._bootstrap
-        total = {field: float(values.sum()) for field, values in own.items()}
-        means = bootstrap.means(returns, self.name)
+        """Return the texts by heading.
+
+        Args:
+            other: row with which this one is compared; None: no comparison.
+            prices: further prices of overload at which the returns are computed.
+        """
+        episodes = self.scenarios[self.home]
+        returns = episodes["return"]
+        means = self._bootstrap.means(returns, self.name)
         cells = {
             "Variant": f"`{self.name}`",
             "Return [s]": _text(Estimate.of(returns.mean(), means)),
         }
         if other is not None:
-            others = other._own["return"]
-            leads = returns.mean(axis=0) - others.mean(axis=0)
-            cells["Compared with"] = f"`{other.name}`"
-            cells["Difference [s]"] = _text(
-                Estimate.of(leads.mean(), means - bootstrap.means(others, other.name))
-            )
-            cells["Median [s]"] = f"{np.median(leads):.1f}"
-            cells["Better [% of seeds]"] = f"{100.0 * (leads > 0.0).mean():.0f}"
+            cells |= self._compared_with(other, means)
         if len(returns) > 1:
-            low, *_, high = np.sort(returns.mean(axis=1))
-            cells["Worst to best training [s]"] = f"{low:.0f} to {high:.0f}"
+            trainings = returns.mean(axis=1)
+            cells["Worst to best training [s]"] = f"{trainings.min():.0f} to {trainings.max():.0f}"
         for price in prices:
-            charged = returns - own["reward_overload"] - price * own["excess"]
+            charged = returns - episodes["reward_overload"] - price * episodes["excess"]
             cells[f"At price {price:g} [s]"] = f"{charged.mean():.0f}"
-        cut, volume = max(total["engaged_time"], 1e-9), total["removed"] / 1000.0
-        if volume > 0.0:
-            cost = total["reward_metal"] - total["return"]
-            cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
-            cells["Cost without overload [min/dm3]"] = (
-                f"{(cost + total['reward_overload']) / 60.0 / volume:.2f}"
-            )
-        cells["Over a limit [% of cutting time]"] = f"{100.0 * total['overload_time'] / cut:.1f}"
-        home, *splits = self.scenarios
-        cells["By > 5 % [%]"] = (
-            f"{100.0 * total['severe_overload_time'] / cut:.2f}{self._verdict(home)}"
-        )
-        cells["Edges broken per 100"] = (
-            f"{100.0 * total['edges_broken'] / max(total['edges_used'], 1e-9):.1f}"
-        )
-        for split in splits:
-            cells[f"`{split}` [s]"] = (
-                f"{self.scenarios[split]['return'].mean():.0f}{self._verdict(split)}"
-            )
+        cells |= self._totals()
+        for scenario, played in self.scenarios.items():
+            if scenario != self.home:
+                mean = played["return"].mean()
+                cells[f"`{scenario}` [s]"] = f"{mean:.0f}{self._verdict(scenario)}"
         if self._seconds:
             cells["Training [s]"] = f"{np.mean(self._seconds):.0f}"
         return cells
 
+    def _compared_with(self, other: "Row", means: Floats) -> dict[str, str]:
+        """Return the cells of the differences from another row, paired by seed.
+
+        ``means``: bootstrap replicates of this row's mean return.
+        """
+        others = other.scenarios[other.home]["return"]
+        leads = self.scenarios[self.home]["return"].mean(axis=0) - others.mean(axis=0)
+        replicates = means - self._bootstrap.means(others, other.name)
+        return {
+            "Compared with": f"`{other.name}`",
+            "Difference [s]": _text(Estimate.of(leads.mean(), replicates)),
+            "Median [s]": f"{np.median(leads):.1f}",
+            "Better [% of seeds]": f"{100.0 * (leads > 0.0).mean():.0f}",
+        }
+
+    def _totals(self) -> dict[str, str]:
+        """Return the cells of cost, overload and edges, over all episodes."""
+        episodes = self.scenarios[self.home]
+        total = {field: float(values.sum()) for field, values in episodes.items()}
+        cells = {}
+        volume = total["removed"] / 1000.0  # [dm3]
+        if volume > 0.0:
+            cost = total["reward_metal"] - total["return"]
+            without_overload = cost + total["reward_overload"]
+            cells["Full cost [min/dm3]"] = f"{cost / 60.0 / volume:.2f}"
+            cells["Cost without overload [min/dm3]"] = f"{without_overload / 60.0 / volume:.2f}"
+        engaged = max(total["engaged_time"], 1e-9)
+        over = 100.0 * total["overload_time"] / engaged
+        severe = 100.0 * total["severe_overload_time"] / engaged
+        broken = 100.0 * total["edges_broken"] / max(total["edges_used"], 1e-9)
+        cells["Over a limit [% of cutting time]"] = f"{over:.1f}"
+        cells["By > 5 % [%]"] = f"{severe:.2f}{self._verdict(self.home)}"
+        cells["Edges broken per 100"] = f"{broken:.1f}"
+        return cells
+
     def _verdict(self, scenario: str) -> str:
-        """Return a remark if the variant is not feasible on a scenario; jobs of the family have limits of their own."""
-        return "" if scenario == FAMILY_ID or self._is_feasible(scenario) else ", infeasible"
+        """Return a remark if the variant is not feasible on a scenario."""
+        # Jobs of the family have limits of their own.
+        if scenario == FAMILY_ID or self._is_feasible(scenario):
+            return ""
+        return ", infeasible"
 
     def _is_feasible(self, scenario: str) -> bool:
         episodes = self.scenarios[scenario]
@@ -400,11 +453,10 @@ class Row:
         return limit <= Scenario().limits.overload_allowance
 
     def rank_key(self, scenario: str) -> RankKey:
-        """Return the key by which a leaderboard ranks a controller on a split: by feasibility, then by full cost."""
+        """Return the key of a controller's rank on a split: feasibility, then full cost."""
         episodes = self.scenarios[scenario]
-        cost = (episodes["reward_metal"] - episodes["return"]).sum() / max(
-            episodes["removed"].sum(), 1e-9
-        )
+        charges = (episodes["reward_metal"] - episodes["return"]).sum()
+        cost = charges / max(episodes["removed"].sum(), 1e-9)
         return rank_key("rule", self._is_feasible(scenario), -cost)
 
 
@@ -418,34 +470,37 @@ def table(study: Study, variants: Mapping[str, Sequence[Played]]) -> str:
     rows = {name: Row(name, trained, bootstrap) for name, trained in variants.items()}
     if study.scenarios:
         return markdown([*rankings(list(rows.values()))])
-    first, *_ = rows.values()
-    found = [row.cells(None if (other := rows.get(study.variants[name].like, first)) is row else other, study.overload_prices)
-             for name, row in rows.items()]  # fmt: skip
-    return markdown(found)
+    first = next(iter(rows.values()))
+    cells = []
+    for name, row in rows.items():
+        other = rows.get(study.variants[name].like, first)
+        cells.append(row.cells(None if other is row else other, study.overload_prices))
+    return markdown(cells)
 
 
 def rankings(rows: Sequence[Row]) -> Iterator[dict[str, str]]:
-    """Yield the cells of each scenario: how its ranking of the variants differs from that of the first."""
-    home: dict[str, RankKey] = {}
+    """Yield the cells of each scenario: how its ranking differs from that of the first."""
+    home_keys = {row.name: row.rank_key(rows[0].home) for row in rows}
+    home_order = sorted(home_keys, key=home_keys.__getitem__)
     for scenario in rows[0].scenarios:
         keys = {row.name: row.rank_key(scenario) for row in rows}
-        home = home or keys
-        order, known = sorted(keys, key=keys.__getitem__), sorted(home, key=home.__getitem__)
-        swapped = [
-            pair for pair in combinations(order, 2) if known.index(pair[0]) > known.index(pair[1])
-        ]
+        order = sorted(keys, key=keys.__getitem__)
+        swapped = []
+        for better, worse in combinations(order, 2):
+            if home_order.index(better) > home_order.index(worse):
+                swapped.append(f"`{better}` before `{worse}`")
+        infeasible = []
+        for name in order:
+            if keys[name].is_not_feasible and not home_keys[name].is_not_feasible:
+                infeasible.append(f"`{name}`")
+        # Kendall's tau: 1 - 2 * (pairs that change order) / (all pairs).
+        pairs = max(len(order) * (len(order) - 1), 1) / 2
         yield {
             "Scenario": f"`{scenario}`",
-            "Kendall's tau": f"{1.0 - 4.0 * len(swapped) / max(len(order) * (len(order) - 1), 1):.2f}",
+            "Kendall's tau": f"{1.0 - 2.0 * len(swapped) / pairs:.2f}",
             "First": f"`{order[0]}`",
-            "No longer feasible": ", ".join(
-                f"`{name}`"
-                for name in order
-                if keys[name].is_not_feasible and not home[name].is_not_feasible
-            ),
-            "Pairs that change order": ", ".join(
-                f"`{better}` before `{worse}`" for better, worse in swapped
-            ),
+            "No longer feasible": ", ".join(infeasible),
+            "Pairs that change order": ", ".join(swapped),
         }
 
 
@@ -466,21 +521,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "steps": "environment steps of a training",
         "episodes": "seeds to play",
     }
-    for name, what in counts.items():
+    for name, meaning in counts.items():
         parser.add_argument(
-            f"--{name}", type=positive, metavar="N", help=f"{what} (default: as the study says)"
+            f"--{name}", type=positive, metavar="N", help=f"{meaning} (default: as the study says)"
         )
-    which = "folder for the trained agents, named after their variants, as ONNX files, and for their learning curves"
-    parser.add_argument("--agents", type=Path, metavar="FOLDER", help=which)
-    who = parser.add_mutually_exclusive_group()
-    who.add_argument(
+    parser.add_argument(
+        "--agents",
+        type=Path,
+        metavar="FOLDER",
+        help="folder for the trained agents, named after their variants, as ONNX files, and for "
+        "their learning curves",
+    )
+    execution = parser.add_mutually_exclusive_group()
+    execution.add_argument(
         "--jobs",
         type=positive,
         default=1,
         metavar="N",
         help="variants at the same time (default: %(default)s)",
     )
-    who.add_argument(
+    execution.add_argument(
         "--scheduler", metavar="URL", help="work on a Dask cluster, such as tcp://host:8786"
     )
     parser.add_argument(
@@ -488,15 +548,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parsed = parser.parse_args(arguments)
     study = Study.read(parsed.study)
-    if unknown := [name for name in parsed.variants or () if name not in study.variants]:
-        parser.error(f"--variants has {unknown[0]!r}, but must be of {', '.join(study.variants)}")
+    for name in parsed.variants or ():
+        if name not in study.variants:
+            parser.error(f"--variants has {name!r}, but must be of {', '.join(study.variants)}")
     study = study.with_options(parsed.task, parsed.trainings, parsed.steps, parsed.episodes)
     names = [name for name in study.variants if not parsed.variants or name in parsed.variants]
+    pieces = []
+    for name in names:
+        for seed in range(study.count(name)):
+            pieces.append((name, seed))
     # One training seed after the other, so that an interrupted command leaves whole rows.
-    pieces = sorted(
-        ((name, seed) for name in names for seed in range(study.count(name))),
-        key=lambda piece: piece[1],
-    )
+    pieces.sort(key=lambda piece: piece[1])
     runs = parsed.runs / Path(parsed.study).stem / (parsed.task or "")
     work = partial(played, study=study, runs=runs)
     done: dict[tuple[str, int], Played] = {}
@@ -509,17 +571,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bar.set_postfix_str(f"{piece[0]}, seed {piece[1]}")
             bar.update()
     if parsed.agents:
-        publish(
-            [
-                (name, run_of(study, name, seed, runs))
-                for name, seed in pieces
-                if study.variant(name).algorithm
-            ],
-            parsed.agents,
-        )
-    print(
-        table(
-            study, {name: [done[name, seed] for seed in range(study.count(name))] for name in names}
-        )
-    )
+        trained = []
+        for name, seed in pieces:
+            if study.variant(name).algorithm:
+                trained.append((name, run_of(study, name, seed, runs)))
+        publish(trained, parsed.agents)
+    variants = {}
+    for name in names:
+        variants[name] = [done[name, seed] for seed in range(study.count(name))]
+    print(table(study, variants))
     return 0

@@ -1,27 +1,40 @@
-"""Measure the gap from the best agent on RoughTurning-v0 to a bound on all policies that see observations only.
+"""Measure the gap from the best agent on RoughTurning-v0 to a bound on all fair policies.
 
     python -m research.studies.headroom
     python -m research.studies.headroom --seeds 8
 
-It compares two bounds, the best agent that ships and the best rule on the same held-out seeds. The belief-state bound
-(``belief_bound.py``) holds for policies that know a bar only by its readings; the clairvoyant bound knows all bars.
+It compares two bounds, the best agent that ships and the best rule on the same held-out seeds. The
+belief-state bound (``belief_bound.py``) holds for policies that know a bar only by its readings;
+the clairvoyant bound knows all bars.
 """
 
 import argparse
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 
-from leaderboard.ranking import read_leaderboard
+from leaderboard.ranking import Leaderboard, read_leaderboard
 from leaderboard.result import RESULTS, result_folder
 from research.studies import belief_bound
 from turning_env import IDS, Scenario
 from turning_env.console import described, exits
 from turning_env.scoring.seeds import held_out_seeds
-from turning_env.scoring.statistics import Bootstrap, Estimate
+from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 ENV_ID = "RoughTurning-v0"
 MAX_SEEDS = 256  # seeds that shipped results have played
+
+
+def returns_of(name: str, leaderboard: Leaderboard, seeds: Sequence[int]) -> Floats:
+    """Return a policy's returns [s] on seeds that it has played, means over its training seeds."""
+    returns = []
+    for result in leaderboard.results:
+        if leaderboard.names[result.policy.label] == name:
+            places = [result.task.seeds.index(seed) for seed in seeds]
+            returns.append(np.array(result.episodes["return"])[places])
+    mean: Floats = np.mean(returns, axis=0)
+    return mean
 
 
 @exits(ValueError)
@@ -39,25 +52,19 @@ def main(arguments: list[str] | None = None) -> int:
     parsed = parser.parse_args(arguments)
     if not 1 <= parsed.seeds <= MAX_SEEDS:
         parser.error(f"--seeds is {parsed.seeds}, but must be 1 to {MAX_SEEDS}")
-    scenario, seeds = Scenario.load(IDS[ENV_ID]), held_out_seeds(parsed.seeds)
+    scenario = Scenario.load(IDS[ENV_ID])
+    seeds = held_out_seeds(parsed.seeds)
     leaderboard = read_leaderboard(result_folder(RESULTS, ENV_ID, scenario.name))
-    best = {
-        kind: next(each.name for each in leaderboard.standings if each.kind == kind)
-        for kind in ("agent", "rule")
+    best_agent = next(row.name for row in leaderboard.standings if row.kind == "agent")
+    best_rule = next(row.name for row in leaderboard.standings if row.kind == "rule")
+    rows = {
+        "belief-state bound": np.array([belief_bound.bound(scenario, seed) for seed in seeds]),
+        "clairvoyant bound": returns_of("clairvoyant", leaderboard, seeds),
+        f"best agent, {best_agent}": returns_of(best_agent, leaderboard, seeds),
+        f"best rule, {best_rule}": returns_of(best_rule, leaderboard, seeds),
     }
-    rows = {"belief-state bound": np.array([belief_bound.bound(scenario, seed) for seed in seeds])}
-    for title, name in (
-        ("clairvoyant bound", "clairvoyant"),
-        *((f"best {kind}, {name}", name) for kind, name in best.items()),
-    ):
-        results = [
-            each for each in leaderboard.results if leaderboard.names[each.policy.label] == name
-        ]
-        places = [results[0].task.seeds.index(seed) for seed in seeds]
-        rows[title] = np.mean(
-            [np.array(each.episodes["return"])[places] for each in results], axis=0
-        )
-    agent, bootstrap = rows[f"best agent, {best['agent']}"], Bootstrap(len(seeds))
+    agent = rows[f"best agent, {best_agent}"]
+    bootstrap = Bootstrap(len(seeds))
     print(f"{'':32}  {'return [s]':>10}  over the best agent [s]")
     for title, returns in sorted(rows.items(), key=lambda row: -row[1].mean()):
         over = returns - agent

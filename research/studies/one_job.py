@@ -1,8 +1,9 @@
-"""Draw one job of a family as a rule and as an agent play it: cutting speed, used life and broken edges over machine time.
+"""Draw one job of a family as a rule and as an agent play it.
 
     python -m research.studies.one_job --job 173 --agent AGENT.onnx --out FILE.svg
 
-Used life is the true one, which neither knows.
+The picture shows cutting speed, used life and broken edges over machine time. Used life is the true
+one, which neither knows.
 """
 
 import argparse
@@ -27,21 +28,23 @@ SHOWN = ("cutting_speed", "used_life", "edges_broken")
 
 
 def record(env: FamilyEnv, policy: Policy, job: int) -> tuple[dict[str, Any], float]:
-    """Return machine time [min] and the ``SHOWN`` quantities of a job over its steps, and the return [s]."""
+    """Play a job; return machine time [min] and ``SHOWN`` over its steps, and the return [s]."""
     observation, _ = env.reset(seed=job)
     policy.reset(np.ones(1, np.bool_))
-    rows, total, clock, ended = [], 0.0, 0.0, False
+    values: dict[str, list[float]] = {name: [] for name in ("clock", *SHOWN)}
+    total = 0.0
+    clock = 0.0
+    ended = False
     while not ended:
-        observation, reward, terminated, truncated, info = env.step(
-            policy.act(observation[np.newaxis])[0]
-        )
-        total, clock, ended = (
-            total + float(reward),
-            clock + info["time"] / 60.0,
-            terminated or truncated,
-        )
-        rows.append((clock, *(info[name] for name in SHOWN)))
-    return dict(zip(("clock", *SHOWN), np.array(rows, np.float64).T, strict=True)), total
+        action = policy.act(observation[np.newaxis])[0]
+        observation, reward, terminated, truncated, info = env.step(action)
+        total += float(reward)
+        clock += info["time"] / 60.0
+        ended = terminated or truncated
+        values["clock"].append(clock)
+        for name in SHOWN:
+            values[name].append(float(info[name]))
+    return {name: np.array(numbers) for name, numbers in values.items()}, total
 
 
 def draw(runs: dict[str, tuple[dict[str, Any], float]], start_speed: float, path: Path) -> None:

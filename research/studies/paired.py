@@ -1,10 +1,11 @@
 """Compare two policies job by job on results that exist.
 
-    python -m research.studies.paired guided_ppo contextual --scenarios unmodelled-unseen_jobs unmodelled-unseen_machines
-    python -m research.studies.paired contextual self_tuning --results private_results --scenarios unmodelled-unseen_jobs
+    python -m research.studies.paired guided_ppo contextual --scenarios unmodelled-unseen_jobs
+    python -m research.studies.paired ppo predictive --env RoughTurning-v0 --scenarios rough_turning
 
-The table has the mean difference of the returns with its 95 % interval over jobs and training seeds, the median, the mean without
-the jobs on which the two differ most, and the share of jobs on which the first returns more.
+The table has the mean difference of the returns with its 95 % interval over jobs and training
+seeds, the median, the mean without the jobs on which the two differ most, and the share of jobs on
+which the first returns more.
 """
 
 import argparse
@@ -23,7 +24,11 @@ from turning_env.scoring.statistics import Bootstrap, Estimate, Floats
 
 
 def returns_of(policy: str, folder: Path) -> Floats:
-    """Return a policy's returns, shape (training seeds, jobs). UserError if the folder has none; says which policies it has."""
+    """Return a policy's returns, shape (training seeds, jobs).
+
+    Raises:
+        UserError: the folder has none; the message lists its policies.
+    """
     results = read_results(folder).values()
     found = [result.episodes["return"] for result in results if result.policy.title == policy]
     if not found:

@@ -4,10 +4,11 @@
     python -m research.studies.throughput --training
     python -m research.studies.throughput --against ../before
 
-It prints a Markdown table of this project and of every peer that is installed (``pip install -e '.[peers]'``). All cases take
-turns, so other load on the machine affects them equally, and ratios are taken within a turn. Steps per CPU second show which case
-used more than one core or waited for one. Actions are random and drawn beforehand. Resets count.
-``--training`` measures trainings by PPO instead, all with the same network and batches. ``--against`` compares one environment of
+It prints a Markdown table of this project and of every peer that is installed (``pip install -e
+'.[peers]'``). All cases take turns, so other load on the machine affects them equally, and ratios
+are taken within a turn. Steps per CPU second show which case used more than one core or waited for
+one. Actions are random and drawn beforehand. Resets count. ``--training`` measures trainings by PPO
+instead, all with the same network and batches. ``--against`` compares one environment of
 RoughTurning-v0 and a batch with those of another checkout; a process of each takes turns.
 """
 
@@ -45,7 +46,9 @@ _ACTIONS = 16  # batches of random actions, drawn beforehand and used in turn
 _SCAN = 64  # steps in one call of a compiled loop
 _TURNS = f"""
 import sys, time, gymnasium, turning_env
-envs = gymnasium.make("{MAIN}").unwrapped, gymnasium.make_vec("{MAIN}", {NUM_ENVS}, vectorization_mode="vector_entry_point")
+single = gymnasium.make("{MAIN}").unwrapped
+batch = gymnasium.make_vec("{MAIN}", {NUM_ENVS}, vectorization_mode="vector_entry_point")
+envs = single, batch
 for env in envs:
     env.action_space.seed(0)
 actions = [[env.action_space.sample() for _ in range({_ACTIONS})] for env in envs]
@@ -61,7 +64,11 @@ for line in sys.stdin:
             steps += size * len(drawn)
         print(steps / taken, end=" ")
     print(flush=True)
-"""  # runs in each of two checkouts, and prints the steps per CPU second of a turn for each line of input
+"""
+"""Code that runs in each of two checkouts.
+
+For each line of input, it prints the steps per CPU second of a turn.
+"""
 
 
 class Case(NamedTuple):
@@ -74,7 +81,7 @@ class Case(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Environment steps of one turn per second of wall time, and per second of CPU time of all threads."""
+    """Environment steps of one turn per second of wall time, and of CPU time of all threads."""
 
     rate: float
     cpu_rate: float
@@ -107,7 +114,7 @@ def vector(env_id: str, num_envs: int = NUM_ENVS) -> Case:
 
 
 def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any]:
-    r"""Return a function that returns random actions of a space, shape (\*num_envs, \*space.shape)."""
+    """Return a function that returns random actions of a space, for all environments."""
     rng = np.random.default_rng(0)
     if isinstance(space, gymnasium.spaces.Discrete):
         drawn: Any = rng.integers(0, space.n, (_ACTIONS, *num_envs))
@@ -120,7 +127,7 @@ def _actions_of(space: gymnasium.Space[Any], *num_envs: int) -> Callable[[], Any
 
 
 def measure(cases: Sequence[Case], repeats: int, seconds: float) -> list[list[Timing]]:
-    """Time every case (first index) in every turn (second), each for about ``seconds`` of wall time."""
+    """Time every case (first index) in every turn (second) for about ``seconds`` of wall time."""
     counts = [calls_within(case, seconds) for case in cases]
     turns = [
         [timed(case, count) for case, count in zip(cases, counts, strict=True)]
@@ -133,7 +140,8 @@ def calls_within(case: Case, seconds: float) -> int:
     """Return the number of calls of a case that take about ``seconds``."""
     case.step()  # compiles, or loads compiled code
     count = 1
-    # The quickest of three: a single pause would look like slow calls, and turns of a few calls would time cold caches.
+    # The quickest of three: a single pause would look like slow calls, and turns of a few calls
+    # would time cold caches.
     while (
         taken := count * case.steps / max(timed(case, count).rate for _ in range(3))
     ) < 0.2 * seconds:
@@ -215,14 +223,12 @@ def motor_cases() -> Iterator[Case]:
 
 
 def training_cases() -> Iterator[Case]:
-    """Yield trainings by PPO, a rollout and its updates at a time: Stable-Baselines3, the reference first, SBX, ``train.ppo``."""
-    sb3, util = (
-        importlib.import_module("stable_baselines3"),
-        importlib.import_module("stable_baselines3.common.env_util"),
-    )
-    ppo, run, training = (
-        importlib.import_module(f"train.{name}") for name in ("ppo", "run", "training")
-    )
+    """Yield trainings by PPO, a rollout and its updates at a time; the first is the reference."""
+    sb3 = importlib.import_module("stable_baselines3")
+    util = importlib.import_module("stable_baselines3.common.env_util")
+    ppo = importlib.import_module("train.ppo")
+    run = importlib.import_module("train.run")
+    training = importlib.import_module("train.training")
     same = {
         "n_steps": 32,
         "batch_size": 2048,
@@ -230,9 +236,9 @@ def training_cases() -> Iterator[Case]:
         "policy_kwargs": {"net_arch": [64, 64]},
         "device": "cpu",
     }
-    libraries = {"Stable-Baselines3": sb3} | (
-        {"SBX": importlib.import_module("sbx")} if find_spec("sbx") else {}
-    )
+    libraries = {"Stable-Baselines3": sb3}
+    if find_spec("sbx"):
+        libraries["SBX"] = importlib.import_module("sbx")
     tasks = {
         "Gymnasium Pendulum": util.make_vec_env("Pendulum-v1", 512),
         MAIN: RoughTurningVecEnv(IDS[MAIN], 512),
@@ -245,10 +251,10 @@ def training_cases() -> Iterator[Case]:
         plan = run.Run.plan("ppo", env_id, run.trained_on(env_id, None), 0, Path(), "", terms)
         models[", ".join(["train.ppo", env_id, *terms])] = training.new_model(plan, ppo.ALGORITHM)
     for name, model in models.items():
-        model.tensorboard_log, steps = None, model.n_steps * model.n_envs
-        yield Case(
-            name, model.n_envs, steps, partial(model.learn, steps, reset_num_timesteps=False)
-        )
+        model.tensorboard_log = None
+        steps = model.n_steps * model.n_envs
+        learn = partial(model.learn, steps, reset_num_timesteps=False)
+        yield Case(name, model.n_envs, steps, learn)
 
 
 PEERS: dict[str, Callable[[], Iterator[Case]]] = {
@@ -262,7 +268,10 @@ PEERS: dict[str, Callable[[], Iterator[Case]]] = {
 
 
 def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list[Case], list[str]]:
-    """Return the cases of the peers that run here, and a line for each peer: its version, or why it is left out."""
+    """Return the cases of the peers that run here, and a remark on each peer.
+
+    A remark is the peer's version, or says why it is left out.
+    """
     cases: list[Case] = []
     remarks = []
     for module, peer in peers.items():
@@ -279,7 +288,10 @@ def runnable_cases(peers: dict[str, Callable[[], Iterator[Case]]]) -> tuple[list
 
 
 def table(cases: Sequence[Case], timings: Sequence[Sequence[Timing]]) -> list[str]:
-    """Return the lines of a Markdown table of medians over the turns; ratios are to the first case in the same turn."""
+    """Return the lines of a Markdown table of medians over the turns.
+
+    Ratios are to the first case in the same turn.
+    """
     lines = [
         "| Case | Environments | Steps per second | Per CPU second | Ratio |",
         "|---|---:|---:|---:|---:|",
@@ -303,21 +315,23 @@ def machine() -> str:
     lines = information.read_text("utf-8").splitlines() if information.exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     model = models[0] if models else platform.processor() or platform.machine()
-    return f"{model}, {os.cpu_count()} logical cores, {platform.system()}, Python {platform.python_version()}"
+    return (
+        f"{model}, {os.cpu_count()} logical cores, {platform.system()}, "
+        f"Python {platform.python_version()}"
+    )
 
 
 def against(other: Path, repeats: int, seconds: float) -> list[str]:
-    """Return a line per case: steps per CPU second of this checkout over those of another, median and range over the turns."""
+    """Return a line per case: speed of this checkout over that of another, median and range.
+
+    Speeds are steps per CPU second, compared within a turn.
+    """
     with ExitStack() as stack:
         checkouts: list[Any] = []
         for folder in (Path(__file__).parents[2], other.resolve()):
-            command, variables = (
-                [sys.executable, "-P", "-c", _TURNS, str(seconds)],
-                os.environ | {"PYTHONPATH": str(folder)},
-            )
             process = subprocess.Popen(
-                command,
-                env=variables,
+                [sys.executable, "-P", "-c", _TURNS, str(seconds)],
+                env=os.environ | {"PYTHONPATH": str(folder)},
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
