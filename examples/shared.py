@@ -125,5 +125,6 @@ def parser(
 
 def run(main: Callable[[Sequence[str] | None], int]) -> int:
     """Run a script's ``main`` on one thread; return its exit status, 130 if it is interrupted."""
+    # Networks are small: more threads would wait for one another.
     torch.set_num_threads(1)
     return exits()(main)(None)

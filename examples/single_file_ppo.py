@@ -57,6 +57,7 @@ def layers(entries: int, outputs: int, gain: float) -> torch.nn.Sequential:
     first = torch.nn.Linear(entries, 64)
     second = torch.nn.Linear(64, 64)
     last = torch.nn.Linear(64, outputs)
+    # Small first actions, and values near 0, leave room for learning.
     for linear, scale in ((first, 2**0.5), (second, 2**0.5), (last, gain)):
         torch.nn.init.orthogonal_(linear.weight, scale)
         torch.nn.init.zeros_(linear.bias)
@@ -183,6 +184,7 @@ class Rollouts:
 def loss(agent: Agent, batch: Batch, clip_range: float) -> Tensor:
     """Return PPO's loss: the clipped objective plus half the squared error of values."""
     log_probabilities = agent.policy(batch.observations).log_prob(batch.actions).sum(-1)
+    # Clipped surrogate objective, equation 7 of the paper.
     ratio = (log_probabilities - batch.log_probabilities).exp()
     clipped_ratio = ratio.clamp(1 - clip_range, 1 + clip_range)
     advantages = batch.advantages
@@ -199,11 +201,13 @@ def train(settings: Settings) -> Agent:
     (entries,) = rollouts.envs.single_observation_space.shape or (0,)
     (actions,) = rollouts.envs.single_action_space.shape or (0,)
     agent = Agent(entries, actions)
+    # The epsilon of OpenAI's Baselines.
     optimizer = torch.optim.Adam(agent.parameters(), settings.learning_rate, eps=1e-5)
     size = settings.num_envs * settings.n_steps
     updates = math.ceil(settings.total_timesteps / size)
     scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda update: 1 - update / updates)
     for _ in tqdm(range(updates), unit_scale=size, unit="step", disable=None):
+        # Environments do not matter any more: a sample is a step of any of them.
         samples = Batch.of(rollouts.next(agent))
         for _ in range(settings.n_epochs):
             for indices in torch.randperm(size).chunk(settings.num_minibatches):

@@ -43,6 +43,7 @@ def make_envs(kind: str, env_id: str, num_envs: int, seed: int, reward_scale: fl
                 env, lambda reward: reward_scale * float(reward)
             ),
         )
+    # The family's id has no preset of its own.
     env = RoughTurningVecEnv(IDS.get(env_id, "shop"), num_envs, reward_scale=reward_scale)
     env.seed(seed)
     return env
@@ -101,6 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "(default: %(default)s)",
     )
     options = command_line.parse_args(arguments)
+    # At least two steps of each environment between two updates.
     max_envs = options.rollout // 2
     if options.num_envs > max_envs:
         command_line.error(

@@ -86,6 +86,7 @@ def load(path: Path, limits: Limits = LIMITS) -> PolicySpec:
         file = _checked(content)
     except AgentFileError as error:
         raise type(error)(f"{path}: {error}") from error
+    # Every policy has a process of its own, which checks the file again.
     make = PolicyMaker(content, limits, Sandbox)
     return trained_policy(file.metadata, file.metadata.trained_steps, file.digest, make)
 

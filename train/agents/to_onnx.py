@@ -59,6 +59,7 @@ def to_onnx(actor: Actor, metadata: Metadata) -> bytes:
     memory = torch.zeros(2, actor.memory_size)
     _check_shapes(actor, observations, memory, actions=len(metadata.action_space.low))
     num_envs = torch.export.Dim("lanes", min=1)  # the name of the axis in the file
+    # The exporter keeps no input of size 0, so an actor without memory has no such input.
     if actor.memory_size:
         network: torch.nn.Module = actor
         inputs = {"observation": observations, "memory": memory}
@@ -240,6 +241,7 @@ def _connect(graph: onnx.GraphProto, ports: list[_Port]) -> None:
     """Give a network the inputs and outputs of an agent's file, with casts and a clip between."""
     del graph.input[:], graph.output[:], graph.value_info[:]
     float_type = onnx.TensorProto.FLOAT
+    # The network may compute in another precision, such as float64 or float16.
     first_nodes = []
     last_nodes = [
         helper.make_node("Constant", [], ["low"], value_float=-1.0),
@@ -443,6 +445,7 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
         if policy.squash_output:
             layers.append(torch.nn.Tanh())
         return torch.nn.Sequential(*layers)
+    # The actor of TD3 ends in its own tanh, those of SAC and TQC do not.
     actor = policy.actor
     if name == "TD3":
         return torch.nn.Sequential(actor.features_extractor, actor.mu)
