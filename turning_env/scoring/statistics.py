@@ -12,7 +12,7 @@ lies between the limits, feasibility is not shown: more seeds would decide.
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -27,6 +27,7 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 KEY = 709  # fixed, so that the same episodes give the same limit
 MAX_DECIMALS = 2
+_PLACE = np.uint16  # of a value among others, as long as there are few
 _CHUNK = 100  # resamples whose values are sorted together, to bound memory
 _MIN_WIDTH = 1e-6  # of an interval; a narrower one is only the rounding of sums
 
@@ -91,11 +92,17 @@ class Bootstrap:
         """Return the interquartile mean of a policy's values in each resample: see ``means``."""
         rows = self._training_seeds(policy, len(values))[:, :, np.newaxis]
         columns = self._seeds[:, np.newaxis, :]
+        # Resample and sort the places of the values in ascending order: sorting integers of 16 bits
+        # takes a third of the time of sorting the values, and leads to the same order.
+        ascending = np.sort(values, axis=None)
+        places = np.empty(values.size, _PLACE if values.size <= np.iinfo(_PLACE).max else np.int64)
+        places[np.argsort(values, axis=None, kind="stable")] = np.arange(values.size)
+        places = places.reshape(values.shape)
         means = []
         for first in range(0, RESAMPLES, _CHUNK):
             chunk = slice(first, first + _CHUNK)
-            resampled = values[rows[chunk], columns[chunk]]
-            means.append(interquartile_mean(resampled.reshape(len(resampled), -1)))
+            resampled = places[rows[chunk], columns[chunk]].reshape(-1, values.size)
+            means.append(np.mean(ascending[_middle(np.sort(resampled))], axis=-1))
         return np.concatenate(means)
 
     def severe_limit(self, severe: Floats, engaged: Floats, policy: str) -> float:
@@ -184,10 +191,14 @@ def interquartile_mean(values: Floats) -> Floats:
 
     Quarters are rounded down.
     """
-    count = values.shape[-1]
+    return np.asarray(np.mean(_middle(np.sort(values)), axis=-1))
+
+
+def _middle(ascending: NDArray[Any]) -> NDArray[Any]:
+    """Return values without their lowest and highest quarter, each rounded down."""
+    count = ascending.shape[-1]
     cut = count // 4
-    middle = np.sort(values)[..., cut : count - cut]
-    return np.asarray(np.mean(middle, axis=-1))
+    return ascending[..., cut : count - cut]
 
 
 def _weights(indices: NDArray[np.int64], count: int) -> Floats:
