@@ -1,6 +1,7 @@
-"""Tools for a process engineer: calibrate a scenario from measured cuts, predict cuts with its laws, map them, and advise.
+"""Tools for a process engineer: calibrate a scenario from measured cuts, predict, map and advise.
 
-``command`` adds its commands to ``python -m turning_env``. Playing and scoring of policies belong in ``turning_env.scoring``.
+``command`` adds their commands to ``python -m turning_env``. Playing and scoring of policies belong
+in ``turning_env.scoring``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,19 +21,25 @@ class WorkshopError(UserError):
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield rows of cells as lines with aligned columns: the first to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for first, *others in rows:
-        cells = [
-            first.ljust(widths[0]),
-            *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)),
-        ]
+    """Yield rows of cells as lines: the first column to the left, the others to the right."""
+    widths = []
+    for column in zip(*rows, strict=True):
+        widths.append(max(len(cell) for cell in column))
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        for cell, width in zip(row[1:], widths[1:], strict=True):
+            cells.append(cell.rjust(width))
         yield "  ".join(cells).rstrip()
 
 
 def refuse_existing(overwrite: bool, *paths: Path | None) -> None:
-    """Raise an error if one of the files that a command is about to write exists, unless it may be replaced, or occurs twice."""
-    for path in filter(None, paths):
+    """Raise an error if a file that a command is about to write exists, or is given twice.
+
+    Regular files may exist if ``overwrite`` is set. A path of None stands for no file.
+    """
+    for path in paths:
+        if path is None:
+            continue
         if path.exists() and not path.is_file():
             raise WorkshopError(f"{path} is a device, a pipe or a folder, which is not replaced")
         if path.exists() and not overwrite:

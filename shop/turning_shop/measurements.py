@@ -1,6 +1,8 @@
-"""Read a sheet of measurements: CSV or XLSX with a header, one cut or sample per row and one quantity per column.
+"""Read a sheet of measurements: CSV or XLSX with a header and one cut per row.
 
-Lines above the header, a row of units below it and rows of means are recognised, and named in ``Measurements.readings``.
+Lines above the header, a row of units below it and rows of means are recognised, and named in
+``Measurements.readings``. ``headers.py`` recognises columns and units; ``plausibility.py`` checks
+what the numbers mean.
 """
 
 import csv
@@ -14,6 +16,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +24,8 @@ from turning_shop import WorkshopError, regular_file
 from turning_shop.headers import (
     COLUMNS,
     EDGE,
+    MAX_NUMBERS,
     NAMES,
-    SIZES,
     Column,
     Heading,
     is_header,
@@ -33,11 +36,12 @@ from turning_shop.headers import (
 from turning_env.extras import missing
 
 REQUIRED = ("cutting_speed", "feed", "depth_of_cut")  # columns that every sheet of cuts must have
-MAX_BYTES = (
-    50_000_000  # largest size of a file, and of all parts of a workbook when unpacked [bytes]
-)
-MAX_ROWS, MAX_CELLS, MAX_TAGS = 100_000, 200, 3_000_000
-"""Largest number of rows of a sheet, of cells of a row, and of XML tags of a workbook, of which a cell has four."""
+FORCES = ("main_force", "feed_force", "back_force", "thrust_force")
+# Largest size of a file, and of all parts of a workbook when unpacked [bytes].
+MAX_BYTES = 50_000_000
+MAX_ROWS = 100_000  # largest number of rows of a sheet
+MAX_CELLS = 200  # largest number of cells of a row
+MAX_TAGS = 3_000_000  # largest number of XML tags of a workbook, of which a cell has four
 MAX_ABOVE = 20  # number of rows among which the header is looked for
 STATISTICS = {
     "mean",
@@ -51,18 +55,31 @@ STATISTICS = {
     "summe",
     "total",
     "median",
+    "std",
+    "sd",
+    "stdev",
+    "std dev",
+    "standard deviation",
+    "standardabweichung",
+    "stabw",
 }
-STATISTICS |= {"std", "sd", "stdev", "std dev", "standard deviation", "standardabweichung", "stabw"}
 """Cells, in small letters, of a row that sums up others."""
 NOTHING = ("", "-", "\N{EN DASH}", "n/a", "n.a.", "k.a.", "k. a.", "na", "nan", "#n/a", "#nv")
 """Cells, in small letters, of numbers that were not measured."""
 MAX_COMPLAINTS = 5  # number of wrong cells that an error lists; it only counts the others
+MAX_SHOWN = 20  # number of headers that an error lists
+MAX_LETTERS = 40  # number of letters of a header or cell that an error quotes
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d*([eE][+-]?\d+)?", re.ASCII)
 _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 _SEPARATORS = ",;\t|"
 
-Row = tuple[int, list[str]]  # a row's line in the file, counted from 1, and its cells
+
+class Row(NamedTuple):
+    """A row of a sheet."""
+
+    line: int  # in the file, counted from 1
+    cells: list[str]
 
 
 @dataclass(frozen=True)
@@ -72,32 +89,36 @@ class Measurements:
     columns: dict[str, NDArray[np.float64]]  # in the units of ``COLUMNS``; NaN for an empty cell
     lines: NDArray[np.int64]  # of the file, counted from 1
     ignored: tuple[str, ...] = ()  # unknown columns
-    edges: NDArray[np.int64] | None = (
-        None  # number of each row's edge; None if the file has no column ``EDGE``
-    )
+    # Number of each row's edge; None if the file has no column ``EDGE``.
+    edges: NDArray[np.int64] | None = None
     readings: tuple[str, ...] = ()  # how each column of the file was read
 
 
 def read_measurements(
-    path: str | os.PathLike[str], told: Mapping[str, str] = MappingProxyType({})
+    path: str | os.PathLike[str],
+    stated_headers: Mapping[str, str] = MappingProxyType({}),
 ) -> Measurements:
     """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
 
-    Headers are names or symbols in English or German, with units or without (``headers.py``). ``told`` are headers by the
-    columns that they are, where headers do not tell. Decimals have a point, or a comma
-    where text cells are not separated by commas. Text is UTF-8 or UTF-16 with a byte order mark, else Windows-1252.
+    Headers are names or symbols in English or German, with units or without (``headers.py``).
+    ``stated_headers`` holds the headers of columns that the user states, where they do not tell.
+    Decimals have a point, or a comma if text cells are not separated by commas. Text is UTF-8, or
+    UTF-16 with a byte order mark, else Windows-1252.
 
     Raises:
-        WorkshopError: The file cannot be read or is not a table; a column is missing or occurs twice; a cell is not a number or
-            is outside its column's range.
+        WorkshopError: The file cannot be read or is not a table; a column is missing or occurs
+            twice; a cell is not a number or is outside its column's range.
     """
+    source = str(path)
     try:
         data = regular_file(Path(path), MAX_BYTES).read_bytes()
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
-            return _parse(_rows_of_workbook(data), str(path), False, told)
+            rows = _rows_of_workbook(data)
+            return _parse(rows, source, stated_headers, may_have_commas=False)
         text = _decoded(data)
         separator = max(_SEPARATORS, key=lambda mark: _most_understood(_rows(text, mark)))
-        return _parse(_rows(text, separator), str(path), separator != ",", told)
+        rows = _rows(text, separator)
+        return _parse(rows, source, stated_headers, may_have_commas=separator != ",")
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -112,23 +133,27 @@ def _decoded(data: bytes) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
+        # Windows-1252 decodes any bytes; text without a 0 byte probably is in it.
         if b"\0" in data:
             raise
         return data.decode("cp1252")
 
 
+def _is_filled(cells: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in cells)
+
+
 def _rows(text: str, separator: str) -> Iterator[Row]:
+    """Yield the rows of a text that are not empty."""
     # newline="" is needed for files of old spreadsheets, whose lines end in "\r" alone.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    return (
-        (reader.line_num, cells[:MAX_CELLS])
-        for cells in reader
-        if any(cell.strip() for cell in cells)
-    )
+    for cells in reader:
+        if _is_filled(cells):
+            yield Row(reader.line_num, cells[:MAX_CELLS])
 
 
 def _rows_of_workbook(data: bytes) -> Iterator[Row]:
-    """Yield the rows of the first sheet of a workbook."""
+    """Yield the rows of the first sheet of a workbook that are not empty."""
     try:
         openpyxl = importlib.import_module("openpyxl")
     except ModuleNotFoundError as error:
@@ -136,27 +161,39 @@ def _rows_of_workbook(data: bytes) -> Iterator[Row]:
             f"an XLSX sheet cannot be read, as {missing(error)}; or save it as CSV"
         ) from None
     try:
-        parts = zipfile.ZipFile(io.BytesIO(data))
-        unpacked = sum(part.file_size for part in parts.infolist())
-        if (
-            unpacked > MAX_BYTES
-            or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS
-        ):
-            raise ValueError(
-                f"at most {MAX_BYTES // 10**6} MB and {MAX_TAGS // 10**6} million tags are read: save it as CSV"
-            )
-        sheet = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True).worksheets[
-            0
-        ]
-        rows = sheet.iter_rows(max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True)
+        _check_size(zipfile.ZipFile(io.BytesIO(data)))
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        rows = book.worksheets[0].iter_rows(
+            max_row=MAX_ROWS + 2, max_col=MAX_CELLS, values_only=True
+        )
         table = [["" if cell is None else str(cell) for cell in row] for row in rows]
-    except Exception as error:  # openpyxl lets through whatever zipfile, its parser of XML and its own checks raise
+    # openpyxl lets through whatever zipfile, its parser of XML and its own checks raise.
+    except Exception as error:
         raise WorkshopError(f"this is no workbook in XLSX: {error}") from error
-    width = max(
-        (index + 1 for row in table for index, cell in enumerate(row) if cell.strip()), default=0
-    )
-    filled = ((line, (cells + [""] * width)[:width]) for line, cells in enumerate(table, 1))
-    return (row for row in filled if any(cell.strip() for cell in row[1]))
+    width = max((_filled_width(cells) for cells in table), default=0)
+    for line, cells in enumerate(table, 1):
+        padded = (cells + [""] * width)[:width]
+        if _is_filled(padded):
+            yield Row(line, padded)
+
+
+def _check_size(parts: zipfile.ZipFile) -> None:
+    """Raise an error if a workbook is too large when unpacked, as a small file may be."""
+    unpacked = sum(part.file_size for part in parts.infolist())
+    # The tags are counted last, as this unpacks the parts.
+    if (
+        unpacked > MAX_BYTES
+        or sum(parts.read(part).count(b"<") for part in parts.infolist()) > MAX_TAGS
+    ):
+        megabytes, millions = MAX_BYTES // 10**6, MAX_TAGS // 10**6
+        raise ValueError(
+            f"at most {megabytes} MB and {millions} million tags are read: save it as CSV"
+        )
+
+
+def _filled_width(cells: Sequence[str]) -> int:
+    """Return the number of cells up to the last that is filled."""
+    return max((place for place, cell in enumerate(cells, 1) if cell.strip()), default=0)
 
 
 def _understood(cells: Sequence[str]) -> int:
@@ -171,277 +208,399 @@ def _understood(cells: Sequence[str]) -> int:
 
 
 def _most_understood(rows: Iterator[Row]) -> int:
+    """Return how many columns the likeliest header of a sheet names."""
+    first_rows = itertools.islice(rows, MAX_ABOVE)
     try:
-        return max(
-            (_understood(cells) for _, cells in itertools.islice(rows, MAX_ABOVE)), default=0
-        )
+        return max((_understood(row.cells) for row in first_rows), default=0)
     except csv.Error:
         return 0
 
 
+@dataclass(frozen=True)
+class _Table:
+    """A header and the rows below it."""
+
+    header: list[str]
+    rows: list[Row]
+    notes: list[str]  # how it was found
+
+
 def _parse(
-    rows: Iterator[Row], source: str, may_have_commas: bool, told: Mapping[str, str]
+    rows: Iterator[Row], source: str, stated_headers: Mapping[str, str], may_have_commas: bool
 ) -> Measurements:
-    found = list(itertools.islice(rows, MAX_ROWS + 2))
-    if len(found) > MAX_ROWS + 1:
+    """Return the measurements in rows of cells, whose decimals may have commas."""
+    # One row more than allowed, beside the header, is enough to tell that there are too many.
+    filled = list(itertools.islice(rows, MAX_ROWS + 2))
+    if len(filled) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
-    above = found[:MAX_ABOVE]
-    start = max(range(len(above)), key=lambda index: _understood(above[index][1]), default=0)
-    header, notes = found[start][1] if found else [], []
-    if start:
-        notes.append(
-            f"header in line {found[start][0]}, below {start} other row{'s' * (start > 1)}"
-        )
-    table = [
-        (line, row[: len(header)] if not any(row[len(header) :]) else row)
-        for line, row in found[start + 1 :]
-    ]
-    below = table[0][1] if table else []
-    if (
-        len(below) == len(header)
-        and not any(map(_is_number, below))
-        and sum(map(is_unit, below)) >= 2
-    ):
-        notes.append(f"units in line {table.pop(0)[0]}")
-        below = [cell.strip(" []()") for cell in below]
-        header = [
-            f"{text} [{unit}]" if is_unit(unit) and text.strip()[-1:] not in tuple("])}>") else text
-            for text, unit in zip(header, below, strict=True)
-        ]
-    headings = _read_header(header, source, told, table)
-    if summed := [line for line, row in table if _sums_up(row)]:
-        notes.append(
-            f"without {len(summed)} row{'s' * (len(summed) > 1)} of means, sums or text, the first in line {summed[0]}"
-        )
-        table = [each for each in table if each[0] not in summed]
+    table = _with_units(_below_header(filled))
+    headings = _read_header(table, source, stated_headers)
+    table = _without_statistics(table)
+
     width = len(headings)
-    complete = [(line, [cell.strip() for cell in row]) for line, row in table if len(row) == width]
-    complaints = [
-        f"line {line} has {len(row)} cells, but the header has {width}"
-        for line, row in table
-        if len(row) != width
-    ]
-    known = [
-        (at, each, each.column, COLUMNS[each.column])
-        for at, each in enumerate(headings)
-        if each.column in COLUMNS
-    ]
-    commas = may_have_commas and any(
-        _DECIMAL_COMMA.fullmatch(row[index]) for _, row in complete for index, *_ in known
-    )
-    values = {name: np.empty(len(complete)) for _, _, name, _ in known}
-    for number, (line, row) in enumerate(complete):
-        for index, heading, name, column in known:
-            try:
-                values[name][number] = _number(row[index], column, heading.factor, commas)
-            except ValueError as error:
-                complaints.append(f"line {line}, column {heading.text}: {error}")
+    complaints = []
+    complete = []
+    for row in table.rows:
+        if len(row.cells) == width:
+            complete.append(Row(row.line, [cell.strip() for cell in row.cells]))
+        else:
+            complaints.append(
+                f"line {row.line} has {len(row.cells)} cells, but the header has {width}"
+            )
+    columns, wrong_cells = _numbers(complete, headings, may_have_commas)
+    complaints += wrong_cells
     if complaints:
-        more = len(complaints) - MAX_COMPLAINTS
-        shown = "; ".join(complaints[:MAX_COMPLAINTS]) + (
-            f"; and {more} more like these" if more > 0 else ""
-        )
-        shown += "; a header may state another unit, as in 'wear [um]'" * (
-            "is outside the allowed" in shown
-        )
-        crowded = not may_have_commas and any(len(row) > width for _, row in table)
-        shown += "; are decimals written with commas? Then separate cells by semicolons" * crowded
-        raise WorkshopError(f"{source}: {shown}")
-    if not table:
+        is_crowded = any(len(row.cells) > width for row in table.rows)
+        # Without quotes, a decimal comma between commas makes two cells of one number.
+        hint = not may_have_commas and is_crowded
+        raise WorkshopError(f"{source}: {_listed(complaints, may_be_decimal_commas=hint)}")
+    if not table.rows:
         raise WorkshopError(f"{source} has a header but no rows of measurements")
-    notes += _resultants(values)
-    # A row without a name gets an edge of its own, under a name that no cell can hold.
-    edge = next((index for index, heading in enumerate(headings) if heading.column == EDGE), None)
+
+    notes = [*table.notes, *_add_resultants(columns)]
+    readings = [heading.describe() for heading in headings if heading.text]
+    unknown = [heading.text for heading in headings if heading.column is None]
     return Measurements(
-        values,
-        np.array([line for line, _ in complete]),
-        tuple(heading.text for heading in headings if heading.column is None and heading.text),
-        None
-        if edge is None
-        else np.unique([row[edge] or f"\n{line}" for line, row in complete], return_inverse=True)[
-            1
-        ],
-        (*(heading.describe() for heading in headings if heading.text), *notes),
+        columns=columns,
+        lines=np.array([row.line for row in complete]),
+        ignored=tuple(text for text in unknown if text),
+        edges=_edges(complete, headings),
+        readings=(*readings, *notes),
     )
 
 
-def _sums_up(row: Sequence[str]) -> bool:
+def _below_header(filled: Sequence[Row]) -> _Table:
+    """Return the table below the row that names most columns; it is empty if there is no row."""
+    if not filled:
+        return _Table(header=[], rows=[], notes=[])
+    first_rows = filled[:MAX_ABOVE]
+    start = max(range(len(first_rows)), key=lambda index: _understood(first_rows[index].cells))
+    header = filled[start].cells
+    notes = []
+    if start:
+        rows_above = f"{start} other row{'s' if start > 1 else ''}"
+        notes.append(f"header in line {filled[start].line}, below {rows_above}")
+    rows = []
+    for row in filled[start + 1 :]:
+        # Empty cells beyond the header are left over from a separator at the end of the line.
+        has_more = any(row.cells[len(header) :])
+        rows.append(row if has_more else Row(row.line, row.cells[: len(header)]))
+    return _Table(header, rows, notes=notes)
+
+
+def _with_units(table: _Table) -> _Table:
+    """Return a table whose header holds the units that the row below it states, if this is one."""
+    if not table.rows:
+        return table
+    line, cells = table.rows[0]
+    if len(cells) != len(table.header):
+        return table
+    # A single unit may be a letter of another meaning, as the name of an edge, "s" or "h".
+    number_of_units = sum(is_unit(cell) for cell in cells)
+    if number_of_units < 2 or any(_is_number(cell) for cell in cells):
+        return table
+    header = []
+    for text, cell in zip(table.header, cells, strict=True):
+        unit = cell.strip(" []()")
+        has_brackets = text.strip()[-1:] in tuple("])}>")
+        header.append(f"{text} [{unit}]" if is_unit(unit) and not has_brackets else text)
+    return _Table(header, table.rows[1:], notes=[*table.notes, f"units in line {line}"])
+
+
+def _without_statistics(table: _Table) -> _Table:
+    """Return a table without rows that sum up others, or hold no number at all."""
+    kept = []
+    lines = []
+    for row in table.rows:
+        if _sums_up(row.cells):
+            lines.append(row.line)
+        else:
+            kept.append(row)
+    if not lines:
+        return table
+    rows = f"{len(lines)} row{'s' if len(lines) > 1 else ''}"
+    note = f"without {rows} of means, sums or text, the first in line {lines[0]}"
+    return _Table(table.header, kept, notes=[*table.notes, note])
+
+
+def _sums_up(cells: Sequence[str]) -> bool:
     """Return whether a row sums up others, or holds no number at all."""
-    return any(
-        cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in row
-    ) or not any(map(_is_number, row))
+    if not any(_is_number(cell) for cell in cells):
+        return True
+    return any(cell.strip(" :").casefold().replace(".", "") in STATISTICS for cell in cells)
 
 
 def _is_number(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(cell.strip().replace(",", ".")))
 
 
-def _resultants(values: dict[str, NDArray[np.float64]]) -> Iterator[str]:
-    """Add the thrust force of feed and back force, and the power of main force, where a sheet has neither; yield notes."""
-    if "thrust_force" not in values and {"feed_force", "back_force"} <= values.keys():
-        values["thrust_force"] = np.hypot(values["feed_force"], values["back_force"])
-        yield "thrust_force [N] as the resultant of feed_force and back_force"
-    elif "thrust_force" not in values:
-        for name, other in (("feed_force", "back_force"), ("back_force", "feed_force")):
-            if name in values:
-                yield f"no thrust_force, as it is the resultant of {name} and {other}, which is not measured"
-    if "power" not in values and "main_force" in values:
-        values["power"] = values["main_force"] * values["cutting_speed"] / 60e3
+def _numbers(
+    rows: Sequence[Row], headings: Sequence[Heading], may_have_commas: bool
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """Return each column's numbers, shape (rows,), and complaints about cells that hold none."""
+    places = {}
+    for place, heading in enumerate(headings):
+        if heading.column in COLUMNS:
+            places[place] = heading.column
+    has_commas = may_have_commas and any(_has_decimal_comma(row.cells, places) for row in rows)
+    columns = {name: np.empty(len(rows)) for name in places.values()}
+    complaints = []
+    for number, row in enumerate(rows):
+        for place, name in places.items():
+            heading = headings[place]
+            try:
+                columns[name][number] = _number(
+                    row.cells[place], COLUMNS[name], factor=heading.factor, has_commas=has_commas
+                )
+            except ValueError as error:
+                complaints.append(f"line {row.line}, column {heading.text}: {error}")
+    return columns, complaints
+
+
+def _has_decimal_comma(cells: Sequence[str], places: Collection[int]) -> bool:
+    return any(_DECIMAL_COMMA.fullmatch(cells[place]) for place in places)
+
+
+def _number(cell: str, column: Column, factor: float, has_commas: bool) -> float:
+    """Return the number in a cell in the column's unit, NaN if it is empty.
+
+    ``factor`` is the size of the sheet's unit in the column's; ``has_commas`` says whether decimals
+    have a comma in this sheet.
+
+    Raises:
+        ValueError: The cell holds no number in the column's range; the message names the fault.
+    """
+    if cell.casefold() in NOTHING:
+        return float("nan")
+    quoted = repr(cell[:MAX_LETTERS])
+    if has_commas and "." in cell:
+        raise ValueError(
+            f"{quoted} has a point, but other cells have decimal commas: "
+            "write decimals in one way, and no thousands"
+        )
+    if has_commas and _DECIMAL_COMMA.fullmatch(cell):
+        cell = cell.replace(",", ".")
+    if _WITH_COMMA.fullmatch(cell):
+        raise ValueError(
+            f"{quoted} has a comma: write decimals with a point, and thousands without a separator"
+        )
+    allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
+    if not _NUMBER.fullmatch(cell):
+        raise ValueError(f"{quoted} is not a number; allowed is {allowed}, or nothing")
+    value = float(cell) * factor
+    if value == 0.0 and column.may_be_zero:
+        return value
+    if not column.low <= value <= column.high:
+        in_unit = "" if factor == 1.0 else f", which is {value:.4g} {column.unit},"
+        raise ValueError(f"{cell[:MAX_LETTERS]}{in_unit} is outside the allowed range {allowed}")
+    return value
+
+
+def _listed(complaints: Sequence[str], may_be_decimal_commas: bool) -> str:
+    """Return the first complaints, the number of the others, and the likely cause."""
+    listed = "; ".join(complaints[:MAX_COMPLAINTS])
+    more = len(complaints) - MAX_COMPLAINTS
+    if more > 0:
+        listed += f"; and {more} more like these"
+    if "is outside the allowed" in listed:
+        listed += "; a header may state another unit, as in 'wear [um]'"
+    if may_be_decimal_commas:
+        listed += "; are decimals written with commas? Then separate cells by semicolons"
+    return listed
+
+
+def _add_resultants(columns: dict[str, NDArray[np.float64]]) -> Iterator[str]:
+    """Add the thrust force and the power that other forces give, if a sheet has none.
+
+    Yield notes for the user.
+    """
+    if "thrust_force" not in columns:
+        if {"feed_force", "back_force"} <= columns.keys():
+            columns["thrust_force"] = np.hypot(columns["feed_force"], columns["back_force"])
+            yield "thrust_force [N] as the resultant of feed_force and back_force"
+        elif "feed_force" in columns:
+            yield _no_thrust_force("feed_force", "back_force")
+        elif "back_force" in columns:
+            yield _no_thrust_force("back_force", "feed_force")
+    if "power" not in columns and "main_force" in columns:
+        # P [kW] = Fc [N] vc [m/min] / 60,000 (ISO 3002-4).
+        columns["power"] = columns["main_force"] * columns["cutting_speed"] / 60e3
         yield "power [kW] as main_force times cutting_speed"
 
 
-def _read_header(
-    header: list[str], source: str, told: Mapping[str, str], table: Sequence[Row]
-) -> list[Heading]:
-    """Return how each column is read; raise an error if one is missing, occurs twice or cannot be told from another."""
-    if not header:
+def _no_thrust_force(measured: str, not_measured: str) -> str:
+    resultant = f"it is the resultant of {measured} and {not_measured}, which is not measured"
+    return f"no thrust_force, as {resultant}"
+
+
+def _edges(rows: Sequence[Row], headings: Sequence[Heading]) -> NDArray[np.int64] | None:
+    """Return the number of each row's edge, shape (rows,); None if there is no column of edges."""
+    columns = [heading.column for heading in headings]
+    if EDGE not in columns:
+        return None
+    place = columns.index(EDGE)
+    # A row without a name gets an edge of its own, under a name that no cell can hold.
+    names = [row.cells[place] or f"\n{row.line}" for row in rows]
+    return np.unique(names, return_inverse=True)[1]
+
+
+def _read_header(table: _Table, source: str, stated_headers: Mapping[str, str]) -> list[Heading]:
+    """Return how each column is read.
+
+    Raises:
+        WorkshopError: A column is missing, occurs twice or cannot be told from another.
+    """
+    if not table.header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
-    said = _told_columns(header, told, source)
+    stated_columns = _stated_columns(table.header, stated_headers, source)
     try:
-        headings = [read_heading(cell, said.get(index)) for index, cell in enumerate(header)]
-        for index, heading in enumerate(headings):
-            if heading.unlike:
-                others = {
-                    each.column for each in headings if each is not heading and not each.unlike
-                }
-                headings[index] = _by_size(
-                    heading, others, [row[index] for _, row in table if len(row) > index]
-                )
+        headings = []
+        for place, text in enumerate(table.header):
+            headings.append(read_heading(text, stated_columns.get(place)))
+        headings = _told_by_size(headings, table.rows)
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
-    for index, heading in enumerate(headings):
-        if heading.column in told and index not in said:  # the user says that it is another column
-            headings[index] = Heading(heading.text, None)
-    names = [heading.column for heading in headings]
-    if missing := [name for name in REQUIRED if name not in names]:
-        present = ", ".join(repr(heading.text[:40]) for heading in headings[:20]) + (
-            ", ..." if len(names) > 20 else ""
-        )
-        understood = [
-            " or ".join([name, *NAMES[name][1:2]]) + f" [{column.unit}]"
-            for name, column in COLUMNS.items()
-        ] + [EDGE]
-        raise WorkshopError(
-            f"{source}: no column {', '.join(missing)}; it has {present}, and the columns understood are {', '.join(understood)}"
-        )
-    for name in (*COLUMNS, EDGE):
-        if names.count(name) > 1:
-            twice = [heading.text for heading in headings if heading.column == name]
-            listed = " and ".join(map(repr, twice))
-            example = f"say which, as --columns {name}={twice[0]}"
-            raise WorkshopError(
-                f"{source}: there is more than one column {name}: {listed}; {example}"
-            )
-    _ask_for_axes(headings, source, told, table)
+    for place, heading in enumerate(headings):
+        # The user says that this column is another one.
+        if heading.column in stated_headers and place not in stated_columns:
+            headings[place] = Heading(heading.text, None)
+    _refuse_missing(headings, source)
+    _refuse_twice(headings, source)
+    if not any(name in stated_headers for name in FORCES):
+        _ask_for_axes(headings, table.rows, source)
     return headings
 
 
-def _told_columns(header: list[str], told: Mapping[str, str], source: str) -> dict[int, str]:
-    """Return the columns that the user told, by their place in the header."""
-    said: dict[int, str] = {}
-    for column, name in told.items():
-        places = [index for index, text in enumerate(header) if name.strip() == text.strip()]
-        places = places or [index for index, text in enumerate(header) if is_header(name, text)]
+def _stated_columns(
+    header: Sequence[str], stated_headers: Mapping[str, str], source: str
+) -> dict[int, str]:
+    """Return the columns that the user states, by their place in the header."""
+    stated_columns: dict[int, str] = {}
+    for column, name in stated_headers.items():
+        places = [place for place, text in enumerate(header) if name.strip() == text.strip()]
+        if not places:
+            places = [place for place, text in enumerate(header) if is_header(name, text)]
         if len(places) != 1:
-            present = ", ".join(repr(text.strip()[:40]) for text in header[:20])
+            present = ", ".join(repr(text.strip()[:MAX_LETTERS]) for text in header[:MAX_SHOWN])
             count = "no column" if not places else "more than one column"
             raise WorkshopError(
-                f"{source}: --columns {column}={name}: {count} is headed {name!r}; there are {present}"
+                f"{source}: --columns {column}={name}: {count} is headed {name!r}; "
+                f"there are {present}"
             )
-        if places[0] in said:
+        place = places[0]
+        if place in stated_columns:
             raise WorkshopError(
-                f"{source}: --columns: {name!r} cannot be both {said[places[0]]} and {column}"
+                f"{source}: --columns: {name!r} cannot be both {stated_columns[place]} and {column}"
             )
-        said[places[0]] = column
-    return said
+        stated_columns[place] = column
+    return stated_columns
 
 
-def _by_size(heading: Heading, others: Collection[str | None], cells: Sequence[str]) -> Heading:
+def _told_by_size(headings: Sequence[Heading], rows: Sequence[Row]) -> list[Heading]:
+    """Return headings in which the numbers below have decided between two meanings."""
+    decided = []
+    for place, heading in enumerate(headings):
+        if not heading.other_meaning:
+            decided.append(heading)
+            continue
+        certain = {other.column for other in headings if not other.other_meaning}
+        decided.append(_by_size(heading, certain, _magnitudes(rows, place)))
+    return decided
+
+
+def _by_size(
+    heading: Heading, certain: Collection[str | None], magnitudes: Sequence[float]
+) -> Heading:
     """Return how a header is read that states no unit and has two meanings, such as F, T and P.
 
-    If another header names the column, this one has its other meaning and is not read. Otherwise, the size of the numbers tells.
+    If another header is certain to be the column, this one has its other meaning and is not read.
+    Otherwise, the size of the numbers tells.
 
     Raises:
         WorkshopError: It does not.
     """
     column = str(heading.column)
-    if column in others:
-        return Heading(heading.text, None, unlike=heading.unlike)
-    numbers = _sizes_of(cells)
-    if not numbers or max(numbers) <= SIZES[column]:
+    not_read = Heading(heading.text, None, other_meaning=heading.other_meaning)
+    if column in certain:
+        return not_read
+    if not magnitudes or max(magnitudes) <= MAX_NUMBERS[column]:
         return heading
-    if column == "feed" and min(numbers) > SIZES[column]:
-        return Heading(heading.text, None, unlike=heading.unlike)
+    # No feed is that large in any row, whereas a power or a time may be.
+    if column == "feed" and min(magnitudes) > MAX_NUMBERS[column]:
+        return not_read
     unit = COLUMNS[column].unit
     raise WorkshopError(
-        f"column {heading.text!r} has numbers up to {max(numbers):g}: is it {column} or {heading.unlike}? Write a unit into the "
+        f"column {heading.text!r} has numbers up to {max(magnitudes):g}: "
+        f"is it {column} or {heading.other_meaning}? Write a unit into the "
         f"header, as in '{heading.text} [{unit}]', or say --columns {column}={heading.text}"
     )
 
 
-def _sizes_of(cells: Sequence[str]) -> list[float]:
-    """Return the absolute values of the numbers in cells."""
-    return [abs(float(cell.strip().replace(",", "."))) for cell in cells if _is_number(cell)]
+def _magnitudes(rows: Sequence[Row], place: int) -> list[float]:
+    """Return the absolute values of the numbers in a column."""
+    magnitudes = []
+    for row in rows:
+        if place < len(row.cells) and _is_number(row.cells[place]):
+            cell = row.cells[place].strip().replace(",", ".")
+            magnitudes.append(abs(float(cell)))
+    return magnitudes
 
 
-def _ask_for_axes(
-    headings: Sequence[Heading], source: str, told: Mapping[str, str], table: Sequence[Row]
-) -> None:
-    """Raise an error if forces are missing that columns along unknown axes may hold, and the user has not told any."""
-    axes = [(index, heading.text) for index, heading in enumerate(headings) if heading.is_force]
+def _refuse_missing(headings: Sequence[Heading], source: str) -> None:
+    """Raise an error if a column is missing that every sheet must have."""
+    names = [heading.column for heading in headings]
+    absent = [name for name in REQUIRED if name not in names]
+    if not absent:
+        return
+    texts = [repr(heading.text[:MAX_LETTERS]) for heading in headings[:MAX_SHOWN]]
+    if len(headings) > MAX_SHOWN:
+        texts.append("...")
+    understood = []
+    for name, column in COLUMNS.items():
+        symbol = NAMES[name][1:2]
+        understood.append(f"{' or '.join((name, *symbol))} [{column.unit}]")
+    understood.append(EDGE)
+    raise WorkshopError(
+        f"{source}: no column {', '.join(absent)}; it has {', '.join(texts)}, "
+        f"and the columns understood are {', '.join(understood)}"
+    )
+
+
+def _refuse_twice(headings: Sequence[Heading], source: str) -> None:
+    """Raise an error if two headers name one column."""
+    for name in (*COLUMNS, EDGE):
+        texts = [heading.text for heading in headings if heading.column == name]
+        if len(texts) > 1:
+            listed = " and ".join(repr(text) for text in texts)
+            example = f"say which, as --columns {name}={texts[0]}"
+            raise WorkshopError(
+                f"{source}: there is more than one column {name}: {listed}; {example}"
+            )
+
+
+def _ask_for_axes(headings: Sequence[Heading], rows: Sequence[Row], source: str) -> None:
+    """Raise an error if forces are missing that columns along unknown axes may hold."""
     present = {heading.column for heading in headings}
     has_thrust = "thrust_force" in present or {"feed_force", "back_force"} <= present
-    has_power = bool({"power", "main_force"} & present)
-    if (
-        not axes
-        or (has_thrust and has_power)
-        or set(told) & {"main_force", "feed_force", "back_force", "thrust_force"}
-    ):
+    has_power = "power" in present or "main_force" in present
+    if has_thrust and has_power:
         return
-    sizes = {}
-    for index, text in axes:
-        numbers = _sizes_of([row[index] for _, row in table if len(row) > index])
-        sizes[text] = float(np.median(numbers)) if numbers else 0.0
-    largest = max(sizes, key=lambda text: sizes[text])
-    names = ", ".join(repr(text) for _, text in axes)
-    symbols = dict(
-        zip(sorted(sizes, key=lambda text: -sizes[text]), ("Fc", "Ff", "Fp"), strict=False)
-    )
-    example = " ".join(
-        f"{symbol}={text!r}" if " " in text else f"{symbol}={text}"
-        for text, symbol in symbols.items()
-    )
+    typical = {}  # median of the numbers below each header of a force
+    texts = []
+    for place, heading in enumerate(headings):
+        if heading.is_force:
+            magnitudes = _magnitudes(rows, place)
+            typical[heading.text] = float(np.median(magnitudes)) if magnitudes else 0.0
+            texts.append(heading.text)
+    if not texts:
+        return
+    by_size = sorted(typical, key=lambda text: -typical[text])
+    stated = []
+    for symbol, text in zip(("Fc", "Ff", "Fp"), by_size, strict=False):
+        stated.append(f"{symbol}={text!r}" if " " in text else f"{symbol}={text}")
+    names = ", ".join(repr(text) for text in texts)
     raise WorkshopError(
-        f"{source}: {names}: which is the main (cutting) force Fc, the feed force Ff and the back force Fp depends on how the "
-        f"dynamometer was mounted: say it, for example --columns {example}; the largest here, {largest!r}, usually is Fc"
+        f"{source}: {names}: which is the main (cutting) force Fc, the feed force Ff and the back "
+        f"force Fp depends on how the dynamometer was mounted: say it, for example "
+        f"--columns {' '.join(stated)}; the largest here, {by_size[0]!r}, usually is Fc"
     )
-
-
-def _number(cell: str, column: Column, factor: float, commas: bool) -> float:
-    """Return the number in a cell in the column's unit, NaN if it is empty; the ValueError names the fault.
-
-    ``factor`` is the size of the sheet's unit in the column's; ``commas`` says whether decimals have a comma in this sheet.
-    """
-    if cell.casefold() in NOTHING:
-        return float("nan")
-    shown = repr(cell[:40])
-    if commas and "." in cell:
-        raise ValueError(
-            f"{shown} has a point, but other cells have decimal commas: write decimals in one way, and no thousands"
-        )
-    if commas and _DECIMAL_COMMA.fullmatch(cell):
-        cell = cell.replace(",", ".")
-    if _WITH_COMMA.fullmatch(cell):
-        raise ValueError(
-            f"{shown} has a comma: write decimals with a point, and thousands without a separator"
-        )
-    allowed = f"{column.low:g} to {column.high:g} {column.unit} ({column.meaning})"
-    if not _NUMBER.fullmatch(cell):
-        raise ValueError(f"{shown} is not a number; allowed is {allowed}, or nothing")
-    value = float(cell) * factor
-    if value == 0.0 and column.may_be_zero:
-        return value
-    if not column.low <= value <= column.high:
-        scaled = "" if factor == 1.0 else f", which is {value:.4g} {column.unit},"
-        raise ValueError(f"{cell[:40]}{scaled} is outside the allowed range {allowed}")
-    return value
