@@ -14,7 +14,8 @@ from turning_shop import Values, WorkshopError, aligned
 from turning_shop.allowed import NO_STRENGTH, Allowed, allowed_loads, feed_range, needed_nose_radius
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
-from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, records, what_if
+from turning_shop.tables import records
+from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.scenario import Scenario
 

@@ -1,10 +1,12 @@
 """Compute which feeds and loads advice allows: one rule for all commands.
 
-Feeds lie in the machine's range, below half the nose radius, and in the chip breaker's window if chips can tangle.
+Feeds lie in the machine's range, below half the nose radius, and in the chip breaker's window if
+chips can tangle.
 
-Loads are those of a bar of nominal depth and hardness. If the scenario says that bars vary, a load stays so far below its limit
-that such bars exceed it in no more than the allowed share of the time. If the scenario states the strength of edges, the thrust
-force stays so far below it that edges hardly ever break.
+Loads are those of a bar of nominal depth and hardness. If the scenario says that bars vary, a load
+stays so far below its limit that such bars exceed it in no more than the allowed share of the time.
+If the scenario states the strength of edges, the thrust force stays so far below it that edges
+hardly ever break.
 """
 
 import math
@@ -22,16 +24,18 @@ from turning_env.scenario import Scenario
 FEED_PER_NOSE = 0.5
 """Highest feed over the nose radius [-] (assumption: a rule of thumb for roughing)."""
 NO_STRENGTH = 1e6
-"""Edge strength [N] that counts as none stated: the largest that a scenario may have. Such edges do not break."""
-STRENGTH_DEVIATIONS = 2.5
-"""Standard deviations of edge strength and thrust force together by which the force stays below the strength [-].
+"""Edge strength [N] that counts as none stated: the largest that a scenario may have.
 
-An edge meets the hardest and thickest of many places. Of 256 simulated edges, at most 5 broke in each of seven scenarios; at 2.0,
-up to 9 did.
+Such edges do not break.
 """
-LASTING_DEVIATIONS = (
-    1.96  # standard deviations of edges by which the change comes early: 97.5 % last [-]
-)
+STRENGTH_DEVIATIONS = 2.5
+"""Standard deviations of edge strength and thrust force together between the two [-].
+
+An edge meets the hardest and thickest of many places. Of 256 simulated edges, at most 5 broke in
+each of seven scenarios; at 2.0, up to 9 did.
+"""
+LASTING_DEVIATIONS = 1.96
+"""Standard deviations of edges by which the change comes early [-]: 97.5 % last."""
 MIN_ALLOWANCE = 1e-4  # smallest share of time in overload that a margin is computed for [-]
 MOMENTS = 200  # moments of an edge's life at which the share of time in overload is computed
 
@@ -48,8 +52,9 @@ def feed_range(scenario: Scenario) -> tuple[float, float]:
         high = min(high, FEED_PER_NOSE * radius)
     if low >= high:
         raise WorkshopError(
-            f"no feed is left: feeds begin at {low:g} mm/rev and end at {high:g} mm/rev, by the machine's range, the window of "
-            f"chips if swarf.tangle_rate is above 0, and half of tool.nose_radius, which is {radius:g} mm (0: unknown)"
+            f"no feed is left: feeds begin at {low:g} mm/rev and end at {high:g} mm/rev, "
+            "by the machine's range, the window of chips if swarf.tangle_rate is above 0, "
+            f"and half of tool.nose_radius, which is {radius:g} mm (0: unknown)"
         )
     return float(low), float(high)
 
@@ -60,13 +65,14 @@ def needed_nose_radius(feed: float) -> float:
 
 
 class Allowed(NamedTuple):
-    """Largest loads at the change of the edge, in a bar of nominal depth and hardness; infinite without a limit."""
+    """Largest loads at the change of the edge, in a bar of nominal depth and hardness.
+
+    They are infinite without a limit.
+    """
 
     thrust_force: float  # [N]
     power: float  # [kW], at and above the spindle's base speed
-    overload_factors: dict[
-        str, float
-    ]  # of each limit that is on: the allowed load over the limit [-]
+    overload_factors: dict[str, float]  # of limits that are on: the allowed load over the limit [-]
     by_strength: bool  # whether the thrust force is bound by the strength of edges
 
     def keeps(self, scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
@@ -78,17 +84,18 @@ class Allowed(NamedTuple):
 
 def allowed_loads(scenario: Scenario) -> Allowed:
     """Return the largest loads that advice allows."""
-    limits, tool = scenario.limits, scenario.tool
-    stated = {
-        name: getattr(limits, name)
-        for name, none in NO_LIMIT.items()
-        if getattr(limits, name) < none
-    }
-    factors = {name: _overload_factor(scenario, name, len(stated)) for name in stated}
-    loads = {name: factors[name] * limit for name, limit in stated.items()}
+    tool = scenario.tool
+    limits = {}
+    for name, no_limit in NO_LIMIT.items():
+        limit = getattr(scenario.limits, name)
+        if limit < no_limit:
+            limits[name] = limit
+    factors = {name: _overload_factor(scenario, name, len(limits)) for name in limits}
+    loads = {name: factors[name] * limit for name, limit in limits.items()}
     force = loads.get("thrust_force", math.inf)
     by_strength = False
     if tool.edge_strength < NO_STRENGTH:
+        # Strength and force are log-normal and independent, so that their variances add.
         spread = math.hypot(tool.edge_strength_spread, load_spread(scenario, "thrust_force"))
         bearable = tool.edge_strength * math.exp(-STRENGTH_DEVIATIONS * spread)
         by_strength = bearable < force
@@ -102,55 +109,70 @@ def allowed_loads(scenario: Scenario) -> Allowed:
 
 
 def limited_by_strength(scenario: Scenario) -> tuple[Scenario, str]:
-    """Return a scenario whose limit of thrust force is that of its edges' strength if this is lower, and a note that says so.
+    """Return a scenario that limits the thrust force by its edges' strength, and a note on it.
 
-    A preset comes back as it is, as it does if no file states the strength of edges: the note is then empty.
+    The scenario is unchanged and the note is empty if it is a preset, if no file states the
+    strength of edges, or if the limit of the thrust force is lower.
     """
     allowed = allowed_loads(scenario)
     if scenario.file is None or not allowed.by_strength:
         return scenario, ""
     limits = scenario.limits.model_copy(update={"thrust_force": allowed.thrust_force})
     strength = f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength"
-    note = f"the thrust force is limited to {allowed.thrust_force:.0f} N: {strength}, and bars and edges vary"
+    note = (
+        f"the thrust force is limited to {allowed.thrust_force:.0f} N: "
+        f"{strength}, and bars and edges vary"
+    )
     return scenario.model_copy(update={"limits": limits}), note
 
 
 def load_spread(scenario: Scenario, name: str) -> float:
-    """Return the log standard deviation of a load from place to place of the bars, which vary in depth and hardness [-]."""
-    work, law = scenario.workpiece, getattr(scenario.material, name)
+    """Return the log standard deviation of a load from place to place of the bars [-].
+
+    Bars vary in depth and hardness, which the load follows with its exponents.
+    """
+    work = scenario.workpiece
+    law = getattr(scenario.material, name)
     depth = math.hypot(work.depth_bar_spread, work.depth_along_spread) / work.depth_of_cut
     hardness = math.hypot(work.hardness_bar_spread, work.hardness_along_spread)
     return math.hypot(law.depth_of_cut * depth, law.hardness * hardness)
 
 
-def _overload_factor(scenario: Scenario, name: str, limits: int) -> float:
-    """Return the load of a nominal bar at the change of the edge over its limit, so that the limit is kept often enough [-].
+def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
+    """Return the largest load of a nominal bar at the edge change over its limit [-].
 
-    During an edge's life, load = load at the change * (time / life)^(exponent of wear in the load * exponent of time in wear).
-    Bars that vary multiply it by a log-normal number. The share of time above limit * (1 + tolerance) is the mean of the normal
-    distribution over the life; ``limits`` limits share the allowance. Most edges are changed before they reach the wear at the
-    change, which 97.5 % of edges do not exceed.
+    During an edge's life, with g the exponent of time in wear and e that of wear in the load,
+
+        load = load at the change * (time / life)^(e g)
+
+    Bars that vary multiply it by a log-normal number. The share of time above
+    limit * (1 + tolerance) is the mean of the normal distribution over the life. The limits share
+    the allowance equally. Most edges are changed before they reach the wear at the change, which
+    97.5 % of edges do not exceed.
     """
-    bars, shares, law = (
-        load_spread(scenario, name),
-        scenario.limits,
-        getattr(scenario.material, name),
-    )
-    allowance = max(shares.overload_allowance / limits, MIN_ALLOWANCE)
-    if bars == 0.0 or allowance >= 0.5:
+    limits = scenario.limits
+    law = getattr(scenario.material, name)
+    bar_spread = load_spread(scenario, name)
+    allowance = max(limits.overload_allowance / num_limits, MIN_ALLOWANCE)
+    if bar_spread == 0.0 or allowance >= 0.5:
         return 1.0
-    edges = law.wear * scenario.tool.wear_factor_spread
-    spread = math.hypot(bars, edges)
+    edge_spread = law.wear * scenario.tool.wear_factor_spread
+    spread = math.hypot(bar_spread, edge_spread)
     used_life = (np.arange(MOMENTS) + 0.5) / MOMENTS
-    at_change = (
-        -LASTING_DEVIATIONS * edges
-    )  # the usual edge is changed before it reaches the wear at the change
+    # The usual edge is changed before it reaches the wear at the change.
+    at_change = -LASTING_DEVIATIONS * edge_spread
     log_load = at_change + law.wear * scenario.material.wear.time * np.log(used_life)
 
-    def too_long(log_excess: float) -> float:
-        in_overload = special.ndtr((log_excess + log_load) / spread)
+    def excess_time(log_factor: float) -> float:
+        """Return the share of time in overload above the allowance [-]."""
+        in_overload = special.ndtr((log_factor + log_load) / spread)
         return float(in_overload.mean()) - allowance
 
-    highest = 5.0 * spread + float(np.abs(log_load).max())
-    log_excess = optimize.brentq(too_long, -5.0 * spread - float(np.abs(log_load).max()), highest)
-    return min(1.0, (1.0 + shares.overload_tolerance) * math.exp(log_excess))
+    # Five standard deviations beyond the lowest and the highest load, the share is 0 or 1.
+    largest = float(np.abs(log_load).max())
+    log_factor = optimize.brentq(
+        excess_time,
+        -5.0 * spread - largest,
+        5.0 * spread + largest,
+    )
+    return min(1.0, (1.0 + limits.overload_tolerance) * math.exp(log_factor))

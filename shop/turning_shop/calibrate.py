@@ -1,11 +1,12 @@
-"""Calibrate a material: fit its laws to measured cuts, report the uncertainty, and write a scenario with them.
+"""Calibrate a material: fit its laws to measured cuts, report the uncertainty, write a scenario.
 
-The command is ``python -m turning_env calibrate``; docs/your_own_machine.md is the tutorial.
+The command is ``python -m turning_env calibrate``; shop/docs/your_own_machine.md is the tutorial.
+``fit.py`` fits one law, and ``plausibility.py`` judges rows and laws.
 """
 
 import difflib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,9 @@ from turning_shop.fit import (
     fresh_rows,
     rows_correlate,
     tells_no_edges,
+    validated_law,
 )
-from turning_shop.form import misfit
+from turning_shop.form import Misfit, misfit
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
 from turning_shop.plausibility import (
@@ -44,13 +46,20 @@ from turning_env.files import replace_file
 from turning_env.scenario import Scenario, presets
 from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
+from turning_env.scoring.statistics import Estimate
 
 VAGUE = 1.0
-"""Half-width of the interval of the wear law's exponent of speed above which that of catalogues is taken if it lies within."""
-WIDE = 0.5  # half-width of an exponent's interval above which a warning calls the exponent hardly known [-]
+"""Half-width of the interval of the wear law's exponent of speed above which catalogues count [-].
+
+The exponent of catalogues is then taken if it lies within the interval.
+"""
+WIDE = 0.5
+"""Half-width of an exponent's interval above which a warning calls it hardly known [-]."""
+MAX_SPREAD = 1.0  # largest log standard deviation of edges that a scenario may have [-]
+MIN_LIKENESS = 0.75  # of a column's name and an unknown header, from which a warning asks [-]
 
 
-class Implausible(WorkshopError):
+class ImplausibleError(WorkshopError):
     """Implausible measurements or laws; the message names the rows and the likely cause."""
 
     def __init__(self, problems: Sequence[str]):
@@ -71,16 +80,21 @@ class Calibration:
 
     @property
     def wear_factor_spread(self) -> float | None:
-        """Log standard deviation of wear from edge to edge [-]; None if it is unknown or outside the scenario's range."""
+        """Log standard deviation of wear from edge to edge [-].
+
+        None if it is unknown or outside the scenario's range.
+        """
         edges = self.fits["wear"].edges if "wear" in self.fits else None
-        return round(edges.spread, 4) if edges and edges.spread <= 1.0 else None
+        if edges is None or edges.spread > MAX_SPREAD:
+            return None
+        return round(edges.spread, 4)
 
 
 def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -> Calibration:
-    """Fit every law that has rows; take the other laws, and exponents that cannot be estimated, from the base.
+    """Fit every law that has rows; take from the base what rows do not tell.
 
     Raises:
-        Implausible: A row, or a fitted law, cannot be true, and ``force`` is not set.
+        ImplausibleError: A row, or a fitted law, cannot be true, and ``force`` is not set.
         WorkshopError: No law has rows, one has too few, or the fitted laws are out of range.
     """
     measurements, copied = without_copies(measurements)
@@ -89,61 +103,91 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
     fits: dict[str, Fit] = {}
     kept: dict[str, str] = {}
     for response in FACTORS:
-        if complete_rows(response, measurements).any():
-            try:
-                fits[response], misfits = _fit_where_it_holds(response, measurements, base)
-                notes += misfits
-            except WorkshopError as error:
-                if problems and not force:  # the likely reason
-                    raise Implausible(problems) from error
-                if len(copied):
-                    raise WorkshopError(f"{error}; {notes[0]}") from error
-                raise
-        else:
+        if not complete_rows(response, measurements).any():
             kept[response] = _why_kept(response, measurements)
+            continue
+        try:
+            fits[response], warning = _fit_where_it_holds(response, measurements, base)
+        except WorkshopError as error:
+            # Wrong rows, or copies, are the likely reason.
+            if problems and not force:
+                raise ImplausibleError(problems) from error
+            if len(copied):
+                raise WorkshopError(f"{error}; {notes[0]}") from error
+            raise
+        if warning:
+            notes.append(warning)
     if not fits:
-        raise WorkshopError(
-            "no law can be fitted: " + "; ".join(f"{name}: {why}" for name, why in kept.items())
-        )
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in kept.items())
+        raise WorkshopError(f"no law can be fitted: {reasons}")
+
     robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
     problems += outliers(fits, robust)
-    if not problems or force:  # wrong rows make laws wrong, too
+    # Wrong rows make laws wrong, too, so that only the rows are named.
+    if not problems or force:
         problems += law_problems(fits, base.tool.wear_criterion)
     if problems and not force:
-        raise Implausible(problems)
+        raise ImplausibleError(problems)
+    warnings = [*notes, *unusual_edges(fits, robust), *_warnings(fits, measurements, base)]
+    return Calibration(
+        fits=fits,
+        kept=kept,
+        material=_material(fits, base),
+        problems=tuple(problems),
+        warnings=tuple(warnings),
+        readings=measurements.readings,
+    )
+
+
+def _material(fits: Mapping[str, Fit], base: Scenario) -> Material:
+    """Return the base's material with the fitted laws."""
     laws = {response: fitted.law.model_dump() for response, fitted in fits.items()}
     try:
-        material = Material.model_validate(base.material.model_dump() | laws)
+        return Material.model_validate(base.material.model_dump() | laws)
     except ValidationError as error:
-        detail = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise WorkshopError(f"the fitted laws are no material: {detail}") from error
-    warnings = (*notes, *unusual_edges(fits, robust), *_warnings(fits, measurements, base))
-    return Calibration(fits, kept, material, tuple(problems), warnings, measurements.readings)
+        raise WorkshopError(f"the fitted laws are no material: {_fault(error)}") from error
+
+
+def _fault(error: ValidationError) -> str:
+    """Return the first fault of values that are not valid."""
+    return error.errors()[0]["msg"].removeprefix("Value error, ")
 
 
 def _notes_on_rows(measurements: Measurements, copied: NDArray[np.int64]) -> Iterator[str]:
     """Yield warnings on rows that count as others or tell nothing."""
     if len(copied):
-        rows = f"{len(copied)} row{'s repeat others' if len(copied) > 1 else ' repeats another'}"
-        yield f"{rows} to within {100 * ROUNDING:g} %, in {name_lines(copied)}: copies count as one reading"
-    wear, time = measurements.columns.get("wear"), measurements.columns.get("time")
-    if wear is not None and time is not None and (unread := (wear == 0.0) & (time > 0.0)).any():
-        lines = name_lines(measurements.lines[unread])
-        yield f"wear: 0 after some cutting time, in {lines}: too little to read, so not used for the law of wear"
+        rows = "1 row repeats another" if len(copied) == 1 else f"{len(copied)} rows repeat others"
+        agreement = f"to within {100 * ROUNDING:g} %, in {name_lines(copied)}"
+        yield f"{rows} {agreement}: copies count as one reading"
+    if {"wear", "time"} <= measurements.columns.keys():
+        no_wear = measurements.columns["wear"] == 0.0
+        unread = no_wear & (measurements.columns["time"] > 0.0)
+        if unread.any():
+            lines = name_lines(measurements.lines[unread])
+            yield (
+                f"wear: 0 after some cutting time, in {lines}: "
+                "too little to read, so not used for the law of wear"
+            )
 
 
 def _contradictions(measurements: Measurements) -> Iterator[str]:
     """Yield a problem on rows whose edge is worn before it has cut."""
-    wear, time = measurements.columns.get("wear"), measurements.columns.get("time")
-    if wear is not None and time is not None and (early := (wear > 0.0) & (time == 0.0)).any():
-        lines = name_lines(measurements.lines[early])
-        yield f"wear is above 0 at a cutting time of 0, in {lines}: give the wear since the edge was fresh, or leave time empty"
+    if {"wear", "time"} <= measurements.columns.keys():
+        has_not_cut = measurements.columns["time"] == 0.0
+        early = has_not_cut & (measurements.columns["wear"] > 0.0)
+        if early.any():
+            lines = name_lines(measurements.lines[early])
+            yield (
+                f"wear is above 0 at a cutting time of 0, in {lines}: "
+                "give the wear since the edge was fresh, or leave time empty"
+            )
 
 
 def _why_kept(response: str, measurements: Measurements) -> str:
     """Return why a law has no rows."""
     needed = [name for name in (response, *FACTORS[response]) if name != "hardness"]
-    if absent := [name for name in needed if name not in measurements.columns]:
+    absent = [name for name in needed if name not in measurements.columns]
+    if absent:
         return f"there is no column {', '.join(absent)}"
     if response == "wear" and (measurements.columns["wear"] == 0.0).any():
         return "all rows are of fresh edges, wear 0"
@@ -152,107 +196,144 @@ def _why_kept(response: str, measurements: Measurements) -> str:
 
 def _fit_where_it_holds(
     response: str, measurements: Measurements, base: Scenario
-) -> tuple[Fit, list[str]]:
-    """Return a law fitted to the rows for which its form holds, and a warning if those are not all."""
+) -> tuple[Fit, str]:
+    """Return a law fitted to the rows for which its form holds, and a warning if not to all."""
     fitted = _fit(response, measurements, base)
     wrong = misfit(fitted)
     if wrong is None:
-        return fitted, []
+        return fitted, ""
+    unit = COLUMNS[wrong.factor].unit
+    reason = _why_form_is_wrong(response, wrong)
     used = measurements.columns[response].copy()
     used[np.isin(measurements.lines, fitted.lines[wrong.beyond])] = np.nan
-    column = COLUMNS[wrong.factor]
+    reduced = replace(measurements, columns=measurements.columns | {response: used})
+    try:
+        refitted = _fit(response, reduced, base)
+    except WorkshopError as error:
+        above = f"too few rows are left above {wrong.holds_from:.3g} {unit}, where it fits"
+        raise WorkshopError(f"{reason}; {above}: {error}") from error
+    lines = name_lines(fitted.lines[wrong.beyond])
+    warning = (
+        f"{reason}. It was fitted to {wrong.factor} from {wrong.holds_from:.3g} {unit} up, "
+        f"and holds only there: rows below were left out, in {lines}"
+    )
+    return refitted, warning
+
+
+def _why_form_is_wrong(response: str, wrong: Misfit) -> str:
+    """Return the straight line that fits better than a power, for people."""
     line = f"c (1 + {wrong.slope:.3g} {wrong.factor})"
-    reason = (
+    return (
         f"{response}: the law's form, c {wrong.factor}^x, does not fit near {wrong.factor} 0; "
         f"{line} fits all rows with a scatter of {100 * wrong.scatter:.2g} %"
     )
-    try:
-        refitted = _fit(
-            response, replace(measurements, columns=measurements.columns | {response: used}), base
-        )
-    except WorkshopError as error:
-        above = f"too few rows are left above {wrong.holds_from:.3g} {column.unit}, where it fits"
-        raise WorkshopError(f"{reason}; {above}: {error}") from error
-    return refitted, [
-        f"{reason}. It was fitted to {wrong.factor} from {wrong.holds_from:.3g} {column.unit} up, and holds only there: "
-        f"rows below were left out, in {name_lines(fitted.lines[wrong.beyond])}"
-    ]
 
 
 def _fit(response: str, measurements: Measurements, base: Scenario) -> Fit:
-    """Fit a law, with Taylor's n of catalogues if the sheet cannot tell it and the base has the paper's."""
+    """Fit a law, with Taylor's n of catalogues if the sheet cannot tell it.
+
+    This replaces only the paper's n, which is that of presets.
+    """
     edge_spread = base.tool.wear_factor_spread if response == "wear" else 0.0
-    fitted = fit(response, measurements, getattr(base.material, response), edge_spread=edge_spread)
+    law = getattr(base.material, response)
+    fitted = fit(response, measurements, law, edge_spread=edge_spread)
     if response == "wear" and is_papers(base.material.wear):
         return _with_taylor(fitted, measurements, base)
     return fitted
 
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
-    """Return a law of wear whose exponent of speed or time, if the sheet cannot tell it, agrees with Taylor's n of catalogues."""
-    assumed, speed, wanted = (
-        dict(fitted.assumed),
-        fitted.estimates.get("cutting_speed"),
-        fitted.law.time / TAYLOR,
-    )
-    if speed and speed.high - speed.low > 2.0 * VAGUE and speed.low < wanted < speed.high:
-        assumed["cutting_speed"] = (
-            f"the sheet tells only that it is {speed.low:.2g} to {speed.high:.2g}"
-        )
+    """Return a law of wear that has Taylor's n of catalogues if the sheet cannot tell it.
+
+    In W = c V^a t^g, n is g / a: the exponent that the sheet does not tell follows from the other.
+    """
+    assumed = dict(fitted.assumed)
+    catalogue_exponent = fitted.law.time / TAYLOR
+    speed = fitted.estimates.get("cutting_speed")
+    if speed and _is_vague(speed) and speed.low < catalogue_exponent < speed.high:
+        interval = f"{speed.low:.2g} to {speed.high:.2g}"
+        assumed["cutting_speed"] = f"the sheet tells only that it is {interval}"
     if "cutting_speed" in assumed:
-        known = {"cutting_speed": wanted}
+        name = "cutting_speed"
+        exponent = catalogue_exponent
     elif "time" in assumed and fitted.law.cutting_speed > 0:
-        known = {"time": fitted.law.cutting_speed * TAYLOR}
+        name = "time"
+        exponent = fitted.law.cutting_speed * TAYLOR
     else:
         return fitted
-    reasons = {name: f"{assumed[name]}; {CATALOGUE}" for name in known}
-    law = base.material.wear.model_copy(update=known)
+    law = validated_law("wear", base.material.wear, {name: exponent})
+    reasons = {name: f"{assumed[name]}; {CATALOGUE}"}
     return fit("wear", measurements, law, reasons, edge_spread=base.tool.wear_factor_spread)
 
 
-def _warnings(fits: dict[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
+def _is_vague(estimate: Estimate) -> bool:
+    return estimate.high - estimate.low > 2.0 * VAGUE
+
+
+def _warnings(fits: Mapping[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
+    """Yield warnings on columns and rows that were not used, and on fitted laws."""
     for name in measurements.ignored:
-        likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=0.75)
-        yield f"column {name!r} is not understood and was ignored" + "".join(
-            f"; is it {column}?" for column in likely
-        )
-    counted = [
-        complete_rows(response, measurements) | fresh_rows(response, measurements)
-        for response in FACTORS
-    ]
-    if {"wear", "time"} <= measurements.columns.keys():
-        counted.append(
-            (measurements.columns["wear"] == 0.0) & (measurements.columns["time"] == 0.0)
-        )
-    unused = ~np.logical_or.reduce(counted)
+        likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=MIN_LIKENESS)
+        question = f"; is it {likely[0]}?" if likely else ""
+        yield f"column {name!r} is not understood and was ignored{question}"
+    unused = ~_used_rows(measurements)
     if unused.any():
-        yield f"{unused.sum()} rows have too many empty cells for any law, the first in line {measurements.lines[unused][0]}"
-    nominal = int(np.isnan(measurements.columns.get("hardness", np.ones(1))).sum())
-    if nominal:
-        yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
-    for response, fitted in fits.items():
-        if fitted.fresh.any() and fitted.fresh.all():
-            yield f"{response}: all rows are of fresh edges: loads of worn edges are higher, so limits may not hold with them"
-        if fitted.edges is None and measurements.edges is not None:
-            yield f"{response}: too few edges or readings to tell how edges differ: rows were taken as independent"
-        if (
-            response == "wear"
-            and fitted.edges is None
-            and tells_no_edges(measurements, fitted.factors)
-        ):
-            spread = base.tool.wear_factor_spread
-            assumed = f"{100 * spread:g} % is assumed, tool.wear_factor_spread"
-            yield f"wear: too few edges or settings to tell how edges differ: {assumed}"
-        if fitted.edges is None and rows_correlate(fitted):
+        first = f"the first in line {measurements.lines[unused][0]}"
+        yield f"{unused.sum()} rows have too many empty cells for any law, {first}"
+    if "hardness" in measurements.columns:
+        nominal = int(np.isnan(measurements.columns["hardness"]).sum())
+        if nominal:
+            yield f"hardness is empty in {nominal} rows, where it was taken as nominal, 1"
+    for fitted in fits.values():
+        yield from _law_warnings(fitted, measurements, base)
+
+
+def _used_rows(measurements: Measurements) -> NDArray[np.bool_]:
+    """Return which rows tell of a law, or that an edge is fresh at a time of 0, shape (rows,)."""
+    used = np.zeros(len(measurements.lines), np.bool_)
+    for response in FACTORS:
+        used |= complete_rows(response, measurements)
+        used |= fresh_rows(response, measurements)
+    if {"wear", "time"} <= measurements.columns.keys():
+        no_wear = measurements.columns["wear"] == 0.0
+        used |= no_wear & (measurements.columns["time"] == 0.0)
+    return used
+
+
+def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> Iterator[str]:
+    """Yield warnings on one fitted law."""
+    response = fitted.response
+    if fitted.fresh.any() and fitted.fresh.all():
+        yield (
+            f"{response}: all rows are of fresh edges: "
+            "loads of worn edges are higher, so limits may not hold with them"
+        )
+    if fitted.edges is None:
+        if measurements.edges is not None:
             yield (
-                f"{response}: rows at the same settings deviate together, so intervals are too narrow: "
-                "name edges in a column 'edge'; otherwise no power law fits"
+                f"{response}: too few edges or readings to tell how edges differ: "
+                "rows were taken as independent"
             )
-        for name in fitted.exponents:
-            found = fitted.estimates[name]
-            if found.high - found.low > 2.0 * WIDE:
-                known = f"{found.value:.3g} +- {0.5 * (found.high - found.low):.2g}"
-                yield f"{response}: the exponent of {name} is hardly known, {known}: vary it more, or read more edges"
+        if response == "wear" and tells_no_edges(measurements, fitted.factors):
+            spread = f"{100 * base.tool.wear_factor_spread:g} %"
+            yield (
+                "wear: too few edges or settings to tell how edges differ: "
+                f"{spread} is assumed, tool.wear_factor_spread"
+            )
+        if rows_correlate(fitted):
+            yield (
+                f"{response}: rows at the same settings deviate together, so intervals are too "
+                "narrow: name edges in a column 'edge'; otherwise no power law fits"
+            )
+    for name in fitted.exponents:
+        estimate = fitted.estimates[name]
+        width = estimate.high - estimate.low
+        if width > 2.0 * WIDE:
+            known = f"{estimate.value:.3g} +- {0.5 * width:.2g}"
+            yield (
+                f"{response}: the exponent of {name} is hardly known, {known}: "
+                "vary it more, or read more edges"
+            )
 
 
 def summary(calibration: Calibration) -> Iterator[str]:
@@ -261,40 +342,50 @@ def summary(calibration: Calibration) -> Iterator[str]:
     for response, fitted in calibration.fits.items():
         yield f"{response}: {fitted.quality}"
         if fitted.edges:
-            yield f"  {fitted.edges.count} edges, which differ by {100 * fitted.edges.spread:.2g} % (one standard deviation)"
+            spread = f"{100 * fitted.edges.spread:.2g} % (one standard deviation)"
+            yield f"  {fitted.edges.count} edges, which differ by {spread}"
         for name, estimate in fitted.estimates.items():
-            yield f"  {name:<14}{estimate.value:>12.6g}   {estimate.low:.6g} to {estimate.high:.6g}"
-        for name, why in fitted.assumed.items():
-            yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {why}"
+            interval = f"{estimate.low:.6g} to {estimate.high:.6g}"
+            yield f"  {name:<14}{estimate.value:>12.6g}   {interval}"
+        for name, reason in fitted.assumed.items():
+            yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {reason}"
         if fitted.fresh.any():
             yield f"  {_on_fresh_edges(fitted)}"
-    for response, why in calibration.kept.items():
-        yield f"{response}: as in the base, {why}"
+    for response, reason in calibration.kept.items():
+        yield f"{response}: as in the base, {reason}"
 
 
 def _on_fresh_edges(fitted: Fit) -> str:
-    """Return what rows with a wear of 0 tell, for people; of a power also kc1.1 and mc (Kienzle)."""
-    level, mean = 1.0, 1.0
-    text = "all rows are of fresh edges: the law does not depend on wear"
-    if not fitted.fresh.all():
-        worn = fitted.factors["wear"][~fitted.fresh]
-        level, mean = fitted.fresh_level, float(np.exp(np.log(worn).mean()))
+    """Return what rows with a wear of 0 tell, for people; of a power also kc1.1 and mc."""
+    if fitted.fresh.all():
+        level = 1.0
+        mean_wear = 1.0
+        text = "all rows are of fresh edges: the law does not depend on wear"
+    else:
+        wear = fitted.factors["wear"][~fitted.fresh]
+        level = fitted.fresh_level
+        mean_wear = float(np.exp(np.log(wear).mean()))
         text = (
-            f"{fitted.fresh.sum()} rows of fresh edges, {level:.3g} times the law at {mean:.3g} mm, tell the exponents of "
-            f"speed, feed and depth; the law holds from {worn.min():.3g} mm of wear"
+            f"{fitted.fresh.sum()} rows of fresh edges, {level:.3g} times the law at "
+            f"{mean_wear:.3g} mm, tell the exponents of speed, feed and depth; "
+            f"the law holds from {wear.min():.3g} mm of wear"
         )
     if fitted.response == "power":
+        # Kienzle: Fc = kc1.1 b h^(1 - mc), and P [kW] = Fc [N] V [m/min] / 60,000. At a depth and
+        # a feed of 1 mm, and an entering angle of 90 degrees, b and h are 1 mm, and Fc is kc1.1.
         speed = float(np.exp(np.log(fitted.factors["cutting_speed"]).mean()))
-        power = level * float(fitted.law(speed, 1.0, 1.0, wear=mean))
-        text += f"; kc1.1 {60e3 * power / speed:.4g} N/mm2, mc {1.0 - fitted.law.feed:.2f} at {speed:.3g} m/min"
+        power = level * float(fitted.law(speed, 1.0, 1.0, wear=mean_wear))
+        specific_force = f"kc1.1 {60e3 * power / speed:.4g} N/mm2"
+        text += f"; {specific_force}, mc {1.0 - fitted.law.feed:.2f} at {speed:.3g} m/min"
     return text
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
     """Write and return a scenario with the fitted laws on a base.
 
-    A limit of force or power that no file states is off if its law was not measured. The base is a preset or a file. The name of
-    ``out`` without its suffix is the scenario's name; ``source`` names the sheet.
+    A limit of force or power that no file states is off if its law was not measured. The base is a
+    preset or a file. The name of ``out`` without its suffix is the scenario's name; ``source``
+    names the sheet.
 
     Raises:
         WorkshopError: The fitted laws do not suit the base, or the base is no other TOML file.
@@ -305,50 +396,67 @@ def write_scenario(calibration: Calibration, base: str, source: str, out: Path) 
         raise WorkshopError(
             f"--base is {base}, but must be a preset or a file that ends in .toml, and not --out"
         )
-    own = stated_by(path)[0].get("limits", {}) if path else {}
-    off = {
-        name: none
-        for name, none in NO_LIMIT.items()
-        if name in calibration.kept and name not in own
-    }
-    spread = calibration.wear_factor_spread
-    tables = {"limits": off, "tool": {} if spread is None else {"wear_factor_spread": spread}}
-    values = Scenario.load(base).model_dump() | {
-        "name": name_of_file(out),
-        "material": calibration.material.model_dump(),
-    }
+    below = Scenario.load(base)
+    tables = _stated_tables(calibration, path)
+    values = below.model_dump()
+    values["name"] = name_of_file(out)
+    values["material"] = calibration.material.model_dump()
+    for name, table in tables.items():
+        values[name] |= table
     try:
-        scenario = Scenario.model_validate(
-            values | {name: values[name] | table for name, table in tables.items()}
-        )
+        scenario = Scenario.model_validate(values)
     except ValidationError as error:
-        detail = error.errors()[0]["msg"].removeprefix("Value error, ")
-        raise WorkshopError(f"{out}: {detail}") from error
+        raise WorkshopError(f"{out}: {_fault(error)}") from error
     stated: dict[str, Any] = {"base": os.path.relpath(path, out.parent) if path else base}
-    stated |= {name: table for name, table in tables.items() if table}
-    before = read_evidence(Scenario.load(base))
-    kept = {name: law for name, law in before.laws.items() if name not in calibration.fits}
-    lasting = [
-        warning for warning in calibration.warnings if not warning.startswith("column ")
-    ]  # of laws, not of the sheet
-    evidence = Evidence(
-        source=source,
-        warnings=tuple(
-            dict.fromkeys((*calibration.problems, *lasting, *(before.warnings if kept else ())))
-        ),
-        laws=kept | {name: evidence_of(fitted) for name, fitted in calibration.fits.items()},
-    )
-    text = "\n".join(_toml_lines(calibration, stated, evidence, source))
+    stated |= tables
+    evidence = _evidence(calibration, read_evidence(below), source)
+    text = "\n".join(_toml_lines(calibration, stated, evidence))
     replace_file(out, lambda partial: partial.write_text(text, "utf-8"))
     return scenario
 
 
+def _stated_tables(calibration: Calibration, base: Path | None) -> dict[str, dict[str, float]]:
+    """Return the values that the written file states beside the laws, by section."""
+    limits = stated_by(base)[0].get("limits", {}) if base else {}
+    off = {}
+    for name, no_limit in NO_LIMIT.items():
+        if name in calibration.kept and name not in limits:
+            off[name] = no_limit
+    tables = {}
+    if off:
+        tables["limits"] = off
+    if calibration.wear_factor_spread is not None:
+        tables["tool"] = {"wear_factor_spread": calibration.wear_factor_spread}
+    return tables
+
+
+def _evidence(calibration: Calibration, before: Evidence, source: str) -> Evidence:
+    """Return the evidence for the fitted laws, and for those that the base had fitted before."""
+    laws = {}
+    for name, law in before.laws.items():
+        if name not in calibration.fits:
+            laws[name] = law
+    warnings = list(calibration.problems)
+    # Warnings on columns concern the sheet, not the laws.
+    warnings += [text for text in calibration.warnings if not text.startswith("column ")]
+    if laws:
+        warnings += before.warnings
+    for name, fitted in calibration.fits.items():
+        laws[name] = evidence_of(fitted)
+    unique = tuple(dict.fromkeys(warnings))
+    return Evidence(source=source, warnings=unique, laws=laws)
+
+
 def _toml_lines(
-    calibration: Calibration, stated: dict[str, Any], evidence: Evidence, source: str
+    calibration: Calibration, stated: dict[str, Any], evidence: Evidence
 ) -> Iterator[str]:
-    yield f"# Fitted by `python -m turning_env calibrate` to {source!a}; each fitted number is followed by its 95 % interval."
-    for response, why in calibration.kept.items():
-        yield f"# The law of {response} is the base's: {why}."
+    """Yield the lines of a scenario's file."""
+    yield (
+        f"# Fitted by `python -m turning_env calibrate` to {evidence.source!a}; "
+        "each fitted number is followed by its 95 % interval."
+    )
+    for response, reason in calibration.kept.items():
+        yield f"# The law of {response} is the base's: {reason}."
     for name in stated.get("limits", {}):
         yield f"# limits.{name} is off, as its law was not measured and no file states it."
     if calibration.wear_factor_spread is not None:
@@ -359,14 +467,20 @@ def _toml_lines(
         yield f"[material.{response}]"
         yield f"# {fitted.quality}."
         for name, value in fitted.law.model_dump().items():
-            comment = ""
-            if name in fitted.estimates:
-                comment = (
-                    f" # {fitted.estimates[name].low:.6g} to {fitted.estimates[name].high:.6g}"
-                )
-            elif name in fitted.assumed:
-                comment = f" # assumed: {fitted.assumed[name]}"
-            yield f"{name} = {value!r}{comment}"
+            yield f"{name} = {value!r}{_comment(fitted, name)}"
         yield ""
-    yield "# What is known of the fitted laws, for intervals of predictions. It changes nothing in the environment."
+    yield (
+        "# What is known of the fitted laws, for intervals of predictions. "
+        "It changes nothing in the environment."
+    )
     yield tomli_w.dumps({"calibration": evidence.model_dump(mode="json")})
+
+
+def _comment(fitted: Fit, name: str) -> str:
+    """Return the comment on a number of a law: its interval, or why it is assumed."""
+    if name in fitted.estimates:
+        estimate = fitted.estimates[name]
+        return f" # {estimate.low:.6g} to {estimate.high:.6g}"
+    if name in fitted.assumed:
+        return f" # assumed: {fitted.assumed[name]}"
+    return ""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from turning_shop import WorkshopError, refuse_existing, whatif
+from turning_shop import WorkshopError, refuse_existing, tables, whatif
 from turning_shop.headers import COLUMNS, EDGE, named_column
 from turning_shop.measurements import read_measurements
 
@@ -162,7 +162,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
     python -m turning_env calibrate cuts.csv --out my_tool.toml --base machine.toml
     """
-    from turning_shop.calibrate import Implausible, calibrate, summary, write_scenario
+    from turning_shop.calibrate import ImplausibleError, calibrate, summary, write_scenario
 
     refuse_existing(options.overwrite, options.out)
     if options.out.suffix != ".toml":
@@ -172,7 +172,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         found = calibrate(
             read_measurements(options.measurements, dict(options.columns)), base, options.force
         )
-    except Implausible as error:
+    except ImplausibleError as error:
         print(*(f"implausible: {problem}" for problem in error.problems), sep="\n", file=sys.stderr)
         print(
             "error: nothing was written: correct the rows above; --force goes on with them",
@@ -217,14 +217,14 @@ def _whatif(options: argparse.Namespace) -> int:
         above = f"thrust above {allowed.thrust_force:.0f} N, at a tool.edge_strength of {scenario.tool.edge_strength:g} N"
         print(f"warning: edges may break: {above}", file=sys.stderr)
     if options.json:
-        print_json(whatif.records(cuts, prediction))
+        print_json(tables.records(cuts, prediction))
     elif options.csv:
-        records = whatif.records(cuts, prediction)
+        records = tables.records(cuts, prediction)
         writer = csv.DictWriter(sys.stdout, list(records[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(records)
     else:
-        print(*whatif.table(cuts, prediction), sep="\n")
+        print(*tables.table(cuts, prediction), sep="\n")
         if prediction and prediction.extrapolated.any():
             out = (
                 f"{name} measured at {at}"

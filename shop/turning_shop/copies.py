@@ -25,8 +25,8 @@ If all rows of two edges agree in two of these columns, one edge is a copy of th
 def without_copies(measurements: Measurements) -> tuple[Measurements, NDArray[np.int64]]:
     """Return the measurements with the first of each group of copies, and the lines of the others.
 
-    Rows are copies if all their numbers agree to within ``ROUNDING``, and they are of one edge or of
-    edges without names. Edges of other names are copies, too, if all their rows agree.
+    Rows are copies if all their numbers agree to within ``ROUNDING``, and they are of one edge or
+    of edges without names. Edges of other names are copies, too, if all their rows agree.
     """
     levels = np.column_stack([_levels(values) for values in measurements.columns.values()])
     reading = np.unique(levels, axis=0, return_inverse=True)[1]

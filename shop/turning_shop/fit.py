@@ -1,17 +1,25 @@
 """Fit one power law to measurements, by least squares in logarithms.
 
-The logarithm of a power law is linear in the logarithms of its factors, so its exponents are slopes. If a factor never varies, or
-varies only together with others, its exponent cannot be estimated. The base law's exponent is then kept, and the others are
-fitted given it.
+The laws are the extended Taylor equation of tool life, solved for the wear, and Kienzle's equation
+of forces with factors for speed and wear. In the symbols of ``turning_env.scenario.power_law``:
 
-Confidence intervals assume the same relative scatter in all rows. If the file does not name edges, rows count as independent.
-If it does, the rows of one edge share a deviation: a random effect, whose variance is estimated by Swamy and Arora's method
-(Econometrica 40, 1972).
+    response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
+
+Its logarithm is linear in the logarithms of the factors, so exponents are slopes. If a factor never
+varies, or varies only together with others, its exponent cannot be estimated. The base law's
+exponent is then kept, and the others are fitted given it.
+
+Confidence intervals assume the same relative scatter in all rows. If the file does not name edges,
+rows count as independent. If it does, the rows of one edge share a deviation: a random effect,
+whose variance is estimated by the method of Swamy and Arora (Econometrica 40, 1972).
+
+``calibrate.py`` fits the laws of a material and judges them; ``prediction.py`` uses the intervals.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,33 +37,35 @@ FACTORS = {
     "thrust_force": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear", "hardness"),
 }
-"""Factors of each law, named as in ``turning_env.PowerLaw``; a law is named after the column that it predicts."""
-SETTINGS = (
-    "cutting_speed",
-    "feed",
-    "depth_of_cut",
-    "hardness",
-)  # equal in all readings of one edge in one bar
-MIN_VARIATION = 1e-3  # relative variation [-] of a factor, unexplained by other factors, that is needed to fit its exponent
-MIN_SHARE = 0.1  # share of a factor's variance within edges that is needed to estimate its exponent from readings of one edge [-]
-MIN_KEPT = 1e-3  # lowest share of its edge's mean that a row keeps [-]; at 0, settings could not be distinguished
-SIGNIFICANCE = (
-    0.01  # probability of the F test below which rows at the same settings count as correlated [-]
-)
+"""Factors of each law, named as in ``turning_env.PowerLaw``.
+
+A law is named after the column that it predicts.
+"""
+SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
+"""Factors that are equal in all readings of one edge in one bar."""
+MIN_VARIATION = 1e-3
+"""Variation of a factor, unexplained by other factors, from which its exponent is fitted [-]."""
+MIN_SHARE = 0.1
+"""Share of a factor's variance within edges from which its exponent is estimated there [-]."""
+MIN_KEPT = 1e-3
+"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings would all be the same."""
+SIGNIFICANCE = 0.01
+"""Probability of the F test below which rows at the same settings count as correlated [-]."""
 LEVEL = 0.95  # confidence level of all intervals [-]
 MIN_SCATTER = 1e-4  # lowest scatter of the rows [-]: that of rounding to four digits
-MIN_READING_SCATTER = (
-    0.01  # lowest scatter of a reading of an edge that was not measured [-] (assumption)
-)
-MIN_TOLD_APART = (
-    0.05  # share of the difference of fresh and worn edges that settings must leave unexplained [-]
-)
-MIN_SETTINGS = (
-    3  # different settings below which rows without names of edges do not tell how edges differ
-)
-MAX_LOG = (
-    700.0  # largest logarithm of an end of the coefficient's interval; it keeps the end finite
-)
+MIN_READING_SCATTER = 0.01
+"""Lowest scatter of a reading of an edge that was not measured [-] (assumption)."""
+MIN_TOLD_APART = 0.05
+"""Share of the difference of fresh and worn edges that settings must leave unexplained [-]."""
+MIN_SETTINGS = 3
+"""Number of settings below which rows without names of edges do not tell how edges differ."""
+MAX_LOG = 700.0
+"""Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
+FRESH_ONLY = "all rows are of fresh edges: the load of a worn edge is higher, and not known"
+NO_HARDNESS = "there is no column hardness: nominal in all rows"
+
+Rows = NDArray[np.bool_]
+"""Which rows of a sheet are meant, shape (rows,)."""
 
 
 @dataclass(frozen=True)
@@ -66,32 +76,35 @@ class EdgeEffect:
     spread: float  # standard deviation of the logarithm that readings of one edge share [-]
     degrees: tuple[int, ...]  # of freedom, of the coefficient and of each fitted exponent
     group: NDArray[np.int64]  # number of each row's edge, from 0, shape (rows,)
-    removed: Values  # share of its edge's mean to subtract from each row, which makes all rows independent [-], shape (rows,)
+    # Share of its edge's mean to subtract from each row, which makes rows independent [-], (rows,).
+    removed: Values
 
 
 @dataclass(frozen=True)
 class Fit:
     """A fitted law; arrays have the shape (rows,).
 
-    Rows of fresh edges, whose wear is 0, have a level of their own: they tell the exponents of speed, feed and depth. Their wear
-    in ``factors`` is the mean of the others. If all edges are fresh, the law does not depend on wear.
+    Rows of fresh edges, whose wear is 0, have a level of their own: they tell the exponents of
+    speed, feed and depth. Their wear in ``factors`` is the mean of the others. If all edges are
+    fresh, the law does not depend on wear.
     """
 
     response: str  # predicted quantity, a key of ``FACTORS``
     law: PowerLaw
-    estimates: dict[
-        str, Estimate
-    ]  # the coefficient and the fitted exponents, by their names in ``PowerLaw``
+    estimates: dict[str, Estimate]  # the coefficient and the fitted exponents, named as in the law
     assumed: dict[str, str]  # factors whose exponents are the base law's, with the reason
-    covariance: Values  # of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``
-    reading_scatter: float  # standard deviation of the logarithm of one reading of an edge that was not measured [-]
+    # Of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``.
+    covariance: Values
+    # Standard deviation of the logarithm of one reading of an edge that was not measured [-].
+    reading_scatter: float
     factors: dict[str, Values]  # in the units of ``COLUMNS``
     measured: Values  # response in its unit
     predicted: Values  # response by the law
     lines: NDArray[np.int64]  # of the file
     edges: EdgeEffect | None  # None if they are unknown
-    fresh: NDArray[np.bool_]  # rows of fresh edges
-    fresh_level: float  # response of a fresh edge over that of the law at the rows' mean wear [-]; NaN if not both were measured
+    fresh: Rows  # rows of fresh edges
+    # Response of a fresh edge over that of the law at the rows' mean wear [-]; NaN if not measured.
+    fresh_level: float
 
     @property
     def exponents(self) -> list[str]:
@@ -101,7 +114,8 @@ class Fit:
     @property
     def degrees(self) -> int:
         """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
-        return len(self.lines) - len(self.estimates) - int(np.isfinite(self.fresh_level))
+        has_fresh_level = int(np.isfinite(self.fresh_level))
+        return len(self.lines) - len(self.estimates) - has_fresh_level
 
     @property
     def log_residuals(self) -> Values:
@@ -110,24 +124,41 @@ class Fit:
 
     @property
     def scatter(self) -> float:
-        """Standard deviation of the residuals' logarithms, adjusted for the degrees of freedom [-]."""
+        """Standard deviation of the residuals' logarithms, by the degrees of freedom [-]."""
         return float(np.linalg.norm(self.log_residuals) / np.sqrt(self.degrees))
 
     @property
     def r_squared(self) -> float | None:
-        """Share of the variance of the response's logarithm that the law explains [-]; None if the response never varies."""
+        """Share of the variance of the response's logarithm that the law explains [-].
+
+        None if the response never varies.
+        """
         logs = np.log(self.measured)
-        return (
-            1.0 - float(np.mean(self.log_residuals**2) / np.var(logs))
-            if np.ptp(logs) >= MIN_VARIATION
-            else None
-        )
+        if np.ptp(logs) < MIN_VARIATION:
+            return None
+        return 1.0 - float(np.mean(self.log_residuals**2) / np.var(logs))
 
     @property
     def quality(self) -> str:
         """Number of rows, explained variance and scatter, for people."""
         explained = "" if self.r_squared is None else f"R2 {self.r_squared:.5f}, "
         return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """The rows with a response and all its factors; arrays have the shape (rows,)."""
+
+    measured: Values
+    factors: dict[str, Values]  # with a wear of fresh edges as in ``Fit``
+    lines: NDArray[np.int64]
+    edges: NDArray[np.int64] | None
+    fresh: Rows
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether both fresh and worn edges were measured."""
+        return bool(self.fresh.any() and not self.fresh.all())
 
 
 def fit(
@@ -139,221 +170,291 @@ def fit(
 ) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
-    Without a hardness column or value, hardness is nominal. Exponents that cannot be estimated, and those of ``given`` factors
-    with the reason, are the base's. ``edge_spread`` is the log standard deviation of edges [-] that is assumed if the rows are of
-    too few to tell it.
+    Without a hardness column or value, hardness is nominal. Exponents that cannot be estimated, and
+    those of ``given`` factors with the reason, are the base's. ``edge_spread`` is the log standard
+    deviation of edges [-] that is assumed if the rows are of too few to tell it.
 
     Raises:
-        WorkshopError: There are too few rows, or a fitted number lies outside the range of ``PowerLaw``.
+        WorkshopError: There are too few rows, or a fitted number is out of the law's range.
     """
-    present = complete_rows(response, measurements)
-    count, columns = int(present.sum()), measurements.columns
-    factors = {
-        name: np.nan_to_num(columns[name][present], nan=1.0) if name in columns else np.ones(count)
-        for name in FACTORS[response]
-    }
-    fresh = fresh_rows(response, measurements)[present]
-    mixed = bool(fresh.any() and not fresh.all())
-    if mixed:
-        worn = factors["wear"][~fresh]
-        factors["wear"] = np.where(fresh, np.exp(np.log(worn).mean()), factors["wear"])
-    elif fresh.any():
-        factors["wear"] = np.ones(count)
+    sample = _sample(response, measurements)
+    fresh_only = bool(sample.fresh.any()) and not sample.is_mixed
+    if fresh_only:
         base = base.model_copy(update={"wear": 0.0})
-    logs = {name: np.log(values) for name, values in factors.items()}
-    fitted, assumed = _identifiable(
-        factors, {name: log for name, log in logs.items() if name not in given}
-    )
+    candidates = [name for name in sample.factors if name not in given]
+    fitted, assumed = _identifiable(sample.factors, candidates)
     assumed |= given
-    if fresh.any() and not mixed:
-        assumed["wear"] = (
-            "all rows are of fresh edges: the load of a worn edge is higher, and not known"
-        )
-    if "hardness" not in columns:
-        assumed["hardness"] = "there is no column hardness: nominal in all rows"
-    if count < len(fitted) + 2 + int(mixed):
-        varying = [name for name, log in logs.items() if _variation(log) >= MIN_VARIATION]
-        numbers = "the coefficient" + (
-            f" and {len(varying)} exponents ({', '.join(varying)})" if varying else ""
-        )
-        numbers += " and the level of fresh edges" * mixed
-        raise WorkshopError(
-            f"{response}: {count} row{'s' * (count != 1)} with this and all its factors, "
-            f"but {len(varying) + 2 + int(mixed)} are needed: for {numbers}, and one more to estimate the scatter"
-        )
-    measured = columns[response][present]
-    known = PowerLaw.model_validate(
-        base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0)
-    )
-    target = np.log(measured) - np.log(known(**factors))
-    references = {"depth_of_cut": np.log(base.reference_depth_of_cut)}
-    design = np.column_stack(
-        [np.ones(count), *(logs[name] - references.get(name, 0.0) for name in fitted)]
-    )
+    if fresh_only:
+        assumed["wear"] = FRESH_ONLY
+    if "hardness" not in measurements.columns:
+        assumed["hardness"] = NO_HARDNESS
+    if len(sample.lines) < len(fitted) + 2 + int(sample.is_mixed):
+        raise WorkshopError(f"{response}: {_too_few(sample)}")
+
+    target, design = _regression(sample, base, fitted)
+    edges = None
+    if sample.edges is not None:
+        edges = _edge_effect(target, design[:, 1:], sample.edges)
+    solved = _least_squares(target, design, edges)
+
+    # The level of fresh edges, the last parameter, is no part of the law.
     names = ("coefficient", *fitted)
-    if mixed:
-        design = np.column_stack(
-            [design, fresh.astype(float)]
-        )  # the level of fresh edges, the last parameter
-    edges = (
-        None
-        if measurements.edges is None
-        else _edge_effect(target, design[:, 1:], measurements.edges[present])
-    )
-    solution, covariance, within = _least_squares(target, design, edges)
-    fresh_level = float(np.exp(solution[-1])) if mixed else np.nan
-    numbers_of_law = len(names)
-    degrees = edges.degrees if edges else (count - design.shape[1],) * numbers_of_law
-    solution, covariance = solution[:numbers_of_law], covariance[:numbers_of_law, :numbers_of_law]
-    law = _validated(
-        response, base, dict(zip(names, [np.exp(solution[0]), *solution[1:]], strict=True))
-    )
-    margins = np.sqrt(np.diag(covariance)) * stats.t.ppf(
-        0.5 + 0.5 * LEVEL, degrees[:numbers_of_law]
-    )
-    ends = np.column_stack([solution - margins, solution + margins])
-    ends[0] = np.exp(np.clip(ends[0], -MAX_LOG, MAX_LOG))
-    estimates = {
-        name: Estimate(getattr(law, name), *row)
-        for name, row in zip(names, ends.tolist(), strict=True)
-    }
+    count = len(names)
+    solution = solved.parameters[:count]
+    covariance = solved.covariance[:count, :count]
+    degrees = (len(target) - design.shape[1],) * count
+    if edges:
+        degrees = edges.degrees[:count]
+    numbers = dict(zip(names, solution, strict=True))
+    numbers["coefficient"] = np.exp(solution[0])
+    law = validated_law(response, base, numbers)
+    fresh_level = np.nan
+    level = np.ones(len(target))
+    if sample.is_mixed:
+        fresh_level = float(np.exp(solved.parameters[-1]))
+        level[sample.fresh] = fresh_level
+
     spread = edges.spread if edges else 0.0
-    if edges is None and tells_no_edges(measurements, factors):
+    if edges is None and tells_no_edges(measurements, sample.factors):
         spread = edge_spread
     return Fit(
         response=response,
         law=law,
-        estimates=estimates,
+        estimates=_estimates(law, names, solution, covariance, degrees),
         assumed=assumed,
         covariance=covariance,
-        reading_scatter=max(float(np.hypot(within, spread)), MIN_READING_SCATTER),
-        factors=factors,
-        measured=measured,
-        predicted=np.asarray(law(**factors)) * np.where(fresh & mixed, fresh_level, 1.0),
-        lines=measurements.lines[present],
+        reading_scatter=max(float(np.hypot(solved.scatter, spread)), MIN_READING_SCATTER),
+        factors=sample.factors,
+        measured=sample.measured,
+        predicted=np.asarray(law(**sample.factors)) * level,
+        lines=sample.lines,
         edges=edges,
-        fresh=fresh,
+        fresh=sample.fresh,
         fresh_level=fresh_level,
     )
 
 
-def tells_no_edges(measurements: Measurements, factors: Mapping[str, Values]) -> bool:
-    """Return whether rows cannot tell how edges differ: too few are named, or none is and the settings hardly differ."""
-    settings = np.round(
-        np.log(np.stack([factors[name] for name in SETTINGS], axis=1)) / MIN_VARIATION
+def _sample(response: str, measurements: Measurements) -> _Sample:
+    """Return the rows to which the law of a response is fitted."""
+    present = complete_rows(response, measurements)
+    columns = measurements.columns
+    count = int(present.sum())
+    factors = {}
+    for name in FACTORS[response]:
+        # Only hardness may be missing: it is then nominal, 1.
+        known = columns[name][present] if name in columns else np.ones(count)
+        factors[name] = np.nan_to_num(known, nan=1.0)
+    fresh = fresh_rows(response, measurements)[present]
+    if fresh.all() and fresh.any():
+        factors["wear"] = np.ones(count)
+    elif fresh.any():
+        mean = np.exp(np.log(factors["wear"][~fresh]).mean())
+        factors["wear"] = np.where(fresh, mean, factors["wear"])
+    edges = measurements.edges
+    return _Sample(
+        measured=columns[response][present],
+        factors=factors,
+        lines=measurements.lines[present],
+        edges=None if edges is None else edges[present],
+        fresh=fresh,
     )
-    return measurements.edges is not None or len(np.unique(settings, axis=0)) < MIN_SETTINGS
 
 
-def complete_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
-    """Return which rows have a response and all its factors, shape (rows,); hardness may be missing.
+def _too_few(sample: _Sample) -> str:
+    """Return the message on a sample with too few rows."""
+    varying = []
+    for name, values in sample.factors.items():
+        if _variation(np.log(values)) >= MIN_VARIATION:
+            varying.append(name)
+    numbers = "the coefficient"
+    if varying:
+        numbers += f" and {len(varying)} exponents ({', '.join(varying)})"
+    if sample.is_mixed:
+        numbers += " and the level of fresh edges"
+    count = len(sample.lines)
+    needed = len(varying) + 2 + int(sample.is_mixed)
+    return (
+        f"{count} row{'' if count == 1 else 's'} with this and all its factors, "
+        f"but {needed} are needed: for {numbers}, and one more to estimate the scatter"
+    )
 
-    Rows of fresh edges count for force and power, unless their level cannot be told, and tell nothing of the law of wear.
+
+def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> tuple[Values, Values]:
+    """Return the target (rows,) and the design (rows, parameters) of the regression.
+
+    log(response) - log(assumed part) = log c + a log V + b log f + e log(d / d0) + ...
+
+    The parameters are the coefficient's logarithm, the fitted exponents and, if both fresh and worn
+    edges were measured, the logarithm of the level of fresh ones.
+    """
+    assumed_part = base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0)
+    known = PowerLaw.model_validate(assumed_part)
+    target = np.log(sample.measured) - np.log(known(**sample.factors))
+    columns = [np.ones(len(target))]
+    for name in fitted:
+        log = np.log(sample.factors[name])
+        if name == "depth_of_cut":
+            log = log - np.log(base.reference_depth_of_cut)
+        columns.append(log)
+    if sample.is_mixed:
+        columns.append(sample.fresh.astype(float))
+    return target, np.column_stack(columns)
+
+
+def _estimates(
+    law: PowerLaw,
+    names: Sequence[str],
+    solution: Values,
+    covariance: Values,
+    degrees: Sequence[int],
+) -> dict[str, Estimate]:
+    """Return the numbers of a fitted law with their intervals of confidence ``LEVEL``."""
+    # Student's t, as the scatter is estimated from the same rows.
+    quantiles = stats.t.ppf(0.5 + 0.5 * LEVEL, degrees)
+    margins = np.sqrt(np.diag(covariance)) * quantiles
+    low = solution - margins
+    high = solution + margins
+    # The first parameter is the coefficient's logarithm.
+    low[0] = np.exp(max(low[0], -MAX_LOG))
+    high[0] = np.exp(min(high[0], MAX_LOG))
+    estimates = {}
+    for index, name in enumerate(names):
+        estimates[name] = Estimate(
+            value=getattr(law, name),
+            low=float(low[index]),
+            high=float(high[index]),
+        )
+    return estimates
+
+
+def tells_no_edges(measurements: Measurements, factors: Mapping[str, Values]) -> bool:
+    """Return whether rows, of which no edge effect is known, cannot tell how edges differ.
+
+    Either too few edges are named, or none is and the settings hardly differ.
+    """
+    if measurements.edges is not None:
+        return True
+    logs = np.log(np.stack([factors[name] for name in SETTINGS], axis=1))
+    settings = np.round(logs / MIN_VARIATION)
+    return len(np.unique(settings, axis=0)) < MIN_SETTINGS
+
+
+def complete_rows(response: str, measurements: Measurements) -> Rows:
+    """Return which rows have a response and all its factors; hardness may be missing.
+
+    Rows of fresh edges count for force and power, unless their level cannot be told. They tell
+    nothing of the law of wear.
     """
     complete = _filled_rows(response, measurements)
-    if response == "wear":  # its logarithm, and that of the time, are fitted
+    if response == "wear":
+        # The logarithms of wear and time are fitted.
         for name in ("wear", "time"):
             if name in measurements.columns:
                 complete &= measurements.columns[name] > 0.0
         return complete
     fresh = fresh_rows(response, measurements)
-    if (complete & ~fresh).any() and not _told_apart(response, measurements, complete, fresh):
+    if (complete & ~fresh).any() and not _told_apart(response, measurements, complete):
         complete &= ~fresh
     return complete
 
 
-def fresh_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
-    """Return which rows have a force or power of a fresh edge, whose wear is 0, shape (rows,)."""
-    nothing = np.zeros(len(measurements.lines), np.bool_)
+def fresh_rows(response: str, measurements: Measurements) -> Rows:
+    """Return which rows have a force or power of a fresh edge, whose wear is 0."""
     if response == "wear" or "wear" not in measurements.columns:
-        return nothing
-    return np.asarray(_filled_rows(response, measurements) & (measurements.columns["wear"] == 0.0))
+        return np.zeros(len(measurements.lines), np.bool_)
+    unworn = measurements.columns["wear"] == 0.0
+    return np.asarray(_filled_rows(response, measurements) & unworn)
 
 
-def _filled_rows(response: str, measurements: Measurements) -> NDArray[np.bool_]:
-    absent = np.full(len(measurements.lines), np.nan)
-    needed = [
-        measurements.columns.get(name, absent)
-        for name in (response, *FACTORS[response])
-        if name != "hardness"
-    ]
-    return np.asarray(np.isfinite(needed).all(axis=0))
+def _filled_rows(response: str, measurements: Measurements) -> Rows:
+    """Return which rows have a response and all its factors, also a wear of 0."""
+    filled = np.ones(len(measurements.lines), np.bool_)
+    for name in (response, *FACTORS[response]):
+        if name in measurements.columns:
+            filled &= np.isfinite(measurements.columns[name]) | (name == "hardness")
+        elif name != "hardness":
+            filled[:] = False
+    return filled
 
 
-def _told_apart(
-    response: str, measurements: Measurements, rows: NDArray[np.bool_], fresh: NDArray[np.bool_]
-) -> bool:
-    """Return whether fresh edges were measured at settings that tell their level from the exponents of speed, feed and depth."""
+def _told_apart(response: str, measurements: Measurements, rows: Rows) -> bool:
+    """Return whether fresh edges were measured at settings that tell their level.
+
+    It must not be a combination of the terms of speed, feed and depth.
+    """
+    fresh = fresh_rows(response, measurements)
     if not fresh.any():
         return True
-    logs = [
-        np.log(measurements.columns[name][rows])
-        for name in SETTINGS
-        if name in FACTORS[response] and name != "hardness"
-    ]
-    others = np.column_stack([np.ones(int(rows.sum())), *logs])
+    columns = [np.ones(int(rows.sum()))]
+    for name in SETTINGS:
+        if name in FACTORS[response] and name != "hardness":
+            columns.append(np.log(measurements.columns[name][rows]))
+    others = np.column_stack(columns)
     indicator = fresh[rows].astype(float)
-    rest = indicator - others @ np.linalg.lstsq(others, indicator, rcond=None)[0]
-    return bool(np.abs(rest).max() > MIN_TOLD_APART)
+    unexplained = indicator - others @ _slopes(others, indicator)
+    return bool(np.abs(unexplained).max() > MIN_TOLD_APART)
 
 
 def rows_correlate(fitted: Fit) -> bool:
     """Return whether rows at the same settings deviate from the law together more than by chance.
 
-    Usually they are readings of one edge, and edges differ; otherwise no power law fits. An F test compares the variance of the
-    residuals between settings with the variance within them.
+    Usually they are readings of one edge, and edges differ; otherwise no power law fits. An F test
+    compares the variance of the residuals between settings with the variance within them.
     """
     residuals = fitted.log_residuals
     settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
-    _, group, members = np.unique(settings, axis=0, return_inverse=True, return_counts=True)
+    group = np.unique(settings, axis=0, return_inverse=True)[1]
+    members = np.bincount(group)
     means = np.bincount(group, residuals) / members
-    of_settings = 1 + sum(
-        name in SETTINGS for name in fitted.estimates
-    )  # the coefficient and exponents that settings decide
-    between, within = (
-        len(members) - of_settings,
-        len(residuals) - len(members) - (len(fitted.estimates) - of_settings),
-    )
-    if between < 1 or within < 1:
+    # The coefficient and the exponents of settings are decided between them, the others within.
+    between = 1 + sum(name in SETTINGS for name in fitted.estimates)
+    degrees_between = len(members) - between
+    degrees_within = len(residuals) - len(members) - (len(fitted.estimates) - between)
+    if degrees_between < 1 or degrees_within < 1:
         return False
-    rest = float(((residuals - means[group]) ** 2).sum()) / within
-    return rest > 0 and bool(
-        stats.f.sf(float(members @ means**2) / between / rest, between, within) < SIGNIFICANCE
-    )
+    within = residuals - means[group]
+    variance_within = float((within**2).sum()) / degrees_within
+    if variance_within <= 0:
+        return False
+    variance_between = float(members @ means**2) / degrees_between
+    ratio = variance_between / variance_within
+    return bool(stats.f.sf(ratio, degrees_between, degrees_within) < SIGNIFICANCE)
 
 
 def _identifiable(
-    factors: Mapping[str, Values], logs: Mapping[str, Values]
+    factors: Mapping[str, Values], candidates: Sequence[str]
 ) -> tuple[list[str], dict[str, str]]:
-    """Return the factors whose exponents can be estimated, and the reasons why the others cannot.
+    """Return the factors whose exponents can be estimated, and the reasons why others cannot.
 
     If factors vary only together, the first is fitted.
     """
     kept: list[str] = []
-    assumed: dict[str, str] = {}
-    for name, log in logs.items():
+    centred: list[Values] = []  # logarithms of the kept factors, less their means
+    reasons: dict[str, str] = {}
+    for name in candidates:
+        log = np.log(factors[name])
         if _variation(log) < MIN_VARIATION:
-            values, unit = factors[name], COLUMNS[name].unit.replace("-", "")
-            assumed[name] = (
-                f"{name} never varies: {values.mean():.4g} {unit}".rstrip()
-                + f" in all {len(values)} rows"
-            )
+            reasons[name] = _never_varies(name, factors[name])
             continue
-        others = (
-            np.array([logs[other] - logs[other].mean() for other in kept])
-            .reshape(len(kept), len(log))
-            .T
-        )
-        weights = np.linalg.lstsq(others, log - log.mean(), rcond=None)[0]
-        if _variation(log - others @ weights) < MIN_VARIATION:
-            shares = np.abs(weights) * np.ptp(others, axis=0)
-            together = [
-                other for other, share in zip(kept, shares, strict=True) if share >= MIN_VARIATION
-            ]
-            assumed[name] = f"{name} varies only together with {' and '.join(together)}"
-        else:
+        others = np.array(centred).reshape(len(kept), len(log)).T
+        weights = _slopes(others, log - log.mean())
+        if _variation(log - others @ weights) >= MIN_VARIATION:
             kept.append(name)
-    return kept, assumed
+            centred.append(log - log.mean())
+            continue
+        shares = np.abs(weights) * np.ptp(others, axis=0)
+        together = []
+        for other, share in zip(kept, shares, strict=True):
+            if share >= MIN_VARIATION:
+                together.append(other)
+        reasons[name] = f"{name} varies only together with {' and '.join(together)}"
+    return kept, reasons
+
+
+def _never_varies(name: str, values: Values) -> str:
+    unit = COLUMNS[name].unit.replace("-", "")
+    number = f"{values.mean():.4g} {unit}".rstrip()
+    return f"{name} never varies: {number} in all {len(values)} rows"
 
 
 def _variation(log: Values) -> float:
@@ -362,85 +463,104 @@ def _variation(log: Values) -> float:
 
 
 def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> EdgeEffect | None:
-    """Estimate the deviations of edges from log responses (rows,), log factors (rows, factors) and every row's edge.
+    """Estimate the deviations of edges.
+
+    ``target`` holds log responses (rows,), ``design`` the regressors (rows, regressors) and
+    ``edge`` every row's edge. The variance components are those of Swamy and Arora (1972): the
+    residual variance of the regression within edges, and that of the edges' means less its share
+    of the former. Regressors that vary within edges are estimated there, the others between edges.
 
     Return None if there are too few edges, or too few readings of each.
     """
-    _, group, members = np.unique(edge, return_inverse=True, return_counts=True)
+    group = np.unique(edge, return_inverse=True)[1]
+    members = np.bincount(group)
     rows, edges = len(group), len(members)
-    own_design, own_target = (
-        design - _group_means(design, group),
-        target - _group_means(target, group),
-    )
-    total = ((design - design.mean(axis=0)) ** 2).sum(axis=0)
-    within = (own_design**2).sum(axis=0) > MIN_SHARE * total
-    degrees_within, degrees_between = (
-        rows - edges - int(within.sum()),
-        edges - 1 - int((~within).sum()),
-    )
+    design_within = design - _group_means(design, group)
+    target_within = target - _group_means(target, group)
+    centred = design - design.mean(axis=0)
+    total = (centred**2).sum(axis=0)
+    within = (design_within**2).sum(axis=0) > MIN_SHARE * total
+    degrees_within = rows - edges - int(within.sum())
+    degrees_between = edges - 1 - int((~within).sum())
     if degrees_within < 1 or degrees_between < 1:
         return None
-    slopes = np.linalg.lstsq(own_design[:, within], own_target, rcond=None)[0]
-    variance_within = (
-        float(((own_target - own_design[:, within] @ slopes) ** 2).sum()) / degrees_within
+    slopes = _slopes(design_within[:, within], target_within)
+    residual = target_within - design_within[:, within] @ slopes
+    variance_within = float((residual**2).sum()) / degrees_within
+
+    # Each edge weighs as often as it was read.
+    level = _group_means(target - design[:, within] @ slopes, group)
+    settings = _group_means(design[:, ~within], group)
+    design_between = np.column_stack([np.ones(rows), settings])
+    deviation = level - design_between @ _slopes(design_between, level)
+    mean_square = float(deviation @ deviation) / degrees_between
+    # Readings of an edge on average: the mean number, less its variance over that mean.
+    readings = (rows - float(members @ members) / rows) / (edges - 1)
+    variance_between = max(0.0, (mean_square - variance_within) / readings)
+
+    # Less the share 1 - sqrt(s_w^2 / (s_w^2 + m s_b^2)) of their edge's mean, rows are independent.
+    variance_of_mean = variance_within + members * variance_between
+    kept_squared = np.divide(
+        variance_within, variance_of_mean, out=np.ones(edges), where=variance_of_mean > 0
+    )
+    kept = np.maximum(np.sqrt(kept_squared), MIN_KEPT)
+    degrees = [degrees_between]
+    for is_within in within:
+        degrees.append(degrees_within if is_within else degrees_between)
+    return EdgeEffect(
+        count=edges,
+        spread=float(np.sqrt(variance_between)),
+        degrees=tuple(degrees),
+        group=group,
+        removed=1.0 - kept[group],
     )
 
-    level = _group_means(target - design[:, within] @ slopes, group)
-    settings = np.column_stack([np.ones(rows), _group_means(design[:, ~within], group)])
-    deviation = (
-        level - settings @ np.linalg.lstsq(settings, level, rcond=None)[0]
-    )  # each edge weighs as often as it was read
-    readings = (rows - float(members @ members) / rows) / (edges - 1)
-    variance_between = max(
-        0.0, (float(deviation @ deviation) / degrees_between - variance_within) / readings
-    )
-    both = variance_within + members * variance_between
-    kept = np.sqrt(np.divide(variance_within, both, out=np.ones(edges), where=both > 0))
-    degrees = (
-        degrees_between,
-        *(degrees_within if inside else degrees_between for inside in within),
-    )
-    return EdgeEffect(
-        edges,
-        float(np.sqrt(variance_between)),
-        degrees,
-        group,
-        1.0 - np.maximum(kept, MIN_KEPT)[group],
-    )
+
+def _slopes(design: Values, target: Values) -> Values:
+    """Return the parameters of least squares, of lowest norm if they are not unique."""
+    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0], np.float64)
 
 
 def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
     """Return each row's mean over its group, for values of shape (rows,) or (rows, columns)."""
     sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
     np.add.at(sums, group, values)
-    return np.asarray((sums.T / np.bincount(group)).T[group])
+    means = (sums.T / np.bincount(group)).T
+    return np.asarray(means[group])
 
 
-def _least_squares(
-    target: Values, design: Values, edges: EdgeEffect | None
-) -> tuple[Values, Values, float]:
-    """Return the parameters, their covariance, and the standard deviation of a row's own scatter."""
+class _Solution(NamedTuple):
+    """The solution of a regression."""
+
+    parameters: Values  # shape (parameters,)
+    covariance: Values  # of the parameters, shape (parameters, parameters)
+    scatter: float  # standard deviation of a row, without that of its edge [-]
+
+
+def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> _Solution:
+    """Solve a regression: by ordinary least squares, or with an edge effect by generalised ones."""
     if edges is not None:
-        target = target - edges.removed * _group_means(target, edges.group)
-        design = design - edges.removed[:, np.newaxis] * _group_means(design, edges.group)
+        share = edges.removed
+        target = target - share * _group_means(target, edges.group)
+        design = design - share[:, np.newaxis] * _group_means(design, edges.group)
     inverse = np.linalg.pinv(design)
-    solution = inverse @ target
-    scatter = float(
-        np.linalg.norm(target - design @ solution) / np.sqrt(len(target) - len(solution))
-    )
+    parameters = inverse @ target
+    degrees = len(target) - len(parameters)
+    residual = target - design @ parameters
+    scatter = float(np.linalg.norm(residual) / np.sqrt(degrees))
     scatter = max(scatter, MIN_SCATTER)
-    return solution, inverse @ inverse.T * scatter**2, scatter
+    covariance = inverse @ inverse.T * scatter**2
+    return _Solution(parameters, covariance, scatter=scatter)
 
 
-def _validated(response: str, base: PowerLaw, values: dict[str, float]) -> PowerLaw:
+def validated_law(response: str, base: PowerLaw, numbers: dict[str, float]) -> PowerLaw:
+    """Return the base law with fitted numbers; raise an error if one is out of range."""
     try:
-        return PowerLaw.model_validate(base.model_dump() | values)
+        return PowerLaw.model_validate(base.model_dump() | numbers)
     except ValidationError as error:
         detail = error.errors()[0]
-        number = f"exponent of {detail['loc'][-1]}".replace(
-            "exponent of coefficient", "coefficient"
-        )
+        field = detail["loc"][-1]
+        number = "coefficient" if field == "coefficient" else f"exponent of {field}"
+        fault = detail["msg"].removeprefix("Value error, ")
         why = "factors vary too little, rows scatter too much, or a unit is wrong"
-        raise WorkshopError(
-            f"{response}: {number}, as fitted: {detail['msg'].removeprefix('Value error, ')}; {why}"
-        ) from error
+        raise WorkshopError(f"{response}: {number}, as fitted: {fault}; {why}") from error

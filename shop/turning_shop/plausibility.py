@@ -1,10 +1,11 @@
-"""Find implausible values in a sheet of cuts and in the laws fitted to it, and name the rows and the likely cause.
+"""Find implausible values in a sheet of cuts and in its laws; name the rows and the likely cause.
 
-Three checks find quantities of rows and laws outside their plausible ranges; laws that fall with a factor with which they must
-rise; and rows far from the law of the others.
+Three checks find quantities of rows and laws outside their plausible ranges, laws that fall with a
+factor with which they must rise, and rows far from the law of the others. ``measurements.py`` has
+already refused single numbers outside their columns' ranges.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,44 +17,78 @@ from turning_shop.measurements import Measurements
 
 Columns = Mapping[str, Values]
 
-TAYLOR_EXPONENT = 0.1, 0.6  # plausible Taylor exponent n in V T^n = C [-]
-POSITIVE = {  # factors with which each law must not fall
+MIN_TAYLOR, MAX_TAYLOR = 0.1, 0.6
+"""Plausible range of the Taylor exponent n in V T^n = C [-]."""
+RISING = {
     "wear": ("cutting_speed", "feed", "depth_of_cut", "time"),
     "thrust_force": ("feed", "depth_of_cut", "wear"),
     "power": ("cutting_speed", "feed", "depth_of_cut", "wear"),
 }
-FEW = 0.5  # share of rows below which implausible ones count as typing errors, not as a wrong unit [-]
-MAX_NAMED = 8  # number of lines that a message names
+"""Factors with which each law must not fall."""
+FEW = 0.5
+"""Share of rows below which implausible ones count as typing errors, not as a wrong unit [-]."""
+MIN_EXPLAINED = 0.8
+"""Share of implausible rows that a wrong unit must make plausible to be named [-]."""
+MAX_NAMED = 8  # number of ranges of lines that a message names
+
+
+class Typical(NamedTuple):
+    """The typical value of a quantity in rough turning."""
+
+    value: float
+    decades: float  # spread
+
+
 TYPICAL = {
-    "cutting_speed": (130.0, 0.3),
-    "feed": (0.25, 0.25),
-    "depth_of_cut": (2.0, 0.35),
-    "time": (8.0, 0.6),
-    "wear": (0.2, 0.3),
-    "energy": (2.2, 0.2),
-    "thrust": (0.9, 0.4),
-    "life": (15.0, 0.5),
+    "cutting_speed": Typical(130.0, decades=0.3),
+    "feed": Typical(0.25, decades=0.25),
+    "depth_of_cut": Typical(2.0, decades=0.35),
+    "time": Typical(8.0, decades=0.6),
+    "wear": Typical(0.2, decades=0.3),
+    "energy": Typical(2.2, decades=0.2),
+    "thrust": Typical(0.9, decades=0.4),
+    "life": Typical(15.0, decades=0.5),
 }
-"""Typical value of each quantity in rough turning and its spread in decades, to find values in a wrong unit."""
-WRONG_UNITS = (  # columns that may be in a wrong unit, their factor to the right one, and the message
-    (("power",), 1e-3, "power looks like W: divide by 1000"),
-    (("power",), 1e3, "power looks like MW: multiply by 1000"),
-    (("cutting_speed",), 60.0, "cutting_speed looks like m/s: multiply by 60"),
-    (("cutting_speed",), 0.3048, "cutting_speed looks like ft/min: multiply by 0.3048"),
-    (("feed",), 25.4, "feed looks like inches: multiply by 25.4"),
-    (("feed",), 1e-3, "feed looks like um: divide by 1000"),
-    (("depth_of_cut",), 25.4, "depth_of_cut looks like inches: multiply by 25.4"),
-    (("feed", "depth_of_cut"), 25.4, "feed and depth_of_cut look like inches: multiply by 25.4"),
-    (("thrust_force",), 1e3, "thrust_force looks like kN: multiply by 1000"),
-    (("time",), 1 / 60, "time looks like seconds: divide by 60"),
-    (("time",), 60.0, "time looks like hours: multiply by 60"),
-    (("wear",), 25.4, "wear looks like inches: multiply by 25.4"),
+"""Typical values, to find those in a wrong unit; in the units of ``COLUMNS`` and ``Derived``."""
+
+
+class WrongUnit(NamedTuple):
+    """Columns that may be in a wrong unit."""
+
+    columns: tuple[str, ...]
+    factor: float  # to the right unit
+    message: str
+
+
+WRONG_UNITS = (
+    WrongUnit(("power",), 1e-3, "power looks like W: divide by 1000"),
+    WrongUnit(("power",), 1e3, "power looks like MW: multiply by 1000"),
+    WrongUnit(("cutting_speed",), 60.0, "cutting_speed looks like m/s: multiply by 60"),
+    WrongUnit(("cutting_speed",), 0.3048, "cutting_speed looks like ft/min: multiply by 0.3048"),
+    WrongUnit(("feed",), 25.4, "feed looks like inches: multiply by 25.4"),
+    WrongUnit(("feed",), 1e-3, "feed looks like um: divide by 1000"),
+    WrongUnit(("depth_of_cut",), 25.4, "depth_of_cut looks like inches: multiply by 25.4"),
+    WrongUnit(
+        ("feed", "depth_of_cut"), 25.4, "feed and depth_of_cut look like inches: multiply by 25.4"
+    ),
+    WrongUnit(("thrust_force",), 1e3, "thrust_force looks like kN: multiply by 1000"),
+    WrongUnit(("time",), 1 / 60, "time looks like seconds: divide by 60"),
+    WrongUnit(("time",), 60.0, "time looks like hours: multiply by 60"),
+    WrongUnit(("wear",), 25.4, "wear looks like inches: multiply by 25.4"),
 )
-SUSPECT = 3.5  # distance from the robust law, in robust standard deviations, from which a row may be an outlier [-]
-OUTLIER_SIGNIFICANCE = 1e-3  # probability that a sheet without errors has an outlier in one law [-]
-MIN_FAR = 0.4  # distance of logarithms below which no row is an outlier [-]: readings of real wear scatter by 0.24, edges by 0.34
+SUSPECT = 3.5
+"""Distance from the robust law, in robust standard deviations, from which a row is suspect [-]."""
+OUTLIER_SIGNIFICANCE = 1e-3
+"""Probability that a sheet without errors has an outlier in one law [-]."""
+MIN_FAR = 0.4
+"""Distance of logarithms below which no row is an outlier [-].
+
+Readings of real wear scatter by 0.24, edges by 0.34.
+"""
 SPARE_ROWS = 4  # rows beyond the fitted numbers that are needed to tell outliers
 SUBSETS = 500  # random subsets of rows from which the robust fit starts
+SIGMA_PER_MEDIAN = 1.4826
+"""Standard deviation over the median absolute deviation, of a normal distribution [-]."""
 
 
 class Derived(NamedTuple):
@@ -64,7 +99,7 @@ class Derived(NamedTuple):
     unit: str
     low: float
     high: float
-    of: Callable[[Columns], Values]  # returns the quantity of each row; none if a column is missing
+    of: Callable[[Columns], Values]  # returns each row's quantity; none if a column is missing
 
     def plausible(self, columns: Columns) -> NDArray[np.bool_]:
         """Return whether each row's quantity lies in its range or is unknown."""
@@ -72,122 +107,162 @@ class Derived(NamedTuple):
         return np.asarray(~((values < self.low) | (values > self.high)))
 
 
-def _over(columns: Columns, above: str, *below: str) -> Values:
+def _cutting_energy(columns: Columns) -> Values:
+    """Return P / (V f d) of each row; a power of 1 kW over 1 cm3/min is 60 GPa."""
+    return 60.0 * _over(columns, "power", ("cutting_speed", "feed", "depth_of_cut"))
+
+
+def _thrust_per_area(columns: Columns) -> Values:
+    """Return F / (f d) of each row; 1 N/mm2 is 0.001 GPa."""
+    return 1e-3 * _over(columns, "thrust_force", ("feed", "depth_of_cut"))
+
+
+def _over(columns: Columns, dividend: str, divisors: Sequence[str]) -> Values:
     """Return one column over the product of others; nothing if one is missing."""
-    if not {above, *below} <= columns.keys():
+    if not {dividend, *divisors} <= columns.keys():
         return np.empty(0)
-    return np.asarray(columns[above] / np.prod([columns[name] for name in below], axis=0))
+    product = np.prod([columns[name] for name in divisors], axis=0)
+    return np.asarray(columns[dividend] / product)
 
 
 ENERGY = Derived(
-    *(
-        "energy",
-        "specific cutting energy P/(V f d)",
-        "GPa",
-        0.3,
-        12.0,
-    ),  # aluminium to hardened steel and superalloys
-    lambda columns: (
-        60.0 * _over(columns, "power", "cutting_speed", "feed", "depth_of_cut")
-    ),  # kW over cm3/min is 60 GPa
+    name="energy",
+    meaning="specific cutting energy P/(V f d)",
+    unit="GPa",
+    # From aluminium to hardened steel and superalloys.
+    low=0.3,
+    high=12.0,
+    of=_cutting_energy,
 )
 THRUST = Derived(
-    *("thrust", "thrust force over f d", "GPa", 0.03, 20.0),
-    lambda columns: (
-        1e-3 * _over(columns, "thrust_force", "feed", "depth_of_cut")
-    ),  # N/mm2 is 0.001 GPa
+    name="thrust",
+    meaning="thrust force over f d",
+    unit="GPa",
+    low=0.03,
+    high=20.0,
+    of=_thrust_per_area,
 )
 
 
 def row_problems(measurements: Measurements) -> Iterator[str]:
     """Yield messages on rows that are implausible under any law."""
     for quantity in (ENERGY, THRUST):
-        yield from _problem(quantity, measurements.lines, measurements.columns)
+        problem = _problem(quantity, measurements.lines, measurements.columns)
+        if problem:
+            yield problem
 
 
 def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str]:
     """Yield messages on implausible fitted laws, at a wear criterion [mm]."""
     for response, fitted in fits.items():
-        known = fitted.edges is not None or not rows_correlate(
-            fitted
-        )  # otherwise intervals are too narrow
-        for name in POSITIVE[response] if known else ():
-            if (estimate := fitted.estimates.get(name)) and estimate.high < 0:
-                yield f"{response}: falls with {name}: exponent {estimate.value:.3g}, {estimate.low:.3g} to {estimate.high:.3g}"
-    if wear := fits.get("wear"):
-        low, high = TAYLOR_EXPONENT
-        if {"cutting_speed", "time"} <= wear.estimates.keys():
-            taylor = wear.law.time / wear.law.cutting_speed if wear.law.cutting_speed else np.inf
-            if not low <= taylor <= high:
-                yield f"wear: the Taylor exponent n in V T^n = C is {taylor:.3g}, where {low:g} to {high:g} is plausible"
-        if wear.law.time <= 0:
-            yield f"wear: does not grow with time: exponent {wear.law.time:.3g}"
-            return
-        misfit = (
-            wear.predicted / wear.measured
-        )  # in another unit of wear, the fitted law changes with it
+        # If rows correlate, intervals are too narrow to tell that a law falls.
+        if fitted.edges is None and rows_correlate(fitted):
+            continue
+        for name in RISING[response]:
+            estimate = fitted.estimates.get(name)
+            if estimate and estimate.high < 0:
+                interval = f"{estimate.low:.3g} to {estimate.high:.3g}"
+                exponent = f"exponent {estimate.value:.3g}, {interval}"
+                yield f"{response}: falls with {name}: {exponent}"
+    if "wear" in fits:
+        yield from _wear_law_problems(fits["wear"], wear_criterion)
 
-        def life(columns: Columns) -> Values:
-            with np.errstate(over="ignore", under="ignore"):
-                share = wear_criterion / (columns["wear"] * columns["misfit"])
-                return np.asarray(columns["time"] * share ** (1.0 / wear.law.time))
 
-        quantity = Derived(
-            "life",
-            f"tool life to {wear_criterion:g} mm at measured settings",
-            "min",
-            0.5,
-            600.0,
-            life,
+def _wear_law_problems(fitted: Fit, wear_criterion: float) -> Iterator[str]:
+    """Yield messages on an implausible law of wear, at a wear criterion [mm]."""
+    law = fitted.law
+    if {"cutting_speed", "time"} <= fitted.estimates.keys():
+        # Wear c V^a t^g is constant on V t^(g / a) = constant, Taylor's equation.
+        taylor = law.time / law.cutting_speed if law.cutting_speed else np.inf
+        if not MIN_TAYLOR <= taylor <= MAX_TAYLOR:
+            yield (
+                f"wear: the Taylor exponent n in V T^n = C is {taylor:.3g}, "
+                f"where {MIN_TAYLOR:g} to {MAX_TAYLOR:g} is plausible"
+            )
+    if law.time <= 0:
+        yield f"wear: does not grow with time: exponent {law.time:.3g}"
+        return
+
+    def life(columns: Columns) -> Values:
+        """Return the time at which the law reaches the criterion, through each row's own wear."""
+        with np.errstate(over="ignore", under="ignore"):
+            share = wear_criterion / (columns["wear"] * columns["misfit"])
+            return np.asarray(columns["time"] * share ** (1.0 / law.time))
+
+    quantity = Derived(
+        name="life",
+        meaning=f"tool life to {wear_criterion:g} mm at measured settings",
+        unit="min",
+        low=0.5,
+        high=600.0,
+        of=life,
+    )
+    # In another unit of wear, the fitted law changes with it, and this ratio does not.
+    misfit = fitted.predicted / fitted.measured
+    columns = fitted.factors | {"wear": fitted.measured, "misfit": misfit}
+    problem = _problem(quantity, fitted.lines, columns)
+    if not problem:
+        return
+    if "time" not in fitted.estimates:
+        problem += (
+            f", or the assumed exponent of time, {law.time:.3g}, is wrong: "
+            "read the wear of an edge at several times"
         )
-        doubt = f", or the assumed exponent of time, {wear.law.time:.3g}, is wrong: read the wear of an edge at several times"
-        for problem in _problem(
-            quantity, wear.lines, wear.factors | {"wear": wear.measured, "misfit": misfit}
-        ):
-            yield problem + doubt * ("time" not in wear.estimates)
+    yield problem
 
 
-def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> Iterator[str]:
-    """Yield a message if a quantity of some rows lies outside its range."""
+def _problem(quantity: Derived, lines: NDArray[np.int64], columns: Columns) -> str:
+    """Return a message if a quantity of some rows lies outside its range; otherwise nothing."""
     wrong = ~quantity.plausible(columns)
     if not wrong.any():
-        return
-    found = quantity.of(columns)[wrong]
-    least, most = f"{found.min():.3g}", f"{found.max():.3g}"
-    shown = least if least == most else f"{least} to {most}"
-    few = quantity.name != "life" and wrong.mean() < FEW
-    cause = (
-        "typing errors?"
-        if few
-        else _likely_unit(quantity, {name: column[wrong] for name, column in columns.items()})
-    )
-    yield (
+        return ""
+    values = quantity.of(columns)[wrong]
+    lowest, highest = f"{values.min():.3g}", f"{values.max():.3g}"
+    shown = lowest if lowest == highest else f"{lowest} to {highest}"
+    # An implausible life is not a typing error of some rows: it follows from the law of all.
+    if quantity.name != "life" and wrong.mean() < FEW:
+        cause = "typing errors?"
+    else:
+        cause = _likely_unit(quantity, {name: values[wrong] for name, values in columns.items()})
+    return (
         f"{quantity.meaning} is {shown} {quantity.unit} in {name_lines(lines[wrong])}, "
         f"where {quantity.low:g} to {quantity.high:g} is plausible: {cause}"
     )
 
 
 def _likely_unit(quantity: Derived, columns: Columns) -> str:
-    """Return the wrong unit that explains implausible rows best."""
-    best, least = "check their numbers and units", _strangeness(quantity, columns)
-    for names, factor, message in WRONG_UNITS:
-        if set(names) <= columns.keys():
-            changed = {**columns, **{name: factor * columns[name] for name in names}}
-            strangeness = _strangeness(quantity, changed)
-            if quantity.plausible(changed).mean() >= 0.8 and strangeness < least:
-                best, least = message, strangeness
-    return best
+    """Return the message on the wrong unit that explains implausible rows best."""
+    message = "check their numbers and units"
+    lowest = _strangeness(quantity, columns)
+    for unit in WRONG_UNITS:
+        if not set(unit.columns) <= columns.keys():
+            continue
+        changed = dict(columns)
+        for name in unit.columns:
+            changed[name] = unit.factor * columns[name]
+        strangeness = _strangeness(quantity, changed)
+        explained = quantity.plausible(changed).mean()
+        if explained >= MIN_EXPLAINED and strangeness < lowest:
+            message = unit.message
+            lowest = strangeness
+    return message
 
 
 def _strangeness(quantity: Derived, columns: Columns) -> float:
-    """Return the distance of rows from typical values in rough turning, summed over quantities [-]."""
-    values = {**columns, **{each.name: each.of(columns) for each in (ENERGY, THRUST, quantity)}}
+    """Return the distance of rows from typical values in rough turning, summed over quantities [-].
+
+    It is the mean square of log10(value / typical value) / decades of each quantity.
+    """
+    values = dict(columns)
+    for derived in (ENERGY, THRUST, quantity):
+        values[derived.name] = derived.of(columns)
     total = 0.0
-    for name, (typical, decades) in TYPICAL.items():
+    for name, typical in TYPICAL.items():
         known = values.get(name, np.empty(0))
         known = known[np.isfinite(known) & (known > 0)]
         if known.size:
-            total += float(((np.log10(known / typical) / decades) ** 2).mean())
+            distance = np.log10(known / typical.value) / typical.decades
+            total += float((distance**2).mean())
     return total
 
 
@@ -196,9 +271,10 @@ def name_lines(lines: Iterable[int]) -> str:
     numbers = np.unique(np.fromiter(lines, int))
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     ranges = [f"{run[0]} to {run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
-    return f"line{'s' * (len(numbers) > 1)} {', '.join(ranges[:MAX_NAMED])}" + (
-        ", ..." if len(ranges) > MAX_NAMED else ""
-    )
+    named = ", ".join(ranges[:MAX_NAMED])
+    if len(ranges) > MAX_NAMED:
+        named += ", ..."
+    return f"line{'s' if len(numbers) > 1 else ''} {named}"
 
 
 class RobustFit(NamedTuple):
@@ -209,43 +285,61 @@ class RobustFit(NamedTuple):
 
 
 def robust_fit(fitted: Fit) -> RobustFit:
-    """Fit a law again, by least squares with Cauchy loss from the subset of rows that suits most of the others.
+    """Fit a law again, by least squares with Cauchy loss.
 
-    The start has a high breakdown point (least quantile of squares, Rousseeuw 1984), so that a wrong speed or feed cannot draw
-    the law to its row.
+    The start is the subset of rows whose law suits most of the others. It has a high breakdown
+    point (least quantile of squares, Rousseeuw 1984), so that a wrong speed or feed cannot draw the
+    law to its row.
     """
     residual = fitted.log_residuals
-    logs = [np.log(fitted.factors[name]) for name in fitted.exponents]
-    design = np.column_stack([np.ones(len(residual)), *(log - log.mean() for log in logs)])
+    columns = [np.ones(len(residual))]
+    for name in fitted.exponents:
+        log = np.log(fitted.factors[name])
+        columns.append(log - log.mean())
+    design = np.column_stack(columns)
     rows, count = design.shape
-    change = np.zeros(count)
+    change = np.zeros(count)  # of the law's parameters
     if rows >= count + SPARE_ROWS:
-        rng, quantile = np.random.default_rng(0), (rows + count + 1) // 2
-        picks = [rng.choice(rows, count + 1, replace=False) for _ in range(SUBSETS)]
-        starts = [
-            change,
-            *(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0] for pick in picks),
-        ]
-        medians = [
-            np.partition(np.abs(residual - design @ start), quantile - 1)[quantile - 1]
-            for start in starts
-        ]
-        start, scale = starts[int(np.argmin(medians))], max(1.4826 * float(min(medians)), 1e-9)
-
-        def misfit(change: Values) -> Values:
-            return np.asarray(residual - design @ change)
-
-        change = optimize.least_squares(misfit, start, loss="cauchy", f_scale=scale).x
+        change = _robust_change(residual, design)
     distance = np.asarray(residual - design @ change)
-    scale = 1.4826 * float(np.median(np.abs(distance))) * (1.0 + 5.0 / max(rows - count, 1))
-    outlying = _outlying(residual, design, np.abs(distance) > SUSPECT * scale) & (
-        np.abs(distance) > MIN_FAR
-    )
-    return RobustFit(distance, np.asarray(outlying))
+    # The median is small in small samples; 1 + 5 / (n - p) corrects it (Rousseeuw and Leroy 1987).
+    median = float(np.median(np.abs(distance)))
+    scale = SIGMA_PER_MEDIAN * median * (1.0 + 5.0 / max(rows - count, 1))
+    suspect = np.abs(distance) > SUSPECT * scale
+    outlying = _outlying(residual, design, suspect)
+    return RobustFit(distance, np.asarray(outlying & (np.abs(distance) > MIN_FAR)))
+
+
+def _robust_change(residual: Values, design: Values) -> Values:
+    """Return the robust regression of residuals (rows,) on a design (rows, parameters)."""
+    rows, count = design.shape
+    rng = np.random.default_rng(0)
+    # The quantile of least squares with the highest breakdown point.
+    quantile = (rows + count + 1) // 2
+    picks = [rng.choice(rows, count + 1, replace=False) for _ in range(SUBSETS)]
+    starts = [np.zeros(count)]
+    for pick in picks:
+        starts.append(np.linalg.lstsq(design[pick], residual[pick], rcond=None)[0])
+    medians = []
+    for start in starts:
+        distance = np.abs(residual - design @ start)
+        medians.append(np.partition(distance, quantile - 1)[quantile - 1])
+    start = starts[int(np.argmin(medians))]
+    # A scale of 0, if rows fit exactly, has no loss.
+    scale = max(SIGMA_PER_MEDIAN * float(min(medians)), 1e-9)
+
+    def misfit(change: Values) -> Values:
+        return np.asarray(residual - design @ change)
+
+    return optimize.least_squares(misfit, start, loss="cauchy", f_scale=scale).x
 
 
 def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which suspects lie too far from the law of the other rows for chance, by a t test of each."""
+    """Return which suspects lie too far from the law of the other rows for chance.
+
+    Each is tested against Student's t with the variance of a new row, s^2 (1 + x (X'X)^-1 x'). The
+    level is shared by all rows (Bonferroni).
+    """
     kept = ~suspect
     degrees = int(kept.sum()) - design.shape[1]
     if degrees < SPARE_ROWS or not suspect.any():
@@ -254,49 +348,48 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
     distance = residual - design @ (inverse @ residual[kept])
     variance = float(distance[kept] @ distance[kept]) / degrees
     leverage = ((design @ inverse) ** 2).sum(axis=1)
-    limit = stats.t.isf(0.5 * OUTLIER_SIGNIFICANCE / len(residual), degrees) * np.sqrt(
-        variance * (1.0 + leverage)
-    )
+    quantile = stats.t.isf(0.5 * OUTLIER_SIGNIFICANCE / len(residual), degrees)
+    limit = quantile * np.sqrt(variance * (1.0 + leverage))
     return np.asarray(suspect & (np.abs(distance) > limit))
 
 
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
     """Yield a message for each row that lies far from a law, which is probably wrong."""
-    wrong = {
-        name: robust[name].outlying & ~_of_unusual_edge(fits[name], robust[name]) for name in fits
-    }
-    for line in sorted({int(line) for name in fits for line in fits[name].lines[wrong[name]]}):
-        rows = {
-            name: int(np.flatnonzero(fitted.lines == line)[0])
-            for name, fitted in fits.items()
-            if line in fitted.lines
-        }
-        shown = " and ".join(
-            f"{name} is {_times(np.exp(robust[name].distance[row]))} the law of the other rows"
-            for name, row in rows.items()
-            if wrong[name][row]
-        )
-        yield f"line {line}: {shown}: check its numbers"
+    faults: dict[int, list[str]] = {}  # by line
+    for name, fitted in fits.items():
+        wrong = robust[name].outlying & ~_of_unusual_edge(fitted, robust[name])
+        for row in np.flatnonzero(wrong):
+            ratio = _times(np.exp(robust[name].distance[row]))
+            fault = f"{name} is {ratio} the law of the other rows"
+            faults.setdefault(int(fitted.lines[row]), []).append(fault)
+    for line in sorted(faults):
+        yield f"line {line}: {' and '.join(faults[line])}: check its numbers"
 
 
 def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
-    """Return the rows of edges of which most readings, and two or more, are outliers: such an edge is odd, but no typing error.
+    """Return the rows of edges of which most readings, and two or more, are outliers.
 
-    Without names of edges, rows at the same settings count as readings of one.
+    Such an edge is odd, but no typing error. Without names of edges, rows at the same settings
+    count as readings of one.
     """
-    settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
-    group = (
-        fitted.edges.group if fitted.edges else np.unique(settings, axis=0, return_inverse=True)[1]
-    )
-    found, members = np.bincount(group, robust.outlying), np.bincount(group)
-    return np.asarray(((found >= 2) & (found > 0.5 * members))[group])
+    if fitted.edges:
+        group = fitted.edges.group
+    else:
+        settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
+        group = np.unique(settings, axis=0, return_inverse=True)[1]
+    outlying = np.bincount(group, robust.outlying)
+    members = np.bincount(group)
+    unusual = (outlying >= 2) & (outlying > 0.5 * members)
+    return np.asarray(unusual[group])
 
 
 def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
     """Yield a warning for each law from which the readings of whole edges lie far."""
     for name, fitted in fits.items():
-        if (odd := robust[name].outlying & _of_unusual_edge(fitted, robust[name])).any():
-            yield f"{name}: all readings of an edge lie far from the law, in {name_lines(fitted.lines[odd])}: an unusual edge?"
+        odd = robust[name].outlying & _of_unusual_edge(fitted, robust[name])
+        if odd.any():
+            where = f"in {name_lines(fitted.lines[odd])}"
+            yield f"{name}: all readings of an edge lie far from the law, {where}: an unusual edge?"
 
 
 def _times(ratio: float) -> str:

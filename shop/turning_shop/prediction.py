@@ -1,6 +1,7 @@
 """Compute intervals of predictions by fitted laws, and find predictions that extrapolate.
 
-The evidence travels with a scenario, as table ``calibration`` of its file. It counts only for laws that still are those fitted.
+The evidence travels with a scenario, as table ``calibration`` of its file. It counts only for laws
+that still are those fitted. ``whatif.py`` predicts the nominal values.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,9 +19,8 @@ from turning_shop.whatif import Cuts
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 
-BEYOND = (
-    0.01  # relative distance beyond the measured range above which a law counts as extrapolated [-]
-)
+BEYOND = 0.01
+"""Relative distance beyond the measured range above which a law counts as extrapolated [-]."""
 PREDICTED = ("time", "wear", "thrust_force", "power", "tool_life")
 """Fields of ``Cuts`` that have intervals."""
 
@@ -30,11 +30,11 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
 
     coefficient: float  # by which the law is recognised
     terms: tuple[str, ...]  # fitted exponents
-    covariance: tuple[
-        tuple[float, ...], ...
-    ]  # of the coefficient's logarithm and the fitted exponents
+    # Of the coefficient's logarithm and the fitted exponents.
+    covariance: tuple[tuple[float, ...], ...]
     degrees: int  # of freedom
-    scatter: float  # standard deviation of the logarithm of one reading, of an edge that was not measured [-]
+    # Standard deviation of the logarithm of one reading, of an edge that was not measured [-].
+    scatter: float
     measured: dict[str, tuple[float, float]]  # lowest and highest value of each factor
 
     @property
@@ -45,21 +45,28 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
     def log_deviation(
         self, law: PowerLaw, factors: Mapping[str, Values], scatter: float | None = None
     ) -> Values:
-        """Return the standard deviation of the logarithm of one reading at values of the law's factors [-]; 0: of the law."""
-        references = {"depth_of_cut": law.reference_depth_of_cut}
-        logs = [np.log(factors[name] / references.get(name, 1.0)) for name in self.terms]
-        at = np.stack(np.broadcast_arrays(np.ones_like(factors["feed"]), *logs), axis=-1)
-        variance = np.einsum("...i,ij,...j", at, np.array(self.covariance), at)
-        return np.asarray(
-            np.sqrt(np.maximum(variance, 0.0) + (self.scatter if scatter is None else scatter) ** 2)
-        )
+        """Return the standard deviation of the logarithm of one reading at these factors [-].
+
+        It is sqrt(x C x' + scatter^2), with the factors' logarithms x and the covariance C of the
+        fitted numbers. With a scatter of 0, it is the deviation of the law.
+        """
+        if scatter is None:
+            scatter = self.scatter
+        regressors = [np.ones_like(factors["feed"])]
+        for name in self.terms:
+            reference = law.reference_depth_of_cut if name == "depth_of_cut" else 1.0
+            regressors.append(np.log(factors[name] / reference))
+        point = np.stack(np.broadcast_arrays(*regressors), axis=-1)
+        variance = np.einsum("...i,ij,...j", point, np.array(self.covariance), point)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + scatter**2))
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""
-        ranges = {name: ends for name, ends in self.measured.items() if name in factors}
-        return np.asarray(
-            np.logical_or.reduce([_beyond(factors[name], *ends) for name, ends in ranges.items()])
-        )
+        outside = []
+        for name, (low, high) in self.measured.items():
+            if name in factors:
+                outside.append(_beyond(factors[name], low, high))
+        return np.asarray(np.logical_or.reduce(outside))
 
 
 class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
@@ -70,34 +77,37 @@ class Evidence(BaseModel, frozen=True, allow_inf_nan=False):
     laws: dict[str, LawEvidence] = Field(default_factory=dict)
 
 
-def outside(
-    evidence: Evidence, values: Mapping[str, Values]
-) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
-    """Yield each factor of the laws, the range in which all of them were measured, and whether its values lie outside."""
-    for name in COLUMNS:
-        if ranges := [law.measured[name] for law in evidence.laws.values() if name in law.measured]:
-            low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
-            measured = f"{low:.3g}{f' to {high:.3g}' * (low != high)} {COLUMNS[name].unit}"
-            yield name, measured, _beyond(values[name], low, high)
+class MeasuredRange(NamedTuple):
+    """The range of a factor in which all laws were measured."""
+
+    factor: str
+    text: str  # the range for people
+    outside: NDArray[np.bool_]  # whether values lie outside
+
+
+def outside(evidence: Evidence, values: Mapping[str, Values]) -> Iterator[MeasuredRange]:
+    """Yield the measured range of each factor of the laws, and whether its values lie outside."""
+    for name, column in COLUMNS.items():
+        ranges = [law.measured[name] for law in evidence.laws.values() if name in law.measured]
+        if ranges:
+            low = max(low for low, _ in ranges)
+            high = min(high for _, high in ranges)
+            ends = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
+            text = f"{ends} {column.unit}"
+            yield MeasuredRange(name, text, outside=_beyond(values[name], low, high))
 
 
 def _beyond(values: Values, low: float, high: float) -> NDArray[np.bool_]:
-    return np.asarray((values < low * (1 - BEYOND)) | (values > high * (1 + BEYOND)))
-
-
-class Prediction(NamedTuple):
-    """Intervals of cuts, by names of ``PREDICTED``; NaN if the law was not fitted."""
-
-    low: dict[str, Values]
-    high: dict[str, Values]
-    extrapolated: NDArray[np.bool_]  # whether a fitted law is used outside the measured range
+    below = values < low * (1 - BEYOND)
+    above = values > high * (1 + BEYOND)
+    return np.asarray(below | above)
 
 
 def evidence_of(fitted: Fit) -> LawEvidence:
     """Return a fit's evidence for its law."""
-    measured = {
-        name: (float(values.min()), float(values.max())) for name, values in fitted.factors.items()
-    }
+    measured = {}
+    for name, values in fitted.factors.items():
+        measured[name] = (float(values.min()), float(values.max()))
     if fitted.fresh.all():
         measured["wear"] = (0.0, 0.0)
     return LawEvidence(
@@ -111,7 +121,7 @@ def evidence_of(fitted: Fit) -> LawEvidence:
 
 
 def read_evidence(scenario: Scenario) -> Evidence:
-    """Return the evidence for a scenario's laws; none if they were not fitted, or were changed since.
+    """Return the evidence for a scenario's laws, except those not fitted, or changed since.
 
     Raises:
         WorkshopError: The table ``calibration`` of the scenario's file is damaged.
@@ -124,7 +134,8 @@ def read_evidence(scenario: Scenario) -> Evidence:
         raise WorkshopError(
             f"{scenario.file}: the table calibration is damaged: calibrate again, or delete it"
         ) from error
-    laws, warnings = {}, list(evidence.warnings)
+    laws = {}
+    warnings = list(evidence.warnings)
     for name, law in evidence.laws.items():
         if name in FACTORS and getattr(scenario.material, name).coefficient == law.coefficient:
             laws[name] = law
@@ -135,38 +146,55 @@ def read_evidence(scenario: Scenario) -> Evidence:
     return Evidence(source=evidence.source, warnings=tuple(warnings), laws=laws)
 
 
+class Prediction(NamedTuple):
+    """Intervals of cuts, by names of ``PREDICTED``; NaN if the law was not fitted."""
+
+    low: dict[str, Values]
+    high: dict[str, Values]
+    extrapolated: NDArray[np.bool_]  # whether a fitted law is used outside the measured range
+
+
 def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -> Prediction:
     """Return intervals of one reading at an edge and bar that were not measured.
 
-    ``of_wear`` says whether the cuts' wear is given, and exact, rather than predicted from their time.
+    ``of_wear`` says whether the cuts' wear is given, and exact, rather than predicted from their
+    time.
     """
-    material, settings = scenario.material, {name: getattr(cuts, name) for name in SETTINGS}
-    half = dict.fromkeys(PREDICTED, np.full(cuts.wear.shape, np.nan))
-    extrapolated, through_wear = np.zeros(cuts.wear.shape, bool), np.zeros(cuts.wear.shape)
-    if wear := evidence.laws.get("wear"):
-        now, at_the_end = (
-            settings | {"time": np.clip(time, 1e-300, 1e300)}
-            for time in (cuts.time, cuts.tool_life)
-        )
-        deviation = wear.log_deviation(material.wear, now)
-        half["tool_life"] = (
-            wear.quantile * wear.log_deviation(material.wear, at_the_end) / material.wear.time
-        )
+    material = scenario.material
+    settings = {name: getattr(cuts, name) for name in SETTINGS}
+    shape = cuts.wear.shape
+    half_width = dict.fromkeys(PREDICTED, np.full(shape, np.nan))  # of the values' logarithms
+    extrapolated = np.zeros(shape, bool)
+    wear_deviation = np.zeros(shape)  # of its logarithm, if it is predicted
+    if "wear" in evidence.laws:
+        known = evidence.laws["wear"]
+        # The logarithm of a time of 0 or infinity is not finite.
+        now = settings | {"time": np.clip(cuts.time, 1e-300, 1e300)}
+        at_end = settings | {"time": np.clip(cuts.tool_life, 1e-300, 1e300)}
+        deviation = known.log_deviation(material.wear, now)
+        # W = c t^g, so that the logarithm of the time to a wear deviates by 1 / g of that of wear.
+        end_deviation = known.log_deviation(material.wear, at_end)
+        half_width["tool_life"] = known.quantile * end_deviation / material.wear.time
         if of_wear:
-            half["time"] = wear.quantile * deviation / material.wear.time
+            half_width["time"] = known.quantile * deviation / material.wear.time
         else:
-            half["wear"], through_wear = wear.quantile * deviation, deviation
-        extrapolated |= wear.extrapolates(now)
+            half_width["wear"] = known.quantile * deviation
+            wear_deviation = deviation
+        extrapolated |= known.extrapolates(now)
     for name in ("thrust_force", "power"):
-        if known := evidence.laws.get(name):
-            law, at = getattr(material, name), settings | {"wear": cuts.wear}
-            half[name] = known.quantile * np.hypot(
-                known.log_deviation(law, at), law.wear * through_wear
-            )
-            extrapolated |= known.extrapolates(at)
+        if name in evidence.laws:
+            known = evidence.laws[name]
+            law = getattr(material, name)
+            factors = settings | {"wear": cuts.wear}
+            # The deviation of the wear reaches the load through the load's exponent of wear.
+            through_wear = law.wear * wear_deviation
+            deviation = np.hypot(known.log_deviation(law, factors), through_wear)
+            half_width[name] = known.quantile * deviation
+            extrapolated |= known.extrapolates(factors)
+    low = {}
+    high = {}
     with np.errstate(over="ignore"):
-        low, high = (
-            {name: getattr(cuts, name) * np.exp(sign * half[name]) for name in PREDICTED}
-            for sign in (-1.0, 1.0)
-        )
-    return Prediction(low, high, extrapolated)
+        for name in PREDICTED:
+            low[name] = getattr(cuts, name) * np.exp(-half_width[name])
+            high[name] = getattr(cuts, name) * np.exp(half_width[name])
+    return Prediction(low, high, extrapolated=extrapolated)

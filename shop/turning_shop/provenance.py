@@ -2,19 +2,22 @@
 
 A value of a file counts as the user's. A value that only the preset below states is one of three:
 
-* It is **off** if the advice can do without it: limits, the strength of edges, variation of bars, failures of the edge, tangled
-  chips, the spindle's curve, model mismatch. Advice and simulation then agree, and a warning asks for it.
-* It is **assumed** if advice needs it, as the diameter of the bar or the time to change an edge. A warning prints its value.
-* It **has no effect** on constant speed and feed, as the noise of sensors. The simulation of adaptive control uses it, and says
-  so.
+* It is **off** if the advice can do without it: limits, the strength of edges, variation of bars,
+  failures of the edge, tangled chips, the spindle's curve, model mismatch. Advice and simulation
+  then agree, and a warning asks for it.
+* It is **assumed** if advice needs it, as the diameter of the bar or the time to change an edge. A
+  warning prints its value.
+* It has **no effect** on constant speed and feed, as the noise of sensors. The simulation of
+  adaptive control uses it, and says so.
 """
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from pydantic import BaseModel
 from turning_shop.allowed import NO_STRENGTH
 from turning_shop.fit import FACTORS
 from turning_shop.prediction import Evidence, read_evidence
@@ -25,6 +28,8 @@ from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.scenario import Source, flat, merged, nested
 from turning_env.scenario.sections import Material
 
+SectionT = TypeVar("SectionT", bound=BaseModel)
+
 OF_PROGRAMS = {
     "machine.cutting_speed_max": "m/min",
     "machine.feed_max": "mm/rev",
@@ -32,7 +37,7 @@ OF_PROGRAMS = {
     "tool.wear_factor_spread": "",
 }
 """Values on which the play of programs depends, and their units."""
-ASKED = OF_PROGRAMS | {
+OF_ADVICE = OF_PROGRAMS | {
     "machine.cutting_speed_min": "m/min",
     "machine.feed_min": "mm/rev",
     "machine.return_time": "min",
@@ -43,28 +48,49 @@ ASKED = OF_PROGRAMS | {
     "economics.edge_change_time": "min",
 }
 """Values on which advice depends, and their units."""
+OF_SIMULATION = {
+    "machine.feed_time_constant": "s",
+    "machine.spindle_time_constant": "s",
+    "sensors.power_noise": "",
+    "sensors.force_noise": "",
+    "sensors.power_time_constant": "s",
+    "sensors.force_time_constant": "s",
+    "control.interval": "s",
+}
+"""Values that only the simulation of adaptive control uses, and their units."""
 BARS_VARY = (
     "workpiece.depth_bar_spread",
     "workpiece.depth_along_spread",
     "workpiece.hardness_bar_spread",
     "workpiece.hardness_along_spread",
 )
-_OFF = {f"limits.{name}": none for name, none in NO_LIMIT.items()}
-_OFF |= {"tool.edge_strength": NO_STRENGTH}
-_OFF |= dict.fromkeys(BARS_VARY, 0.0)
+_OFF = {
+    "limits.thrust_force": NO_LIMIT["thrust_force"],
+    "limits.power": NO_LIMIT["power"],
+    "tool.edge_strength": NO_STRENGTH,
+    **dict.fromkeys(BARS_VARY, 0.0),
+}
 """Neutral values of fields whose defaults are not neutral."""
 BEYOND_ADVICE = (
-    *("edge_failure.", "swarf.", "mismatch.", "nominal_model."),
-    *("machine.chatter", "machine.chip_lag", "machine.command_delay"),
-    *(
-        "workpiece.depth_profile",
-        "workpiece.section_",
-        "workpiece.depth_ripple",
-        "workpiece.support",
-    ),
-    *("limits.radial_force.", "limits.torque.", "limits.roughness."),
+    "edge_failure.",
+    "swarf.",
+    "mismatch.",
+    "nominal_model.",
+    "machine.chatter",
+    "machine.chip_lag",
+    "machine.command_delay",
+    "workpiece.depth_profile",
+    "workpiece.section_",
+    "workpiece.depth_ripple",
+    "workpiece.support",
+    "limits.radial_force.",
+    "limits.torque.",
+    "limits.roughness.",
 )
-"""Beginnings of names of values that the simulation plays and advice does not know. Their defaults are neutral."""
+"""Beginnings of names of values that the simulation plays and advice does not know.
+
+Their defaults are neutral.
+"""
 _OFF_BY_DEFAULT = (*BEYOND_ADVICE, "spindle.")
 NEEDED_BY = {
     "limits.power": ("limits.overload_tolerance", "limits.overload_allowance"),
@@ -75,8 +101,11 @@ NEEDED_BY = {
     "workpiece.hardness_along_spread": ("workpiece.hardness_correlation_length",),
     "machine.chatter": ("machine.chatter_speed", "machine.chatter_width"),
     "swarf.tangle_rate": (
-        *("swarf.tangle_time", "swarf.chip_feed_min", "swarf.chip_feed_max"),
-        *("swarf.chip_depth_min", "swarf.chip_depth_max"),
+        "swarf.tangle_time",
+        "swarf.chip_feed_min",
+        "swarf.chip_feed_max",
+        "swarf.chip_depth_min",
+        "swarf.chip_depth_max",
     ),
     "edge_failure.collapse_temperature": ("edge_failure.temperature.coefficient",),
     "edge_failure.tertiary_rate": ("edge_failure.tertiary_wear",),
@@ -90,165 +119,194 @@ NEEDED_BY = {
     "economics.insert_price": ("economics.edges_per_insert",),
 }
 """Values that count only if another is stated and on."""
-OF_SIMULATION = {
-    "machine.feed_time_constant": "s",
-    "machine.spindle_time_constant": "s",
-    "sensors.power_noise": "",
-    "sensors.force_noise": "",
-    "sensors.power_time_constant": "s",
-    "sensors.force_time_constant": "s",
-    "control.interval": "s",
-}
-"""Values that only the simulation of adaptive control uses, and their units."""
+LIKELY_WATTS = 1000.0  # limit of power from which it probably is in W [kW]
 TAYLOR = 0.25
-"""Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron (ISO groups P, M and K): speed factors
-for lives of 20 to 60 min in the catalogue Dormer Pramet 2024, p. 76; Mitsubishi's rule, 20 % more speed halves the life: 0.26."""
-CATALOGUE = f"the exponent is such that Taylor's n is {TAYLOR:g}, as in catalogues for the ISO groups P, M and K"
+"""Taylor exponent n in V T^n = C [-] of carbide in steel, stainless steel and cast iron.
+
+These are the ISO groups P, M and K. Source: speed factors for lives of 20 to 60 min in the
+catalogue Dormer Pramet 2024, p. 76. Mitsubishi's rule, that 20 % more speed halves the life, gives
+0.26.
+"""
+CATALOGUE = (
+    f"the exponent is such that Taylor's n is {TAYLOR:g}, "
+    "as in catalogues for the ISO groups P, M and K"
+)
 
 
 def load(
     source: Source,
-    asked: Mapping[str, str] = ASKED,
+    needed: Mapping[str, str] = OF_ADVICE,
     nose_radius: float | None = None,
     is_simulated: bool = True,
 ) -> tuple[Scenario, Evidence]:
-    """Return a scenario and the evidence for its laws, with warnings on every number that no file states and no cut measured.
+    """Return a scenario and the evidence for its laws.
 
-    ``asked`` are the values that are needed. A preset's own values count as stated. In a file based on a preset, what advice can
-    do without is off unless the file states it, and a law of wear that is the preset's gets the exponent of speed that
-    catalogues state. ``nose_radius`` [mm] replaces that of the scenario. Warnings leave out how bars and edges differ if they are
-    not simulated.
+    Warnings of the evidence name every number that no file states and no cut measured. ``needed``
+    are the values that are needed, with their units. A preset's own values count as stated. In a
+    file based on a preset, what advice can do without is off unless the file states it. A law of
+    wear that is the preset's gets the exponent of speed that catalogues state. ``nose_radius`` [mm]
+    replaces that of the scenario. Warnings leave out how bars and edges differ if they are not
+    simulated.
     """
     scenario = Scenario.load(source)
     if nose_radius is not None:
-        scenario = scenario.model_copy(
-            update={"tool": scenario.tool.model_copy(update={"nose_radius": nose_radius})}
-        )
+        scenario = _changed(scenario, {"tool": {"nose_radius": nose_radius}})
     evidence = read_evidence(scenario)
     if scenario.file is None:
-        warnings = [
-            f"laws and limits are those of the preset {scenario.name}, not measured on your machine"
-        ]
-        warnings += _left_to_simulation(scenario) if is_simulated else ()
-        return scenario, evidence.model_copy(
-            update={"warnings": tuple(warnings) * isinstance(source, str)}
-        )
-    stated, preset = stated_by(scenario.file)
-    own = set(flat(stated))
+        warnings: list[str] = []
+        # Only a user names a preset; programs give a scenario or its values.
+        if isinstance(source, str):
+            warnings += _preset_warnings(scenario, is_simulated)
+        return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
+
+    values, preset = stated_by(scenario.file)
+    stated = set(flat(values))
     warnings = [f"{evidence.source}: {warning}" for warning in evidence.warnings]
-    scenario, effects = _without_unstated(scenario, own)
-    if assumed := _assumed(scenario, own, asked):
-        warnings.append(
-            f"not stated in your files, but taken from the preset {preset}: {', '.join(assumed)}"
-        )
-    warnings += _law_warnings(scenario, evidence, own, preset)
+    scenario, effects = _without_unstated(scenario, stated)
+    assumed = _assumed(scenario, stated, needed)
+    if assumed:
+        names = ", ".join(assumed)
+        warnings.append(f"not stated in your files, but taken from the preset {preset}: {names}")
+    warnings += _law_warnings(scenario, evidence, stated, preset)
     warnings += _off_limits(scenario)
     if is_simulated:
-        warnings += _even(scenario, own)
-        warnings += [
-            f"off, though the preset has them, as your files do not state them: {', '.join(effects)}"
-        ] * bool(effects)
+        warnings += _even(scenario, stated)
+        if effects:
+            names = ", ".join(effects)
+            off = "off, though the preset has them, as your files do not state them"
+            warnings.append(f"{off}: {names}")
         warnings += _left_to_simulation(scenario)
-    warnings += ["limits.power is 1000 kW or more: is it in W?"] * (
-        1000 <= scenario.limits.power < NO_LIMIT["power"]
-    )
-    wear = scenario.material.wear
-    if "wear" not in evidence.laws and is_papers(wear):
-        speed, exponent = Scenario.load(preset).control.initial_cutting_speed, wear.time / TAYLOR
-        coefficient = wear.coefficient * speed ** (
-            wear.cutting_speed - exponent
-        )  # of the same life at this speed
-        law = wear.model_copy(update={"cutting_speed": exponent, "coefficient": coefficient})
-        scenario = scenario.model_copy(
-            update={"material": scenario.material.model_copy(update={"wear": law})}
-        )
+    if LIKELY_WATTS <= scenario.limits.power < NO_LIMIT["power"]:
+        warnings.append("limits.power is 1000 kW or more: is it in W?")
+    if "wear" not in evidence.laws and is_papers(scenario.material.wear):
+        speed = Scenario.load(preset).control.initial_cutting_speed
+        scenario = _with_taylor(scenario, speed)
         warnings.append(f"wear: {CATALOGUE}, with the preset's tool life at {speed:g} m/min")
     return scenario, evidence.model_copy(update={"warnings": tuple(warnings)})
 
 
+def _preset_warnings(scenario: Scenario, is_simulated: bool) -> Iterator[str]:
+    """Yield warnings on a preset that the user names."""
+    yield f"laws and limits are those of the preset {scenario.name}, not measured on your machine"
+    if is_simulated:
+        yield from _left_to_simulation(scenario)
+
+
+def _with_taylor(scenario: Scenario, speed: float) -> Scenario:
+    """Return the scenario with the Taylor exponent of catalogues and the same life at a speed.
+
+    From W = c V^a t^g follows V T^(g / a) = constant, so that n = g / a. The wear at ``speed``
+    [m/min] stays: c' V^a' = c V^a.
+    """
+    wear = scenario.material.wear
+    exponent = wear.time / TAYLOR
+    coefficient = wear.coefficient * speed ** (wear.cutting_speed - exponent)
+    law = {"cutting_speed": exponent, "coefficient": coefficient}
+    return _changed(scenario, {"material": {"wear": law}})
+
+
 def assumed_in_simulation(scenario: Scenario) -> list[str]:
-    """Return the values, for people, that only the simulation uses and no file of a scenario states; none for a preset."""
+    """Return the values, for people, that only the simulation uses and no file states.
+
+    There are none for a preset.
+    """
     if scenario.file is None or scenario.file.suffix != ".toml":
         return []
-    own = set(flat(stated_by(scenario.file)[0]))
-    return [shown(scenario, name, unit) for name, unit in OF_SIMULATION.items() if name not in own]
+    values, _ = stated_by(scenario.file)
+    stated = set(flat(values))
+    return [
+        shown(scenario, name, unit) for name, unit in OF_SIMULATION.items() if name not in stated
+    ]
 
 
 def shown(scenario: Scenario, name: str, unit: str | None = None) -> str:
-    """Return the name and the value of a field for people."""
+    """Return the name and the value of a field for people; the unit is the declared one if None."""
     value = attrgetter(name)(scenario)
-    if unit is None:
-        *sections, field = name.split(".")
-        section = attrgetter(".".join(sections))(scenario)
-        declared = type(section).model_fields[field].json_schema_extra
-        unit = str(declared["unit"]) if isinstance(declared, dict) and "unit" in declared else ""
     number = value if isinstance(value, str) else f"{value:g}"
+    if unit is None:
+        unit = _declared_unit(scenario, name)
     return f"{name} {number} {unit.replace('-', '')}".rstrip()
 
 
-def _without_unstated(scenario: Scenario, own: set[str]) -> tuple[Scenario, list[str]]:
-    """Return the scenario without what advice can do without and no file states, and the effects that are thus left out."""
-    values, neutral = flat(scenario.model_dump()), flat(Scenario().model_dump()) | _OFF
-    switched = [name for name in values if name in _OFF or name.startswith(_OFF_BY_DEFAULT)]
-    unstated = [name for name in switched if name not in own]
-    update = nested((name, neutral[name]) for name in unstated if name in neutral)
-    nominal = nested(
-        (name.partition(".")[2], values[name]) for name in own if name.startswith("nominal_model.")
+def _declared_unit(scenario: Scenario, name: str) -> str:
+    """Return the unit that a field's section declares; empty if there is none."""
+    section_name, _, field = name.rpartition(".")
+    section = attrgetter(section_name)(scenario)
+    declared = type(section).model_fields[field].json_schema_extra
+    if isinstance(declared, dict) and "unit" in declared:
+        return str(declared["unit"])
+    return ""
+
+
+def _without_unstated(scenario: Scenario, stated: set[str]) -> tuple[Scenario, list[str]]:
+    """Return the scenario without what advice can do without and no file states.
+
+    Return the effects that are thus left out, too.
+    """
+    values = flat(scenario.model_dump())
+    neutral = _neutral_values()
+    switches = [name for name in values if name in _OFF or name.startswith(_OFF_BY_DEFAULT)]
+    unstated = [name for name in switches if name not in stated]
+    reduced = _changed(
+        scenario,
+        nested((name, neutral[name]) for name in unstated if name in neutral),
     )
-    made = _changed(scenario, update)
-    made = made.model_copy(update={"nominal_model": tuple(sorted(flat(nominal).items()))})
-    return made, _effects(values, unstated)
+    # The nominal model holds what differs from the scenario, of which only stated values stay.
+    prefix = "nominal_model."
+    nominal_names = [name for name in stated if name.startswith(prefix)]
+    nominal = nested((name.removeprefix(prefix), values[name]) for name in nominal_names)
+    nominal_model = tuple(sorted(flat(nominal).items()))
+    reduced = reduced.model_copy(update={"nominal_model": nominal_model})
+    return reduced, _effects(values, unstated)
 
 
-def _off_limits(scenario: Scenario) -> Iterator[str]:
-    """Yield a warning on each limit that is off."""
-    for name, none in NO_LIMIT.items():
-        if getattr(scenario.limits, name) == none:
-            yield f"limits.{name} is off: your files do not state it"
+def _neutral_values() -> dict[str, Any]:
+    """Return the value of each field at which it has no effect, by its name."""
+    return flat(Scenario().model_dump()) | _OFF
 
 
-def _even(scenario: Scenario, own: set[str]) -> Iterator[str]:
-    """Yield warnings if edges do not break and bars do not vary, as no file states by how much."""
-    if scenario.tool.edge_strength == NO_STRENGTH:
-        yield "tool.edge_strength is off: your files do not state it, so edges do not break by force"
-    if vary := [name for name in BARS_VARY if name not in own]:
-        none = "bars do not vary" if len(vary) == len(BARS_VARY) else "bars vary only as stated"
-        yield f"{none}: your files do not state {', '.join(vary)}"
-
-
-def _changed(section: Any, changes: Mapping[str, Any]) -> Any:
+def _changed(section: SectionT, changes: Mapping[str, Any]) -> SectionT:
     """Return a section with changed values, also in sections within it."""
     update = {}
     for name, value in changes.items():
-        update[name] = _changed(getattr(section, name), value) if isinstance(value, dict) else value
+        if isinstance(value, dict):
+            update[name] = _changed(getattr(section, name), value)
+        else:
+            update[name] = value
     return section.model_copy(update=update)
 
 
-def _assumed(scenario: Scenario, own: set[str], asked: Mapping[str, str]) -> list[str]:
-    """Return names and values that advice needs and no file states, for people."""
-    needed: dict[str, str | None] = dict(asked)
+def _assumed(scenario: Scenario, stated: set[str], needed: Mapping[str, str]) -> list[str]:
+    """Return names and values that are needed and no file states, for people."""
+    units: dict[str, str | None] = dict(needed)  # None: the unit that the section declares
     for switch, names in NEEDED_BY.items():
-        if switch in own and attrgetter(switch)(scenario) not in (
-            0.0,
-            NO_LIMIT.get(switch.removeprefix("limits.")),
-        ):
-            needed |= dict.fromkeys(names)
-    if asked is ASKED and not scenario.economics.insert_price:
-        needed["economics.edge_cost"] = None
-    if scenario.control.action == "override":  # of the programmed feed, at the programmed speed
-        needed |= {"control.initial_cutting_speed": None, "control.initial_feed": None}
-    return [shown(scenario, name, unit) for name, unit in needed.items() if name not in own]
+        if switch in stated and _is_on(scenario, switch):
+            units |= dict.fromkeys(names)
+    needs_prices = "economics.edge_change_time" in needed
+    if needs_prices and not scenario.economics.insert_price:
+        units["economics.edge_cost"] = None
+    if scenario.control.action == "override":
+        # Overrides are of the programmed feed, at the programmed speed.
+        units["control.initial_cutting_speed"] = None
+        units["control.initial_feed"] = None
+    return [shown(scenario, name, unit) for name, unit in units.items() if name not in stated]
+
+
+def _is_on(scenario: Scenario, switch: str) -> bool:
+    """Return whether a value on which others depend has an effect."""
+    no_limit = NO_LIMIT.get(switch.removeprefix("limits."))
+    return attrgetter(switch)(scenario) not in (0.0, no_limit)
 
 
 def _law_warnings(
-    scenario: Scenario, evidence: Evidence, own: set[str], preset: str
+    scenario: Scenario, evidence: Evidence, stated: set[str], preset: str
 ) -> Iterator[str]:
     """Yield warnings on laws that were not measured."""
     for name in FACTORS:
         if name not in evidence.laws:
-            stated = any(each.startswith(f"material.{name}.") for each in own)
-            whose = "that of your files" if stated else f"that of {preset}"
-            yield f"{name}: the law was not measured; it is {whose}"
+            is_stated = any(field.startswith(f"material.{name}.") for field in stated)
+            owner = "your files" if is_stated else preset
+            yield f"{name}: the law was not measured; it is that of {owner}"
     work = scenario.workpiece
     spreads = {
         "depth_of_cut": max(work.depth_bar_spread, work.depth_along_spread),
@@ -257,38 +315,68 @@ def _law_warnings(
     for factor, spread in spreads.items():
         laws = [name for name, law in evidence.laws.items() if factor not in law.terms]
         if spread > 0.0 and laws:
-            yield f"bars vary in {factor}, whose exponent was not measured but assumed: {', '.join(laws)}"
+            names = ", ".join(laws)
+            yield (f"bars vary in {factor}, whose exponent was not measured but assumed: {names}")
+
+
+def _off_limits(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning on each limit that is off."""
+    for name, no_limit in NO_LIMIT.items():
+        if getattr(scenario.limits, name) == no_limit:
+            yield f"limits.{name} is off: your files do not state it"
+
+
+def _even(scenario: Scenario, stated: set[str]) -> Iterator[str]:
+    """Yield warnings if edges do not break or bars do not vary, as no file states by how much."""
+    if scenario.tool.edge_strength == NO_STRENGTH:
+        yield (
+            "tool.edge_strength is off: your files do not state it, so edges do not break by force"
+        )
+    unstated = [name for name in BARS_VARY if name not in stated]
+    if unstated:
+        is_even = len(unstated) == len(BARS_VARY)
+        bars = "bars do not vary" if is_even else "bars vary only as stated"
+        yield f"{bars}: your files do not state {', '.join(unstated)}"
 
 
 def _left_to_simulation(scenario: Scenario) -> Iterator[str]:
-    """Yield a warning on effects that the simulation plays, but by which the advice does not go."""
+    """Yield a warning on effects that the simulation plays and the advice does not know."""
     values = flat(scenario.model_dump())
-    if on := _effects(values, [name for name in values if name.startswith(BEYOND_ADVICE)]):
-        yield f"only the simulation plays these, the advice does not know them: {', '.join(on)}"
+    effects = _effects(values, [name for name in values if name.startswith(BEYOND_ADVICE)])
+    if effects:
+        names = ", ".join(effects)
+        yield f"only the simulation plays these, the advice does not know them: {names}"
 
 
 def _effects(values: Mapping[str, Any], names: Iterable[str]) -> list[str]:
-    """Return which of the named values switch an effect on, those of a further limit under its name."""
-    neutral = flat(Scenario().model_dump()) | _OFF
-    describing = {name for needed in NEEDED_BY.values() for name in needed}
-    on: dict[str, None] = {}
+    """Return which of the named values switch an effect on.
+
+    Those of a further limit or of the nominal model are named by their section.
+    """
+    neutral = _neutral_values()
+    describing: set[str] = set()  # names of values that only describe an effect
+    for dependent in NEEDED_BY.values():
+        describing.update(dependent)
+    effects: dict[str, None] = {}
     for name in names:
         if name in _OFF or name in describing or name.startswith("edge_failure.temperature."):
             continue
-        if values[name] != neutral.get(name):
-            further = name.startswith(("limits.", "nominal_model."))
-            on[".".join(name.split(".")[:2]) if further else name] = None
-    return list(on)
+        if values[name] == neutral.get(name):
+            continue
+        if name.startswith(("limits.", "nominal_model.")):
+            name = ".".join(name.split(".")[:2])
+        effects[name] = None
+    return list(effects)
 
 
 def is_papers(wear: PowerLaw) -> bool:
-    """Return whether a law of wear has the paper's Taylor exponent, 0.42, at which speed is cheap."""
+    """Return whether a law of wear has the paper's Taylor exponent, 0.42: speed is then cheap."""
     paper = Material().wear
     return (wear.cutting_speed, wear.time) == (paper.cutting_speed, paper.time)
 
 
 def stated_by(path: Path) -> tuple[dict[str, Any], str]:
-    """Return the values that a scenario file and the files of its bases state, and the preset below them."""
+    """Return the values that a scenario file and its bases state, and the preset below them."""
     values = tomllib.loads(path.read_text("utf-8-sig"))
     base = values.pop("base", "rough_turning")
     for table in ("name", "calibration"):

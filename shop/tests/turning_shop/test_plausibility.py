@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from turning_shop.calibrate import Implausible, calibrate
+from turning_shop.calibrate import ImplausibleError, calibrate
 from turning_shop.measurements import Measurements
 
 from turning_env import Scenario
@@ -134,7 +134,7 @@ def test_the_robust_law_is_that_of_the_other_rows() -> None:
         10.0  # far out, so that it draws a law of least squares to its row
     )
     wrong.columns["power"][8] *= 0.01
-    with pytest.raises(Implausible) as error:
+    with pytest.raises(ImplausibleError) as error:
         calibrate(wrong, Scenario())
     assert all(
         any(f"line {line}" in problem for problem in error.value.problems) for line in (5, 10)

@@ -1,0 +1,92 @@
+"""Show cuts and the intervals of their predictions: records for programs, a table for people.
+
+``whatif.py`` predicts the cuts and ``prediction.py`` the intervals.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from turning_shop import aligned
+from turning_shop.prediction import Prediction
+from turning_shop.whatif import Cuts
+
+
+def records(cuts: Cuts, prediction: Prediction | None = None) -> list[dict[str, Any]]:
+    """Return one record per cut, in the units of ``Cuts``.
+
+    Names of intervals end in _low and _high. Numbers that are not finite are None.
+    """
+    columns: dict[str, NDArray[Any]] = cuts._asdict()
+    columns["within_limits"] = cuts.within_limits
+    if prediction:
+        for name, low in prediction.low.items():
+            columns[f"{name}_low"] = low
+            columns[f"{name}_high"] = prediction.high[name]
+        columns["extrapolated"] = prediction.extrapolated
+    rows: list[dict[str, Any]] = [{} for _ in range(cuts.wear.size)]
+    for name, values in columns.items():
+        for row, value in zip(rows, values.ravel().tolist(), strict=True):
+            row[name] = value if np.isfinite(value) else None
+    return rows
+
+
+class _Shown(NamedTuple):
+    """A column of the table."""
+
+    heading: str
+    unit: str
+    form: str  # format of a number
+    factor: int = 1  # to the unit
+
+
+_TABLE = {
+    "cutting_speed": _Shown("speed", "m/min", form="g"),
+    "feed": _Shown("feed", "mm/rev", form="g"),
+    "depth_of_cut": _Shown("depth", "mm", form="g"),
+    "hardness": _Shown("hardness", "-", form="g"),
+    "time": _Shown("time", "min", form=".2f"),
+    "wear": _Shown("wear", "mm", form=".3f"),
+    "wear_share": _Shown("of limit", "%", form=".0f", factor=100),
+    "thrust_force": _Shown("thrust", "N", form=".0f"),
+    "thrust_force_share": _Shown("of limit", "%", form=".0f", factor=100),
+    "power": _Shown("power", "kW", form=".2f"),
+    "power_share": _Shown("of limit", "%", form=".0f", factor=100),
+    "tool_life": _Shown("tool life", "min", form=".1f"),
+    "removal_rate": _Shown("MRR", "cm3/min", form=".1f"),
+    "spindle_speed": _Shown("spindle", "rev/min", form=".0f"),
+}
+
+
+def table(cuts: Cuts, prediction: Prediction | None = None) -> Iterator[str]:
+    """Yield an aligned table with units, and with intervals if laws were fitted.
+
+    A star marks cuts that extrapolate. The last column names the limits that are exceeded.
+    """
+    columns = []
+    for name, shown in _TABLE.items():
+        column = [shown.heading, shown.unit]
+        for value in getattr(cuts, name).ravel():
+            # Only the share of a limit that is off is 0.
+            column.append(format(shown.factor * value, shown.form) if value else "off")
+        columns.append(column)
+        if prediction and name in prediction.low and np.isfinite(prediction.low[name]).any():
+            interval = ["95 %", shown.unit]
+            lows = prediction.low[name].ravel()
+            highs = prediction.high[name].ravel()
+            for low, high in zip(lows, highs, strict=True):
+                interval.append(f"{low:{shown.form}}-{high:{shown.form}}")
+            columns.append(interval)
+    if prediction:
+        marks = ["*" if extrapolated else "" for extrapolated in prediction.extrapolated.ravel()]
+        columns.append(["", "", *marks])
+    columns.append(["exceeded", "", *_exceeded(cuts)])
+    yield from aligned(list(zip(*columns, strict=True)))
+
+
+def _exceeded(cuts: Cuts) -> Iterator[str]:
+    """Yield the names of the limits that each cut exceeds."""
+    shares = {"wear": cuts.wear_share, "thrust": cuts.thrust_force_share, "power": cuts.power_share}
+    for index in range(cuts.wear.size):
+        yield ", ".join(name for name, share in shares.items() if share.flat[index] > 1)
