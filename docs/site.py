@@ -1,9 +1,11 @@
-"""A hook of MkDocs: it generates pages from the code, and adds the repository's root and shop/docs to the site."""
+"""A hook of MkDocs.
+
+It generates pages from the code, and adds pages of the repository's root and of shop/docs.
+"""
 
 import html
 import inspect
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -34,7 +36,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Let links between docs/ and shop/docs/ lead to the pages of the site, where shop/ is a folder of docs/."""
+    """Adapt links between docs/ and shop/docs/, as the latter is the folder shop/ of the site."""
     if page.file.src_uri.startswith("shop/"):
         return markdown.replace("](../../docs/", "](../")
     return re.sub(r"\]\(\.\./((?:\.\./)*)shop/docs/", r"](\1shop/", markdown)
@@ -65,78 +67,76 @@ def pages() -> dict[str, str]:
 
 
 def _from_root(name: str) -> str:
-    """Return a page of the repository's root with links relative to docs; links to files outside the site become text."""
+    """Return a page of the repository's root with links relative to docs.
+
+    Links to files outside the site become text.
+    """
     text = (ROOT / name).read_text("utf-8")
     text = re.sub(r"\]\((?:docs/|(shop/)docs/)([^)]*)\)", r"](\1\2)", text)
-    for root, site in {
-        "CONTRIBUTING.md": "contributing.md",
-        "CHANGELOG.md": "changelog.md",
-        "README.md": "index.md",
-    }.items():
-        text = text.replace(f"]({root})", f"]({site})")
-    return re.sub(
-        r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)", r"\1", text
-    )
+    text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")
+    text = text.replace("](CHANGELOG.md)", "](changelog.md)")
+    text = text.replace("](README.md)", "](index.md)")
+    outside = r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)"
+    return re.sub(outside, r"\1", text)
 
 
 def _specification(env_id: str, level: int = 1) -> str:
-    """Return the docstring of an id's class under a heading of a level, with the tables that it lacks."""
+    """Return the docstring of an id's class under a heading, with the tables that it lacks."""
     entry_point = gymnasium.spec(env_id).entry_point
     assert isinstance(entry_point, str)
     module, name = entry_point.split(":")
     text = inspect.getdoc(getattr(__import__(module, fromlist=[name]), name)) or ""
     names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
     if level == 1:  # all ids have the same info
-        rows = "\n".join(f"| `{each.name}` | {each.unit} | {each.meaning} |" for each in INFO)
-        text += f"\n\n## Table of info\n\n| Name | Unit | Meaning |\n|---|---|---|\n{rows}"
+        text += "\n\n## Table of info\n\n| Name | Unit | Meaning |\n|---|---|---|"
+        for quantity in INFO:
+            text += f"\n| `{quantity.name}` | {quantity.unit} | {quantity.meaning} |"
     elif len(names) != len(layout(turning_env.Scenario())):
-        entries = [next(each for each in OBSERVATION if each.name == name) for name in names]
-        rows = "\n".join(
-            f"| {i} | {e.name} | {e.meaning} | {e.low:g} to {e.high:g} |"
-            for i, e in enumerate(entries)
-        )
-        text += f"\n\n## Table of the observation\n\n| Index | Entry | Meaning | Range |\n|---|---|---|---|\n{rows}"
-    return (
-        f"{'#' * level} {env_id}\n\n"
-        + re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
-        + "\n"
-    )
+        text += "\n\n## Table of the observation\n\n| Index | Entry | Meaning | Range |"
+        text += "\n|---|---|---|---|"
+        entries = {quantity.name: quantity for quantity in OBSERVATION}
+        for index, name in enumerate(names):
+            entry = entries[name]
+            text += f"\n| {index} | {name} | {entry.meaning} | {entry.low:g} to {entry.high:g} |"
+    text = re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
+    return f"{'#' * level} {env_id}\n\n{text}\n"
 
 
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
-    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file states its differences from"
-    yield 'the defaults or, with `base = "PRESET"`, from a preset. Unknown keys are refused.'
+    yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file"
+    yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset. Unknown'
+    yield "keys are refused."
     yield "`python -m turning_env schema` prints the tables below as JSON.\n"
-    schema, sections = (
-        turning_env.Scenario.model_json_schema(),
-        griffe.load("turning_env.scenario.sections"),
-    )
+    schema = turning_env.Scenario.model_json_schema()
+    sections = griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():
         if "$ref" not in value:
             continue
         class_name = value["$ref"].rpartition("/")[2]
-        section, source = schema["$defs"][class_name], sections[class_name]
+        section = schema["$defs"][class_name]
+        source = sections[class_name]
         yield f"## {key}\n\n{section.get('description', '')}\n"
         yield "| Field | Default | Allowed | Meaning |\n|---|---|---|---|"
         for name, field in section["properties"].items():
             default = value.get("default", {}).get(name, field.get("default"))
-            docstring = source[name].docstring  # describes a field without a quantity
-            meaning = field.get("description") or (
-                " ".join(docstring.value.split()) if docstring else ""
-            )
-            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {html.escape(meaning, False)} |"
+            meaning = field.get("description", "")
+            docstring = source[name].docstring
+            if not meaning and docstring:  # it describes a field without a quantity
+                meaning = " ".join(docstring.value.split())
+            shown = html.escape(meaning, quote=False)
+            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {shown} |"
         yield ""
     yield "## Presets\n\n| Name | Description |\n|---|---|"
+    folder = Path(turning_env.__path__[0]) / "scenario" / "presets"
     for preset in turning_env.presets():
-        text = (
-            Path(turning_env.__path__[0]) / "scenario" / "presets" / f"{preset}.toml"
-        ).read_text("utf-8")
-        tomllib.loads(text)
-        first = " ".join(
-            line.removeprefix("#").strip() for line in re.match(r"(?:#.*\n)*", text)[0].splitlines()
-        )  # type: ignore[index]
-        yield f"| `{preset}` | {html.escape(first, False)} |"
+        # A preset's file begins with a comment that describes it.
+        comment = []
+        for line in (folder / f"{preset}.toml").read_text("utf-8").splitlines():
+            if not line.startswith("#"):
+                break
+            comment.append(line.removeprefix("#").strip())
+        yield f"| `{preset}` | {html.escape(' '.join(comment), quote=False)} |"
 
 
 def _shown(default: Any) -> str:
@@ -157,14 +157,17 @@ def _allowed(field: dict[str, Any]) -> str:
 
 def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
     yield "# Leaderboard\n"
-    yield f"Each table lists the five best [policies](glossary.md#policy) on a task. [The full leaderboard]({LEADERBOARD}) adds"
+    yield "Each table lists the five best [policies](glossary.md#policy) on a task."
+    yield f"[The full leaderboard]({LEADERBOARD}) adds"
     yield "confidence intervals, limits, splits and trajectories.\n"
     for leaderboard in leaderboards:
         if leaderboard.task.scenario.name in turning_env.SPLITS:
             continue
-        yield f"## {leaderboard.task.env_id}\n\n| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
+        yield f"## {leaderboard.task.env_id}\n"
+        yield "| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
         for standing in leaderboard.standings[:5]:
             mean = standing.mean_return
             feasible = VERDICTS[standing.feasibility].lower()
-            yield f"| `{standing.name}` | {mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f}) | {feasible} |"
+            interval = f"{mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f})"
+            yield f"| `{standing.name}` | {interval} | {feasible} |"
         yield ""
