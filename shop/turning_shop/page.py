@@ -1,6 +1,7 @@
-"""Write one offline HTML page with sliders, whose map, loads, tool life and cost a browser computes from the scenario's laws.
+"""Write one offline HTML page with sliders: a browser computes map, loads, tool life and cost.
 
-``page.html`` is the frame, ``page.js`` computes and draws. Both lie beside this file and are put into the page.
+``page.html`` is the frame; ``page.js`` computes from the scenario's laws, and draws. Both lie
+beside this file and are put into the page.
 """
 
 import hashlib
@@ -11,7 +12,7 @@ from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 from turning_shop.advise import Advice, headline, life_spread, settings
 from turning_shop.allowed import allowed_loads, feed_range
@@ -27,9 +28,9 @@ _HERE = Path(__file__).parent
 def render(
     scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()
 ) -> str:
-    """Return the page as HTML, which needs no other file and no network; it begins with the first advice.
+    """Return the page as HTML, which needs no other file and no network.
 
-    ``simulated`` are sentences on what the simulation said of the advice.
+    It begins with the first advice. ``simulated`` are sentences on what the simulation said of it.
     """
     script = (_HERE / "page.js").read_text("utf-8")
     data = json.dumps(page_data(scenario, evidence, advice), allow_nan=False, separators=(",", ":"))
@@ -50,84 +51,57 @@ def render(
     )
 
 
+class Slider(NamedTuple):
+    """A slider of the page."""
+
+    name: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    value: float  # at which it begins
+
+
 def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) -> dict[str, Any]:
     """Return the data of ``page.js`` as JSON values."""
-    material, machine, work, economics = (
-        scenario.material,
-        scenario.machine,
-        scenario.workpiece,
-        scenario.economics,
-    )
-    laws = {name: getattr(material, name) for name in ("wear", "thrust_force", "power")}
+    work = scenario.workpiece
+    economics = scenario.economics
     speeds, feeds, _ = settings(scenario)
-    shown = ("cutting_speed", "feed", "wear")
-    chosen: list[dict[str, Any]] = [
-        {"aim": aim} | {name: float(getattr(plan.cuts, name)) for name in shown}
-        for aim, plan, _ in advice
-    ]
-    best = chosen[0]
-    limits = {name: getattr(scenario.limits, name) for name in NO_LIMIT}
-    allowed = allowed_loads(scenario)
-    loads = {"thrust_force": allowed.thrust_force, "power": allowed.power}
-    lowest_feed, highest_feed = feed_range(scenario)
-    criterion, depth, edges = (
-        scenario.tool.wear_criterion,
-        work.depth_of_cut,
-        economics.edges_per_insert,
-    )
+    chosen = []
+    for aim, plan, _ in advice:
+        shown: dict[str, Any] = {"aim": aim}
+        for name in ("cutting_speed", "feed", "wear"):
+            shown[name] = float(getattr(plan.cuts, name))
+        chosen.append(shown)
 
-    def priced(name: str, label: str, unit: str, least: float) -> tuple[Any, ...]:
-        value = getattr(economics, name)
-        return name, label, unit, 0.0, max(least, 3.0 * value), value
+    laws = {}
+    for name in ("wear", "thrust_force", "power"):
+        law = getattr(scenario.material, name)
+        laws[name] = {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()}
+    known = {}
+    for name, law_evidence in evidence.laws.items():
+        fields = {"terms", "covariance", "scatter", "measured"}
+        known[name] = law_evidence.model_dump(mode="json", include=fields)
+        known[name]["quantile"] = law_evidence.quantile
+        law = getattr(scenario.material, name)
+        known[name]["reference_depth_of_cut"] = law.reference_depth_of_cut
 
-    sliders = (
-        (
-            "cutting_speed",
-            "cutting speed",
-            "m/min",
-            machine.cutting_speed_min,
-            scenario.cutting_speed_max,
-            best["cutting_speed"],
-        ),
-        ("feed", "feed", "mm/rev", lowest_feed, highest_feed, best["feed"]),
-        ("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
-        (
-            "wear",
-            "flank wear when the edge is changed",
-            "mm",
-            0.05 * criterion,
-            criterion,
-            best["wear"],
-        ),
-        ("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
-        priced("machine_rate", "machine", "money/h", 120.0),
-        priced("operator_rate", "operator", "money/h", 120.0),
-        priced("insert_price", "insert", "money", 30.0),
-        ("edges_per_insert", "edges per insert", "", 1.0, max(16.0, edges), edges),
-        priced("edge_change_time", "change of edge", "min", 10.0),
-    )
+    # JSON has no infinity: a limit that is off is null.
+    limits = {}
+    for name, no_limit in NO_LIMIT.items():
+        limit = getattr(scenario.limits, name)
+        limits[name] = None if limit == no_limit else limit
+    loads = allowed_loads(scenario)
+    allowed = {"thrust_force": loads.thrust_force, "power": loads.power}
+    is_override = scenario.control.action == "override"
     return {
-        "laws": {
-            name: {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()}
-            for name, law in laws.items()
-        },
-        "known": {
-            name: known.model_dump(
-                mode="json", include={"terms", "covariance", "scatter", "measured"}
-            )
-            | {
-                "quantile": known.quantile,
-                "reference_depth_of_cut": laws[name].reference_depth_of_cut,
-            }
-            for name, known in evidence.laws.items()
-        },
+        "laws": laws,
+        "known": known,
         "beyond": BEYOND,
         "life_spread": life_spread(scenario),
-        "criterion": criterion,
-        "allowed": {name: None if math.isinf(load) else load for name, load in loads.items()},
-        "limits": {
-            name: None if limit == NO_LIMIT[name] else limit for name, limit in limits.items()
-        },
+        "criterion": scenario.tool.wear_criterion,
+        "allowed": {name: None if math.isinf(load) else load for name, load in allowed.items()},
+        "limits": limits,
         "speeds": speeds.ravel().tolist(),
         "feeds": feeds.ravel().tolist(),
         "base_cutting_speed": scenario.base_cutting_speed or None,
@@ -135,15 +109,42 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         "diameter": work.diameter,
         "bar_length": work.bar_length,
         "approach": work.approach,
-        "return_time": machine.return_time,
+        "return_time": scenario.machine.return_time,
         "edge_cost": economics.edge_cost,
         "currency": economics.currency,
-        "set_speed": scenario.control.initial_cutting_speed
-        if scenario.control.action == "override"
-        else None,
+        "set_speed": scenario.control.initial_cutting_speed if is_override else None,
         "advice": chosen,
-        "sliders": [
-            dict(zip(("name", "label", "unit", "low", "high", "value"), each, strict=True))
-            for each in sliders
-        ],
+        "sliders": [slider._asdict() for slider in _sliders(scenario, chosen[0])],
     }
+
+
+def _sliders(scenario: Scenario, start: dict[str, Any]) -> list[Slider]:
+    """Return the sliders, which begin at the first advice and the scenario's prices."""
+    economics = scenario.economics
+    criterion = scenario.tool.wear_criterion
+    depth = scenario.workpiece.depth_of_cut
+    edges = economics.edges_per_insert
+    low_feed, high_feed = feed_range(scenario)
+    low_speed = scenario.machine.cutting_speed_min
+    high_speed = scenario.cutting_speed_max
+    speed = start["cutting_speed"]
+    wear = start["wear"]
+
+    def price(name: str, label: str, unit: str, min_high: float) -> Slider:
+        value = getattr(economics, name)
+        high = max(min_high, 3.0 * value)
+        return Slider(name, label, unit=unit, low=0.0, high=high, value=value)
+
+    worn = "flank wear when the edge is changed"
+    return [
+        Slider("cutting_speed", "cutting speed", "m/min", low_speed, high_speed, speed),
+        Slider("feed", "feed", "mm/rev", low_feed, high_feed, start["feed"]),
+        Slider("depth_of_cut", "depth of cut", "mm", 0.2 * depth, 2.0 * depth, depth),
+        Slider("wear", worn, "mm", 0.05 * criterion, criterion, wear),
+        Slider("hardness", "hardness over nominal", "", 0.7, 1.3, 1.0),
+        price("machine_rate", "machine", "money/h", min_high=120.0),
+        price("operator_rate", "operator", "money/h", min_high=120.0),
+        price("insert_price", "insert", "money", min_high=30.0),
+        Slider("edges_per_insert", "edges per insert", "", 1.0, max(16.0, edges), edges),
+        price("edge_change_time", "change of edge", "min", min_high=10.0),
+    ]
