@@ -1,4 +1,4 @@
-"""A program's tool path as a workpiece: its time, its metal, the spindle's limit, and what is refused."""
+"""A program's tool path as a workpiece: its time, its metal, and the spindle's limit."""
 
 from itertools import chain, product, repeat
 from pathlib import Path
@@ -47,8 +47,10 @@ def test_the_programmed_values_take_the_programs_time_and_remove_its_metal(name:
         path.scenario.workpiece,
     )
     low, high = machine.cutting_speed_min, machine.cutting_speed_max
-    told = infos(env, repeat(np.array([0.0, 2.0 * (speed - low) / (high - low) - 1.0], np.float32)))
-    time, removed = (sum(info[name] for info in told) for name in ("time", "removed"))
+    steps = infos(
+        env, repeat(np.array([0.0, 2.0 * (speed - low) / (high - low) - 1.0], np.float32))
+    )
+    time, removed = (sum(info[name] for info in steps) for name in ("time", "removed"))
     around = np.pi * path.diameter / 1000.0
     assert time == pytest.approx(
         (path.lengths * around / (speed * path.feeds)).sum() * 60.0, rel=0.05
@@ -77,7 +79,10 @@ SHORT: dict[str, Any] = {  # edges that last some parts, and times in proportion
     },
 }
 PROGRAMMED, IDLE, FASTEST = (0.0, -1.0 / 15.0), (-1.0, -1.0), (1.0, 1.0)
-"""Actions: 120 m/min at the programmed feed; the lowest feed and speed; the highest, which breaks edges."""
+"""Actions: 120 m/min at the programmed feed; lowest and highest feed and speed.
+
+The highest break edges.
+"""
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -94,13 +99,13 @@ def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed:
 
     def play(*actions: tuple[float, float]) -> dict[str, float]:
         """Return the sums of an episode; the last action is repeated."""
-        told = infos(env, chain(actions, repeat(actions[-1])), seed)
+        steps = infos(env, chain(actions, repeat(actions[-1])), seed)
         sums = {
-            name: sum(info[name] for info in told)
+            name: sum(info[name] for info in steps)
             for name in ("reward", "removed", "reward_metal", "time", "edges_broken")
         }
         return sums | {
-            "finished": told[-1]["finished"],
+            "finished": steps[-1]["finished"],
             "cost": (sums["reward_metal"] - sums["reward"]) / sums["removed"],
         }
 
@@ -110,10 +115,10 @@ def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed:
         for feed in np.linspace(-1.0, 1.0, 7)
         for speed in np.linspace(-1.0, 1.0, 7)
     ]
-    finished = [each for each in [*constant, programmed] if each["finished"]]
+    finished = [episode for episode in [*constant, programmed] if episode["finished"]]
     assert len(finished) > 40
-    assert max(each["removed"] for each in finished) == pytest.approx(
-        min(each["removed"] for each in finished), rel=0.01
+    assert max(episode["removed"] for episode in finished) == pytest.approx(
+        min(episode["removed"] for episode in finished), rel=0.01
     )
     for cheap, dear in product(finished, finished):
         if (
@@ -124,16 +129,16 @@ def test_the_cheapest_policy_returns_most_and_idlers_least(tmp_path: Path, seed:
     assert fastest["edges_broken"] > programmed["edges_broken"]
     assert idle["time"] == pytest.approx(10.0 * programmed_time, abs=1.0)
     assert (
-        max(each["reward"] for each in (idle, fastest, play(*[IDLE] * 30, PROGRAMMED)))
+        max(episode["reward"] for episode in (idle, fastest, play(*[IDLE] * 30, PROGRAMMED)))
         < programmed["reward"]
     )
-    assert idle["reward"] < min(each["reward"] for each in finished)
+    assert idle["reward"] < min(episode["reward"] for episode in finished)
 
 
 def test_the_spindle_limits_the_cutting_speed_at_small_diameters(tmp_path: Path) -> None:
     (tmp_path / "a.nc").write_text("G99 G50 S1000\nG96 S150 M3\nG0 X40. Z0.5\nG1 Z-30. F0.2\n")
-    told = infos(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario, [(1.0, 0.0)] * 5)
-    assert told[-1]["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
+    steps = infos(ToolPath(tmp_path / "a.nc", EVEN, "bar:43x80").scenario, [(1.0, 0.0)] * 5)
+    assert steps[-1]["commanded_cutting_speed"] == pytest.approx(np.pi * 40.0)
 
 
 def test_a_tool_path_is_a_scenario_of_every_batch() -> None:

@@ -1,4 +1,4 @@
-"""Metal in pieces and the sweep of a tool: the same as overlays of whole polygons, however many cuts there are."""
+"""Metal in pieces and the sweep of a tool agree with overlays of whole polygons."""
 
 import itertools
 

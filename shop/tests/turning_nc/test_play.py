@@ -1,4 +1,7 @@
-"""Programs on their stock: metal, loads, adapted feeds and speeds, and the command; the collection as LinuxCNC runs it."""
+"""Programs on their stock: metal, loads, adapted feeds and speeds, and the command.
+
+The collection runs as in LinuxCNC, where that is installed.
+"""
 
 import math
 import os
@@ -267,7 +270,8 @@ def options(name: str, *more: str) -> list[str]:
 
 
 MISTAKES = (
-    "--out welle.simulated.mpf|--adapt words --out welle.mpf|--wear 5|--tool T9=inside|--stock bar:5|--stock missing.dxf|"
+    "--out welle.simulated.mpf|--adapt words --out welle.mpf|--wear 5|--tool T9=inside|"
+    "--stock bar:5|--stock missing.dxf|"
     f"--scenario nothing|--adapt words --out {FOLDER / 'welle.mpf'}"
 )
 
@@ -331,7 +335,10 @@ def test_letters_that_grow_in_capitals_do_not_shift_words(tmp_path: Path) -> Non
 
 # Plausibility.
 
-NECK = "G71 U1. R0.5\nG71 P1 Q2 U0.3 W0. F0.2\nN1 G0 X20.\nG1 Z-14.\nX14. Z-18.\nZ-30.\nN2 X34.\nG0 X100."
+NECK = (
+    "G71 U1. R0.5\nG71 P1 Q2 U0.3 W0. F0.2\n"
+    "N1 G0 X20.\nG1 Z-14.\nX14. Z-18.\nZ-30.\nN2 X34.\nG0 X100."
+)
 AWAY = "G0 Z-60.\nG1 X50. F0.1\nZ-10. F0.25\nG0 X62."
 IMPLAUSIBLE: list[tuple[str, str, dict[str, str], set[str]]] = [
     (f"{BAR}G1 X56. F0.25\nZ-40.", "bar:60x60", {}, set()),
@@ -388,7 +395,8 @@ def test_an_implausible_program_is_adapted_by_force_alone(
 
 def test_kinds_of_tools_and_the_stock_follow_from_the_program() -> None:
     bored = moves(
-        f"{BAR}G0 X0.\nG1 Z-40. F0.1\nG0 Z5.\nT0202\nG0 X20. Z2.\nG1 X24. F0.2\nZ-30.\nX22.\nG0 Z2.\nX70.\nG1 Z-5."
+        f"{BAR}G0 X0.\nG1 Z-40. F0.1\nG0 Z5.\n"
+        "T0202\nG0 X20. Z2.\nG1 X24. F0.2\nZ-30.\nX22.\nG0 Z2.\nX70.\nG1 Z-5."
     )
     removal = remove(bored, read_stock("tube:60x20x60"))
     assert dict(removal.tools) == {"T0101": "drill", "T0202": "inside"}
@@ -431,8 +439,14 @@ def test_kinds_of_tools_follow_from_how_they_cut(cuts: str, kind: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\nN1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18.",
-        'DIAMON T1\nG96 S150 M4\nG0 X16 Z2\n\n\nCYCLE95("A",2,,0.2,,0.3,,0.15,7)\nM30\nPROC A\nG1 X40 Z0\nZ-14\nX20\nZ-30\nRET',
+        (
+            f"{BAR}G0 X18.\nG71 U1. R0.5\nG71 P1 Q2 U-0.3 W0. F0.2\n"
+            "N1 G0 X40.\nG1 Z-14.\nX20.\nN2 Z-30.\nG0 X18."
+        ),
+        (
+            'DIAMON T1\nG96 S150 M4\nG0 X16 Z2\n\n\nCYCLE95("A",2,,0.2,,0.3,,0.15,7)\nM30\n'
+            "PROC A\nG1 X40 Z0\nZ-14\nX20\nZ-30\nRET"
+        ),
     ],
 )
 def test_a_side_without_metal_is_refused(text: str) -> None:

@@ -1,4 +1,4 @@
-"""The walk of a process engineer, from a messy sheet to sheet, page and adapted program: no two numbers disagree."""
+"""The walk of a process engineer, from a messy sheet to advice and an adapted program."""
 
 import json
 import re
@@ -29,12 +29,22 @@ idle_torque = 4.0
 [workpiece]
 diameter = 100.0
 """
-PRICED = 'base = "tool.toml"\n[economics]\ncurrency = "EUR"\nmachine_rate = 55.0\noperator_rate = 30.0\ninsert_price = 9.5\n'
-PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S{speed:.10g} M3\nG0 X100. Z{approach}\nG1 Z-300. F{feed:.10g}\nG0 X120.\nZ5.\nM30\n"
+PRICED = """
+base = "tool.toml"
+[economics]
+currency = "EUR"
+machine_rate = 55.0
+operator_rate = 30.0
+insert_price = 9.5
+"""
+PROGRAM = (
+    "G21 G99 T0101\nG50 S4000\nG96 S{speed:.10g} M3\n"
+    "G0 X100. Z{approach}\nG1 Z-300. F{feed:.10g}\nG0 X120.\nZ5.\nM30\n"
+)
 
 
 def messy_sheet() -> str:
-    """Return measured cuts as they come: title, units below the header, decimal commas, W and um, means, remarks."""
+    """Return measured cuts as they come: two header lines, decimal commas, means, remarks."""
     rng = np.random.default_rng(0)
     rows = []
     for edge, (speed, feed, depth) in enumerate(
@@ -79,7 +89,8 @@ def test_no_two_numbers_of_the_walk_disagree(
     advice = json.loads(printed("advise", "priced.toml", "--seeds", "0", "--json"))["advice"][0]
     sentence = next(line for line in text.splitlines() if line.startswith("Cut "))
     numbers = re.fullmatch(
-        r"Cut (\S+) m/min, (\S+) mm/rev, change after (\d+) parts: (\S+) EUR a part( \(.*\))?( \*)?",
+        r"Cut (\S+) m/min, (\S+) mm/rev, change after (\d+) parts: "
+        r"(\S+) EUR a part( \(.*\))?( \*)?",
         sentence,
     )
     assert numbers is not None
