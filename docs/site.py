@@ -105,8 +105,8 @@ def _specification(env_id: str, level: int = 1) -> str:
 def _scenario() -> Iterator[str]:
     yield "# Scenario files\n"
     yield "A scenario defines an episode except for its [seed](glossary.md#seed). A TOML file"
-    yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset. Unknown'
-    yield "keys are refused."
+    yield 'states its differences from the defaults or, with `base = "PRESET"`, from a preset.'
+    yield "Unknown keys are refused."
     yield "`python -m turning_env schema` prints the tables below as JSON.\n"
     schema = turning_env.Scenario.model_json_schema()
     sections = griffe.load("turning_env.scenario.sections")

@@ -95,7 +95,8 @@ class Bootstrap:
         # Resample and sort the places of the values in ascending order: sorting integers of 16 bits
         # takes a third of the time of sorting the values, and leads to the same order.
         ascending = np.sort(values, axis=None)
-        places = np.empty(values.size, _PLACE if values.size <= np.iinfo(_PLACE).max else np.int64)
+        small = values.size <= np.iinfo(_PLACE).max
+        places: NDArray[Any] = np.empty(values.size, _PLACE if small else np.int64)
         places[np.argsort(values, axis=None, kind="stable")] = np.arange(values.size)
         places = places.reshape(values.shape)
         means = []
