@@ -1,4 +1,4 @@
-"""Programs beside Python that some tests need, and why a test is left out without them."""
+"""Reasons for which tests are left out: programs beside Python that are not installed."""
 
 NO_CHROMIUM = "Chromium is not installed; install it with: make system"
 NO_LINUXCNC = "LinuxCNC is not installed; install it with: make system"

@@ -10,12 +10,13 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.programs import NO_CHROMIUM
-from tests.walking import MAX
+from tests.walking import MAX_SECONDS
 
-# The first call of a compiled function takes seconds, and whether the suite passes must not depend on chance.
+# No deadline, as the first call of a compiled function takes seconds. The inputs are the same in
+# every run, as whether the suite passes must not depend on chance.
 settings.register_profile("suite", deadline=None, derandomize=True, database=None)
-# ``make soak``: other inputs with every run, and a hundred times as many (``tried`` in tests/soundness/acting.py). Failures are
-# printed in the form that ``hypothesis.reproduce_failure`` takes.
+# ``make soak``: other inputs with every run, and a hundred times as many (``tried`` in
+# tests/soundness/acting.py). Failures are printed as ``hypothesis.reproduce_failure`` takes them.
 settings.register_profile(
     "soak",
     deadline=None,
@@ -24,30 +25,37 @@ settings.register_profile(
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],
 )
-# Workers share the cores: with more threads they wait for one another. NumPy and torch read this when they are imported.
+# Workers share the cores: with more threads they wait for one another. NumPy and torch read this
+# when they are imported.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 # No window is shown.
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 SOAKS = os.environ.get("HYPOTHESIS_PROFILE") == "soak"
 
+LONGEST = (
+    "tests/test_pages.py",
+    "tests/test_identity.py",
+    "tests/research/papers/test_reproduce.py",
+)
+
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out tests of ``make soak``, and begin with the longest tests, so that no worker ends with one."""
-    left_out = [item for item in items if item.get_closest_marker("soak")] if not SOAKS else []
-    if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in left_out]
-    longest = (
-        "tests/test_pages.py",
-        "tests/test_identity.py",
-        "tests/research/papers/test_reproduce.py",
-    )
-    items.sort(key=lambda item: not item.nodeid.startswith(longest))
+    """Leave out tests of ``make soak``, and start with the longest tests.
+
+    Then no worker starts a long test when the others have finished.
+    """
+    if not SOAKS:
+        only_in_soak = [item for item in items if item.get_closest_marker("soak")]
+        items[:] = [item for item in items if item not in only_in_soak]
+        if only_in_soak:
+            config.hook.pytest_deselected(items=only_in_soak)
+    # False sorts before True, and the sort is stable.
+    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which tests were left out, and what installs the programs that they need."""
+    """List why tests were skipped, and what installs the programs that they need."""
     reasons: Counter[str] = Counter()
     for report in terminalreporter.getreports("skipped"):
         if isinstance(report.longrepr, tuple):
@@ -69,31 +77,40 @@ def browser() -> Iterator[object]:
     if chromium is None:
         pytest.skip(NO_CHROMIUM)
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield started
-        started.close()
+        chromium_browser = playwright.chromium.launch(
+            executable_path=chromium, args=["--no-sandbox"]
+        )
+        yield chromium_browser
+        chromium_browser.close()
 
 
 @pytest.fixture
 def opened(browser: Any) -> Iterator[Callable[..., Any]]:
-    """Open pages by their addresses; at the end they must have said nothing and asked for nothing else."""
-    contexts, heard = [], []
+    """Open pages by their addresses.
 
-    def go(address: str, width: int = 1280) -> Any:
+    After the test, no page may have printed, failed, or requested anything but itself.
+    """
+    contexts = []
+    complaints: list[str] = []
+
+    def open_page(address: str, width: int = 1280) -> Any:
         context = browser.new_context(viewport={"width": width, "height": 844})
-        context.set_default_timeout(1000 * MAX)
+        context.set_default_timeout(1000 * MAX_SECONDS)
         contexts.append(context)
-        page, own = context.new_page(), address.partition("#")[0]
-        page.on("console", lambda message: heard.append(message.text))
-        page.on("pageerror", lambda error: heard.append(str(error)))
-        page.on(
-            "request",
-            lambda request: None if request.url.startswith(own) else heard.append(request.url),
-        )
+        address_without_anchor, _, _ = address.partition("#")
+
+        def note_request(request: Any) -> None:
+            if not request.url.startswith(address_without_anchor):
+                complaints.append(request.url)
+
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("request", note_request)
         page.goto(address)
         return page
 
-    yield go
+    yield open_page
     for context in contexts:
         context.close()
-    assert heard == []
+    assert complaints == []

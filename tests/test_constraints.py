@@ -7,25 +7,47 @@ from tests.walking import ROOT
 from tools.audit import pinned
 from tools.requirements import requirements
 
-TEXT = (ROOT / "packaging/constraints.txt").read_text("utf-8")
-PINS = pinned(TEXT)
+CONSTRAINTS = (ROOT / "packaging/constraints.txt").read_text("utf-8")
+PINS = pinned(CONSTRAINTS)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+SHOP = tomllib.loads((ROOT / "shop" / "pyproject.toml").read_text("utf-8"))
+
+HASHED_PIN = re.compile(r"^[\w.-]+==.*\\\n    --hash=sha256:[0-9a-f]{64}", re.MULTILINE)
+ON_OTHER_PLATFORMS = {"colorama", "triton"}
 
 
-def test_all_that_the_set_up_asks_for_is_pinned_with_hashes() -> None:
-    """Direct requirements: ``make constraints`` resolves theirs, and ``make audit`` compares all with what is installed."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    shop = tomllib.loads((ROOT / "shop" / "pyproject.toml").read_text("utf-8"))
-    extras = project["project"]["optional-dependencies"] | shop["project"]["optional-dependencies"]
-    wanted = requirements([name for name in extras if name != "peers"])
-    for group in project["dependency-groups"].values():
+def distribution_of(requirement: str) -> str:
+    """Return the name of the distribution that a requirement starts with."""
+    name = re.match(r"[\w-]+", requirement)
+    assert name is not None, requirement
+    return name[0].lower().replace("_", "-")
+
+
+def test_every_requirement_of_the_set_up_is_pinned() -> None:
+    """Direct requirements: ``make constraints`` resolves theirs.
+
+    ``make audit`` compares all pins with what is installed.
+    """
+    extras = {*PROJECT["project"]["optional-dependencies"]}
+    extras |= {*SHOP["project"]["optional-dependencies"]}
+    extras -= {"peers"}
+    wanted = requirements(sorted(extras))
+    for group in PROJECT["dependency-groups"].values():
         wanted += group
-    names = {re.match(r"[\w-]+", need)[0].lower().replace("_", "-") for need in wanted}  # type: ignore[index]
-    assert len(re.findall(r"(?m)^[\w.-]+==.*\\\n    --hash=sha256:[0-9a-f]{64}", TEXT)) == len(PINS)
-    assert names | {"pip", "colorama", "triton"} <= PINS.keys()  # the last two are other platforms'
+    names = {distribution_of(requirement) for requirement in wanted}
+    assert names
+    assert names <= PINS.keys()
+    assert ON_OTHER_PLATFORMS | {"pip"} <= PINS.keys()
+
+
+def test_every_pin_has_a_hash() -> None:
+    assert len(HASHED_PIN.findall(CONSTRAINTS)) == len(PINS) > 0
 
 
 def test_conda_gets_the_same_requirements() -> None:
-    needs = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    needs = PROJECT["project"]["dependencies"]
+    assert needs
     for file in ("packaging/environment.yml", "packaging/recipe.yaml"):
         text = (ROOT / file).read_text("utf-8").replace(" ", "")
-        assert [need for need in needs if f"-{need}\n" not in text] == []
+        for need in needs:
+            assert f"-{need}\n" in text, (file, need)

@@ -1,4 +1,4 @@
-"""Every id by every way into it: the table in docs/ecosystem.md, cell by cell."""
+"""Every id by every way into it: the cells of the table in docs/ecosystem.md."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,13 +23,18 @@ SOURCES = {**IDS, FAMILY_ID: "shop"}
 
 def idle(env_id: str) -> Callable[[Any], Any]:
     """Return a policy whose actions are all 0."""
-    size = gymnasium.make(env_id).action_space.shape
-    return lambda observations: np.zeros((len(observations), *size), np.float32)
+    shape = gymnasium.make(env_id).action_space.shape
+
+    def act(observations: Any) -> Any:
+        return np.zeros((len(observations), *shape), np.float32)
+
+    return act
 
 
 def learns(env: Any) -> None:
     """Check that PPO of Stable-Baselines3 can learn on environments."""
-    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu").learn(16)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, n_epochs=1, device="cpu")
+    model.learn(total_timesteps=16)
     action, _ = model.predict(env.reset())
     assert np.isfinite(action).all()
 
@@ -40,7 +45,9 @@ def made_by_gymnasium(env_id: str, tmp_path: Path) -> None:
     )
     observations, _ = envs.reset(seed=0)
     assert observations in envs.observation_space
-    assert gymnasium.make(env_id).reset(seed=1)[0].tolist() == observations[1].tolist()
+    # The second environment has the second seed.
+    observation, _ = gymnasium.make(env_id).reset(seed=1)
+    assert observation.tolist() == observations[1].tolist()
 
 
 def drawn(env_id: str, tmp_path: Path) -> None:
@@ -65,15 +72,16 @@ def taken_by_torchrl(env_id: str, tmp_path: Path) -> None:
 
 
 def scored(env_id: str, tmp_path: Path) -> None:
-    found = score(idle(env_id), env_id, seeds=2)
-    assert 1 < found.rank <= found.ranked
+    result = score(idle(env_id), env_id, seeds=2)
+    assert 1 < result.rank <= result.ranked
 
 
 def trained_exported_and_ranked(env_id: str, tmp_path: Path) -> None:
     few = PARAMETERS["ppo"] | {"total_timesteps": 64, "n_steps": 8, "batch_size": 32}
-    settings = [f"{name}={value}" for name, value in few.items()]
     words = ["--env", env_id, "--seed", "3", "--runs", str(tmp_path)]
-    assert ppo.main([*words, *(word for setting in settings for word in ("--set", setting))]) == 0
+    for name, value in few.items():
+        words += ["--set", f"{name}={value}"]
+    assert ppo.main(words) == 0
     folder = tmp_path / env_id / SOURCES[env_id] / "ppo-seed3"
     assert export.main([str(folder), "--out", str(tmp_path)]) == 0
     results = ["--results", str(tmp_path / "results")]
@@ -90,34 +98,19 @@ def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
     from examples.offline import main
 
     behaviour = "load_rule" if env_id == "RoughTurning-v0" else "idle"
-    assert (
-        main(
-            [
-                "make",
-                "--env",
-                env_id,
-                "--behaviours",
-                behaviour,
-                "--episodes",
-                "1",
-                "--out",
-                str(tmp_path),
-            ]
-        )
-        == 0
-    )
+    words = ["make", "--env", env_id, "--behaviours", behaviour]
+    words += ["--episodes", "1", "--out", str(tmp_path)]
+    assert main(words) == 0
 
 
 DOORS = (
-    *(
-        made_by_gymnasium,
-        drawn,
-        learned_with_make_vec_env,
-        learned_in_a_batch,
-        taken_by_torchrl,
-        scored,
-        recorded_for_minari,
-    ),
+    made_by_gymnasium,
+    drawn,
+    learned_with_make_vec_env,
+    learned_in_a_batch,
+    taken_by_torchrl,
+    scored,
+    recorded_for_minari,
     pytest.param(trained_exported_and_ranked, marks=pytest.mark.slow),
 )
 

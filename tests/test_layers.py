@@ -3,12 +3,13 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.walking import ROOT
+
 SHOP = ROOT / "shop"
 BENCHMARK: dict[str, set[str]] = {
     "turning_env": set(),
@@ -38,25 +39,35 @@ LAYERS = (
     {"rendering", "scoring", "adapters"},
     {"__main__"},
 )
-"""Modules of ``turning_env`` from the bottom up: a module may import its own layer and all below."""
+"""Modules of ``turning_env`` from the bottom up.
+
+A module may import its own layer and all below.
+"""
 UPWARDS = {("action", "scoring"), ("env", "rendering")}
-"""Exceptions: actions have the type of a policy's, and an environment makes its viewer when it is asked to render."""
+"""Exceptions: actions have the type of a policy's, and an environment creates its viewer."""
 LEAVES = {"files", "locks", "console", "extras"}
 """Modules that all layers may import, and that import none."""
 
 
 def imports(path: Path) -> Iterator[str]:
-    """Yield the full names of modules that a file imports, wherever in it, also by ``import_module``."""
+    """Yield the full names of modules that a file imports.
+
+    Imports in functions count, and so do those by ``import_module``.
+    """
     for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Call) and "import_module" in (
-            getattr(node.func, "attr", ""),
-            getattr(node.func, "id", ""),
-        ):
-            yield ast.unparse(node.args[0]).lstrip("f'\"")
+        elif isinstance(node, ast.Call):
+            function = ast.unparse(node.func)
+            if function.rpartition(".")[2] == "import_module":
+                yield ast.unparse(node.args[0]).lstrip("f'\"")
+
+
+def top_level(modules: Iterable[str]) -> set[str]:
+    """Return the packages of modules."""
+    return {name.split(".")[0] for name in modules}
 
 
 @pytest.mark.parametrize("package", MAY_IMPORT)
@@ -65,15 +76,14 @@ def test_a_package_imports_only_packages_below_it(package: str) -> None:
     paths = list(FOLDERS[package].rglob("*.py"))
     assert paths
     for path in paths:
-        assert not {name.split(".")[0] for name in imports(path)} & others, path
+        assert not top_level(imports(path)) & others, path
 
 
 def loaded(code: str) -> set[str]:
     """Return the modules that a fresh interpreter has loaded after some code."""
     command = [sys.executable, "-c", f"import sys\n{code}\nprint(*sys.modules)"]
-    return set(
-        subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
-    )
+    finished = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    return set(finished.stdout.split())
 
 
 @pytest.mark.parametrize("package", ["turning_env", "baselines", *WORKSHOP])
@@ -89,30 +99,45 @@ def test_an_installed_package_loads_only_packages_below_it(package: str) -> None
     code = f"import importlib, contextlib\nfor name in {modules}:\n"
     code += "    with contextlib.suppress(ModuleNotFoundError): importlib.import_module(name)\n"
     above = MAY_IMPORT.keys() - MAY_IMPORT[package] - {package}
-    assert not {name.split(".")[0] for name in loaded(code)} & above
+    assert not top_level(loaded(code)) & above
+
+
+LAYER_OF = dict.fromkeys(LEAVES, -1)
+"""Numbers of layers by module, from the bottom up."""
+for number, modules in enumerate(LAYERS):
+    LAYER_OF |= dict.fromkeys(modules, number)
+
+
+def module_of(path: Path) -> str:
+    """Return the module or package of ``turning_env`` that a file belongs to."""
+    return path.relative_to(ROOT / "turning_env").parts[0].removesuffix(".py")
+
+
+def test_every_module_of_the_environment_has_a_layer() -> None:
+    modules = {module_of(path) for path in (ROOT / "turning_env").rglob("*.py")}
+    assert modules - LAYER_OF.keys() == {"__init__"}
 
 
 def test_a_module_of_the_environment_imports_only_layers_below_it() -> None:
-    layer = {
-        module: number for number, modules in enumerate(LAYERS) for module in modules
-    } | dict.fromkeys(LEAVES, -1)
-    package = ROOT / "turning_env"
-    unknown = {
-        path.relative_to(package).parts[0].removesuffix(".py") for path in package.rglob("*.py")
-    } - layer.keys()
-    assert unknown == {"__init__"}
-    upwards = [
-        f"{path.relative_to(ROOT)} imports {name}"
-        for path in package.rglob("*.py")
-        if (module := path.relative_to(package).parts[0].removesuffix(".py")) != "__init__"
-        for name in imports(path)
-        if name.startswith("turning_env.")
-        and layer.get(other := name.split(".")[1], 0) > layer[module]
-        and (module, other) not in UPWARDS
-    ]
+    upwards = []
+    for path in (ROOT / "turning_env").rglob("*.py"):
+        module = module_of(path)
+        if module == "__init__":
+            continue
+        for name in imports(path):
+            package, _, rest = name.partition(".")
+            imported = rest.split(".")[0]
+            # Names of the package itself, as ``turning_env.Scenario``, are no module's. Leaves may
+            # not import them.
+            layer = LAYER_OF.get(imported, 0)
+            if package != "turning_env" or (module, imported) in UPWARDS:
+                continue
+            if layer > LAYER_OF[module]:
+                upwards.append(f"{path.relative_to(ROOT)} imports {name}")
     assert upwards == []
 
 
+# Learning, plotting and rendering.
 HEAVY = {
     "torch",
     "stable_baselines3",
@@ -125,9 +150,7 @@ HEAVY = {
 }
 
 
-def test_importing_the_environment_loads_neither_learning_nor_plotting_libraries_nor_a_compiler() -> (
-    None
-):
+def test_importing_the_environment_loads_no_heavy_library() -> None:
     """Numba and Pydantic take half a second; they are loaded with the first environment."""
     assert not loaded("import turning_env") & (HEAVY | {"numba", "pydantic"})
     assert not loaded("import turning_env; turning_env.RoughTurningEnv") & HEAVY

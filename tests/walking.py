@@ -1,4 +1,7 @@
-"""Walks a page of documentation as a reader would: its commands, programs, files and changes, in a copy of the repository."""
+"""Walk a page of documentation as a reader would, in a copy of the repository.
+
+Its commands and programs are run, the files that it shows written, and its changes made.
+"""
 
 import hashlib
 import re
@@ -8,118 +11,149 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-MAX = 110.0
-"""A process that takes longer [s] hangs, or is too long for a test: pytest-timeout ends that after 120 s."""
+MAX_SECONDS = 110.0
+"""Time limit of a process [s]: pytest-timeout ends a test after 120 s."""
 LONG = "# minutes to hours"
-"""First line of a block whose commands take too long for a test: ``tests/test_command_lines.py`` parses them."""
+"""First line of a block whose commands take too long for a test.
 
-Smaller = Mapping[str, tuple[str, Mapping[str, str]]]
-"""Changes that make a command small, by its first words: added options, replaced words."""
+``tests/test_command_lines.py`` parses them.
+"""
+
+
+@dataclass(frozen=True)
+class Smaller:
+    """A change that makes a command small enough for a test."""
+
+    options: str = ""
+    """Words added at the end of the command."""
+    replaced: Mapping[str, str] = field(default_factory=dict)
+    """New words by those that they replace."""
 
 
 class Block(NamedTuple):
     """A fenced block."""
 
     language: str
-    title: str | None  # the file that it shows, if any
+    title: str | None
+    """The file that it shows, if any."""
     text: str
 
 
 def blocks(page: str) -> Iterator[Block]:
     """Yield the fenced blocks of a page in order."""
-    for language, title, text in re.findall(
-        r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$', page, re.DOTALL | re.MULTILINE
-    ):
+    fenced = r'^```(\w*)(?: title="([^"]*)")?\n(.*?)^```$'
+    for language, title, text in re.findall(fenced, page, re.DOTALL | re.MULTILINE):
         yield Block(language, title or None, text)
 
 
 def commands(block: Block) -> list[str]:
-    """The command lines of a block; one that ends in a backslash goes on."""
-    return [
-        line
-        for line in block.text.replace("\\\n", " ").splitlines()
-        if line.strip() and not line.startswith("#")
-    ]
+    """Return the command lines of a block, with lines that end in a backslash joined."""
+    lines = block.text.replace("\\\n", " ").splitlines()
+    return [line for line in lines if line.strip() and not line.startswith("#")]
 
 
 def copy_to(folder: Path) -> None:
-    """Put the tracked files with their times, the machine code made of them, and the installed environment, into a folder."""
-    tracked = subprocess.run(
-        ["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout.splitlines()
-    for name in tracked:
+    """Copy the tracked files with their times, their machine code, and the environment."""
+    command = ["git", "ls-files"]
+    tracked = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    for name in tracked.stdout.splitlines():
         if (ROOT / name).exists():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
-    for kept in ROOT.glob(
-        "*/**/__pycache__/machine_code-*/*"
-    ):  # Numba names its folders by the place of the sources
-        code = folder / kept.relative_to(ROOT).parent
-        place = hashlib.sha1(str(code.parents[1]).encode(), usedforsecurity=False).hexdigest()
-        if kept.is_dir() and code.parents[1].is_dir():
-            shutil.copytree(kept, code / f"{code.parents[1].name}_{place}", dirs_exist_ok=True)
+    for code in ROOT.glob("*/**/__pycache__/machine_code-*/*"):
+        if code.is_dir():
+            copy_machine_code(code, folder / code.relative_to(ROOT).parent)
     (folder / ".venv").symlink_to(ROOT / ".venv")
 
 
-def small(command: str, smaller: Smaller) -> list[str]:
-    """The words of a command, made small, with this Python for ``python``."""
-    for start, (options, replaced) in smaller.items():
-        if command.startswith(start):
-            command = shlex.join(
-                replaced.get(word, word) for word in shlex.split(f"{command} {options}")
-            )
+def copy_machine_code(code: Path, cache: Path) -> None:
+    """Copy a folder of machine code into the cache beside a copy of its sources."""
+    sources = cache.parents[1]
+    if not sources.is_dir():
+        return
+    # Numba names its folders by the place of the sources.
+    digest = hashlib.sha1(str(sources).encode(), usedforsecurity=False).hexdigest()
+    shutil.copytree(code, cache / f"{sources.name}_{digest}", dirs_exist_ok=True)
+
+
+def small(command: str, smaller: Mapping[str, Smaller]) -> list[str]:
+    """Return the words of a command, made small, with this Python for ``python``.
+
+    ``smaller`` holds the changes by the first words of commands.
+    """
     words = shlex.split(command)
-    return [sys.executable, *words[1:]] if words[0] == "python" else words
+    for start, change in smaller.items():
+        if command.startswith(start):
+            words += shlex.split(change.options)
+            words = [change.replaced.get(word, word) for word in words]
+    if words[0] == "python":
+        words[0] = sys.executable
+    return words
 
 
 def run(words: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Run a command in a folder; ``check`` looks at how it ended."""
     return subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, timeout=MAX, check=False
+        words, cwd=folder, capture_output=True, text=True, timeout=MAX_SECONDS, check=False
     )
 
 
-def walk(page: str, folder: Path, smaller: Smaller, done: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Do in a copy what a page says: run commands and programs, write the files that it shows, make the changes that it shows.
+def walk(
+    page: str,
+    folder: Path,
+    smaller: Mapping[str, Smaller],
+    done: tuple[str, ...] = (),
+) -> tuple[str, ...]:
+    """Do in a copy what a page says; return the commands that were run.
 
-    Commands that begin like one that is ``done`` already are not run again. Those that were run are returned.
+    Commands that start like one in ``done`` are not run again.
     """
     ran = []
     for block in blocks(page):
-        if block.title is not None and block.language == "diff":
-            change(folder / block.title, block.text)
-        elif block.title is not None:
-            (folder / block.title).parent.mkdir(parents=True, exist_ok=True)
-            (folder / block.title).write_text(block.text, "utf-8")
+        if block.title is not None:
+            write_or_change(folder / block.title, block)
         elif block.language == "bash" and not block.text.startswith(LONG):
             for command in commands(block):
                 if not command.startswith(done):
                     check(run(small(command, smaller), folder), command)
                     ran.append(command)
         elif block.language == "python":
-            check(run([sys.executable, "-W", "error", "-c", block.text], folder), block.text)
+            program = [sys.executable, "-W", "error", "-c", block.text]
+            check(run(program, folder), block.text)
     return tuple(ran)
 
 
+def write_or_change(path: Path, block: Block) -> None:
+    """Write the file that a block shows, or make the change that it shows."""
+    if block.language == "diff":
+        change(path, block.text)
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.text, "utf-8")
+
+
 def until(holds: Callable[[], bool]) -> None:
-    limit = time.monotonic() + MAX
+    """Wait until a condition holds. Fail after the time limit of a process."""
+    limit = time.monotonic() + MAX_SECONDS
     while not holds():
         assert time.monotonic() < limit
         time.sleep(0.02)
 
 
-def check(finished: "subprocess.CompletedProcess[str]", what: str) -> None:
-    """Fail with all that was printed unless it ended well, and without a traceback."""
-    told = f"{what}\n{finished.stdout}\n{finished.stderr}"
-    assert finished.returncode == 0, told
-    assert "Traceback" not in finished.stderr, told
+def check(finished: "subprocess.CompletedProcess[str]", command: str) -> None:
+    """Fail with all that was printed unless a command ended with 0 and without a traceback."""
+    printed = f"{command}\n{finished.stdout}\n{finished.stderr}"
+    assert finished.returncode == 0, printed
+    assert "Traceback" not in finished.stderr, printed
 
 
 def change(path: Path, difference: str) -> None:
-    """Make the change of a diff without line numbers in a file."""
+    """Apply a diff without line numbers to a file."""
     lines = difference.splitlines(keepends=True)
     before = "".join(line[1:] for line in lines if line[0] in " -")
     after = "".join(line[1:] for line in lines if line[0] in " +")

@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 
-from tests.walking import MAX, ROOT, until
+from tests.walking import MAX_SECONDS, ROOT, until
 from tools import soak
 
 SMALLER = partial(soak.leaderboard, more=("--seeds", "4"))
@@ -41,7 +41,7 @@ with processes(1) as over:
 LONG = f"""
 import os, pathlib, time
 pathlib.Path(__file__).with_suffix(".number").write_text(str(os.getpid()))
-time.sleep({2 * MAX})
+time.sleep({2 * MAX_SECONDS})
 """
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.walking import MAX, ROOT
+from tests.walking import MAX_SECONDS, ROOT
 
 pytestmark = [
     pytest.mark.slow,
@@ -56,7 +56,7 @@ def start(folder: Path, **variables: str) -> "subprocess.Popen[str]":
 
 def finished(process: "subprocess.Popen[str]", value: float = 2.0) -> str:
     """Wait for a process that prints the value; return its notices."""
-    out, error = process.communicate(timeout=MAX)
+    out, error = process.communicate(timeout=MAX_SECONDS)
     assert process.returncode == 0, error
     assert float(out) == value
     return error
