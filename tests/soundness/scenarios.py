@@ -15,16 +15,19 @@ BASES = {preset: Scenario.load(preset).model_dump() for preset in presets()}
 
 
 def _fields(properties: dict[str, Any], path: Path = ()) -> dict[Path, dict[str, Any]]:
-    """Return the schema of every value by its path of names; the scenario's name and nominal model are left out."""
-    found: dict[Path, dict[str, Any]] = {}
+    """Return the schema of every value by its path of names.
+
+    The scenario's name and nominal model are left out.
+    """
+    schemas: dict[Path, dict[str, Any]] = {}
     for name, entry in properties.items():
+        inner = (*path, name)
         if "$ref" in entry:
-            found |= _fields(
-                _SCHEMA["$defs"][entry["$ref"].rsplit("/", 1)[1]]["properties"], (*path, name)
-            )
-        elif (*path, name) not in (("name",), ("nominal_model",)):
-            found[(*path, name)] = entry
-    return found
+            section = entry["$ref"].rsplit("/", 1)[1]
+            schemas |= _fields(_SCHEMA["$defs"][section]["properties"], inner)
+        elif inner not in (("name",), ("nominal_model",)):
+            schemas[inner] = entry
+    return schemas
 
 
 FIELDS = _fields(_SCHEMA["properties"])
@@ -34,7 +37,11 @@ LAWS = {path for path in FIELDS if path[0] == "material"}
 
 
 def value_of(path: Path) -> st.SearchStrategy[Any]:
-    """Values that the schema allows: ends of the range as often as values between, evenly and by order of magnitude."""
+    """Return values that the schema allows.
+
+    Ends of the range are as frequent as values between, which are drawn evenly and by order of
+    magnitude.
+    """
     entry = FIELDS[path]
     if "enum" in entry:
         return st.sampled_from(entry["enum"])
@@ -44,102 +51,148 @@ def value_of(path: Path) -> st.SearchStrategy[Any]:
         return st.sampled_from(("EUR", "kr"))
     if entry["type"] == "array":
         return st.lists(st.floats(0.01, 50.0), max_size=16).map(tuple)
-    low, high = entry["minimum"], entry["maximum"]
+    low = entry["minimum"]
+    high = entry["maximum"]
     if entry["type"] == "integer":
-        # Ten thousand sub-steps differ from a hundred in nothing but the time that they take.
-        return st.sampled_from((low, min(high, 100))) | st.integers(low, min(high, 100))
-    least = math.log10(max(low, 1e-6 * high))
+        # Ten thousand sub-steps differ from a hundred only in the time that they take.
+        high = min(high, 100)
+        return st.sampled_from((low, high)) | st.integers(low, high)
+
     between = st.floats(low, high)
-    orders = st.floats(least, math.log10(high)).map(lambda order: min(max(10.0**order, low), high))
-    return st.sampled_from((float(low), float(high))) | (between if low < 0 else between | orders)
+    if low >= 0:
+        # A range that starts at 0 has no lowest order of magnitude: six are enough.
+        lowest_order = math.log10(max(low, 1e-6 * high))
+        orders = st.floats(lowest_order, math.log10(high))
+        between |= orders.map(lambda order: min(max(10.0**order, low), high))
+    return st.sampled_from((float(low), float(high))) | between
 
 
 @st.composite
 def values(draw: st.DrawFn, laws: bool = False) -> dict[str, Any]:
-    """The values of a preset of which some are replaced; they need not go together. ``laws``: the material's, too."""
+    """Return the values of a preset with some replaced, which need not be consistent.
+
+    With ``laws``, those of the material are replaced, too.
+    """
     base = BASES[draw(st.sampled_from(sorted(BASES)))]
     changed = deepcopy(base) | {"name": "drawn"}
     allowed = sorted(path for path in FIELDS if laws or path not in LAWS)
-    most = draw(st.sampled_from((3, 12, len(allowed))))
-    for path in draw(
-        st.lists(st.sampled_from(allowed), unique=True, max_size=min(most, _MAX_CHANGES))
-    ):
+    max_changes = min(draw(st.sampled_from((3, 12, len(allowed)))), _MAX_CHANGES)
+    paths = st.lists(st.sampled_from(allowed), unique=True, max_size=max_changes)
+    for path in draw(paths):
         _put(changed, path, draw(value_of(path)))
     return changed
 
 
 def scenarios() -> st.SearchStrategy[Scenario]:
-    """Scenarios whose values go together, of the presets' materials."""
+    """Return scenarios with consistent values and the materials of presets."""
     return values().map(reconciled).map(Scenario.model_validate)
 
 
 def reconciled(drawn: dict[str, Any]) -> dict[str, Any]:
-    """Return the values, changed if they contradict others."""
+    """Return the values, changed where they contradict one another."""
     changed = deepcopy(drawn)
-    machine, control, surface, sensors = (
-        changed[name] for name in ("machine", "control", "surface", "sensors")
-    )
+    # In this order: each function reads what those before it have changed.
     for name in ("cutting_speed", "feed"):
-        low, high = sorted((machine[f"{name}_min"], machine[f"{name}_max"]))
-        machine[f"{name}_min"], machine[f"{name}_max"] = (
-            (low, high) if low < high else (0.5 * high, high)
-        )
-        if machine[f"{name}_min"] < FIELDS["machine", f"{name}_min"]["minimum"]:
-            machine[f"{name}_min"], machine[f"{name}_max"] = low, 2.0 * high
-        start = control[f"initial_{name}"]
-        control[f"initial_{name}"] = min(max(start, machine[f"{name}_min"]), machine[f"{name}_max"])
-    surface["reference_min"], surface["reference_max"] = sorted(
-        (surface["reference_min"], surface["reference_max"])
-    )
+        _reconcile_range(changed, name)
+    _reconcile_wear_and_times(changed)
+    _reconcile_actions(changed)
+    _reconcile_laws(changed)
+    _reconcile_spindle(changed)
+    _reconcile_depth_profile(changed["workpiece"])
+    _sort(changed["surface"], "reference")
+    _sort(changed["swarf"], "chip_feed")
+    _sort(changed["swarf"], "chip_depth")
+    return changed
+
+
+def _sort(section: dict[str, Any], name: str) -> None:
+    """Exchange the ends of a range if they are the wrong way round."""
+    low, high = sorted((section[f"{name}_min"], section[f"{name}_max"]))
+    section[f"{name}_min"] = low
+    section[f"{name}_max"] = high
+
+
+def _reconcile_range(changed: dict[str, Any], name: str) -> None:
+    """Give the machine a range of speed or feed, with the initial one in it."""
+    machine = changed["machine"]
+    control = changed["control"]
+    lowest = FIELDS["machine", f"{name}_min"]["minimum"]
+    low, high = sorted((machine[f"{name}_min"], machine[f"{name}_max"]))
+    if low == high:
+        # An empty range is widened downwards, or upwards where that is too low.
+        if 0.5 * high >= lowest:
+            low = 0.5 * high
+        else:
+            high = 2.0 * high
+    machine[f"{name}_min"] = low
+    machine[f"{name}_max"] = high
+    control[f"initial_{name}"] = min(max(control[f"initial_{name}"], low), high)
+
+
+def _reconcile_wear_and_times(changed: dict[str, Any]) -> None:
+    control = changed["control"]
+    machine = changed["machine"]
     if changed["mismatch"]["initial_wear"] >= changed["tool"]["wear_criterion"]:
         changed["mismatch"]["initial_wear"] = 0.0
     if control["time_limit"] * 60.0 < control["interval"]:
         control["interval"] = control["time_limit"] * 60.0
     machine["command_delay"] = min(machine["command_delay"], 4.0 * control["interval"])
+
+
+def _reconcile_actions(changed: dict[str, Any]) -> None:
+    """Keep overrides within the machine's feed, and actions of parts free of lags."""
+    control = changed["control"]
+    machine = changed["machine"]
+    sensors = changed["sensors"]
     if control["action"] == "override":
-        control["override_max"] = min(
-            control["override_max"], machine["feed_max"] / control["initial_feed"]
-        )
+        highest = machine["feed_max"] / control["initial_feed"]
+        control["override_max"] = min(control["override_max"], highest)
         if control["override_max"] < 0.01:
             control["action"] = "set_point"
     if control["action"] == "part":
-        for section, names in (
-            (machine, ("feed_time_constant", "spindle_time_constant", "chip_lag", "command_delay")),
-            (sensors, ("power_time_constant", "force_time_constant")),
-        ):
-            section.update(dict.fromkeys(names, 0.0))
+        for name in ("feed_time_constant", "spindle_time_constant", "chip_lag", "command_delay"):
+            machine[name] = 0.0
+        for name in ("power_time_constant", "force_time_constant"):
+            sensors[name] = 0.0
         changed["workpiece"]["bars"] = max(changed["workpiece"]["bars"], 1)
         control["edge_changes"] = "automatic"
     else:
         sensors["probe"] = False
     sensors["inspects_edges"] &= control["edge_changes"] != "end"
+
+
+def _reconcile_laws(changed: dict[str, Any]) -> None:
+    """Set exponents to 0 that a law may not have, and others to values that it may."""
     laws = changed["material"]
-    laws["wear"]["wear"] = laws["thrust_force"]["time"] = laws["power"]["time"] = 0.0
+    laws["wear"]["wear"] = 0.0
+    laws["thrust_force"]["time"] = 0.0
+    laws["power"]["time"] = 0.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
     changed["edge_failure"]["temperature"]["time"] = 0.0
     for name in ("radial_force", "torque", "roughness"):
         law = changed["limits"][name]
-        law |= dict.fromkeys(("cutting_speed", "time", "wear"), 0.0) | {
-            "feed": abs(law["feed"]) or 0.75
-        }
-    spindle, work = changed["spindle"], changed["workpiece"]
-    per_turn = math.pi * work["diameter"] / 1000.0  # [m]
-    if per_turn * spindle["max_speed"] < control["initial_cutting_speed"]:
+        law |= {"cutting_speed": 0.0, "time": 0.0, "wear": 0.0}
+        law["feed"] = abs(law["feed"]) or 0.75
+
+
+def _reconcile_spindle(changed: dict[str, Any]) -> None:
+    """Let the spindle reach the initial speed, and idle within its power."""
+    spindle = changed["spindle"]
+    diameter = changed["workpiece"]["diameter"]
+    per_turn = math.pi * diameter / 1000.0  # [m]
+    if per_turn * spindle["max_speed"] < changed["control"]["initial_cutting_speed"]:
         spindle["max_speed"] = 0.0
-    fastest = max(machine["cutting_speed_max"], per_turn * spindle["base_speed"])
-    spindle["idle_torque"] = min(
-        spindle["idle_torque"], 15.0 * work["diameter"] * changed["limits"]["power"] / fastest
-    )
+    fastest = max(changed["machine"]["cutting_speed_max"], per_turn * spindle["base_speed"])
+    max_torque = 15.0 * diameter * changed["limits"]["power"] / fastest
+    spindle["idle_torque"] = min(spindle["idle_torque"], max_torque)
+
+
+def _reconcile_depth_profile(work: dict[str, Any]) -> None:
+    """Give every section of the bar a length and a speed, if any has."""
     sections = len(work["depth_profile"])
     if work["section_lengths"]:
         work["section_lengths"] = (work["bar_length"] / max(sections, 1),) * sections
     work["section_speeds"] = (work["section_speeds"] * sections)[:sections]
-    for name in ("chip_feed", "chip_depth"):
-        swarf = changed["swarf"]
-        swarf[f"{name}_min"], swarf[f"{name}_max"] = sorted(
-            (swarf[f"{name}_min"], swarf[f"{name}_max"])
-        )
-    return changed
 
 
 def _put(tree: dict[str, Any], path: Path, value: Any) -> None:
