@@ -206,7 +206,9 @@ def fit(
     if edges:
         degrees = edges.degrees[:count]
     numbers = dict(zip(names, solution, strict=True))
-    numbers["coefficient"] = np.exp(solution[0])
+    # A coefficient that overflows is infinite, and ``validated_law`` refuses it.
+    with np.errstate(over="ignore"):
+        numbers["coefficient"] = np.exp(solution[0])
     law = validated_law(response, base, numbers)
     fresh_level = np.nan
     level = np.ones(len(target))
