@@ -1,4 +1,8 @@
-"""Draw operating maps and a page to pin to the machine."""
+"""Draw operating maps and a page to pin to the machine.
+
+``whatif.py`` and ``prediction.py`` compute what a map shows, ``advise.py`` the advice on the page.
+``turning_env.rendering.plot_style`` writes the figures.
+"""
 
 import textwrap
 from collections.abc import Sequence
@@ -12,6 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator
 from numpy.typing import NDArray
+from turning_shop import Values
 from turning_shop.advise import Advice, Plan, headline, summary
 from turning_shop.allowed import allowed_loads, feed_range
 from turning_shop.fit import SETTINGS
@@ -21,17 +26,36 @@ from turning_shop.whatif import NO_LIMIT, Cuts, what_if
 from turning_env.rendering.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILLION
 from turning_env.scenario import Scenario
 
-GRID = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
-FRESH = 0.3  # wear of the fresh edge's map over the wear criterion [-]: at no wear, the laws of force and power are 0
-A4 = 11.69, 8.27  # size of the page [inch]
-SHARES = 1.2, 1.0  # heights of the maps and of the text
-SHEET_WIDTH = 190  # of a line of the sheet [letters]
-LEADING = 1.2  # distance of lines over the size of letters [-]
-RULED = (
-    "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, at nominal depth and hardness. "
-    "A simulation's output: try each change carefully."
+GRID_SIZE = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
+# Without wear, the laws of force and power are 0, so that the fresh edge's map needs a little.
+FRESH_SHARE = 0.3  # wear of the fresh edge's map over the wear criterion [-]
+A4 = (11.69, 8.27)  # size of the page, across [inch]
+HEIGHT_RATIOS = (1.2, 1.0)  # heights of the maps and of the text
+SHEET_WIDTH = 190  # of a line of the sheet [characters]
+MAP_WIDTH = 130  # of a line of warnings above a map [characters]
+LINE_SPACING = 1.2  # distance of lines over the font size [-]
+BLOCK_GAP = 0.6  # distance of two blocks of the sheet [lines]
+DISCLAIMER = (
+    "Nominal values from measured or assumed laws: limits are kept with the edge worn as stated, "
+    "at nominal depth and hardness. A simulation's output: try each change carefully."
 )
-_ALLOWED, _DOTS = "#DCEFE6", "#999999"
+_ALLOWED = "#DCEFE6"
+_DOTS = "#999999"
+
+
+class _LoadLine(NamedTuple):
+    """The look of the line along which a load reaches its limit."""
+
+    load: str  # field of ``Cuts`` and of the scenario's limits
+    unit: str
+    colour: str
+    dashes: Any  # Matplotlib's ``linestyle``
+
+
+_LOAD_LINES = (
+    _LoadLine("thrust_force", "N", ORANGE, dashes="-"),
+    _LoadLine("power", "kW", BLUE, dashes=(0, (6, 1.5))),
+)
 
 
 def draw_map(
@@ -41,22 +65,37 @@ def draw_map(
     depth_of_cut: float | None = None,
     hardness: float = 1.0,
 ) -> Figure:
-    """Draw limits, removal rate and tool life over the machine's whole range of cutting speed and feed.
+    """Draw limits, removal rate and tool life over the machine's range of speed and feed.
 
-    They are those of an edge with a flank wear [mm], at a depth of cut [mm], by default the nominal one, and a hardness [-].
+    Args:
+        scenario: The machine, tool and material.
+        evidence: What is known of the laws of the scenario.
+        wear: Flank wear of the edge [mm].
+        depth_of_cut: Depth of cut [mm]; by default the nominal one.
+        hardness: Hardness of the bar over nominal [-].
+
+    Raises:
+        WorkshopError: The nose radius allows no feed of the machine.
     """
     figure = Figure(figsize=(8.6, 6.4), layout="constrained")
-    handles = draw_map_on(figure.subplots(), scenario, evidence, wear, depth_of_cut, hardness)
+    handles = draw_map_on(
+        figure.subplots(),
+        scenario,
+        evidence=evidence,
+        wear=wear,
+        depth_of_cut=depth_of_cut,
+        hardness=hardness,
+    )
     if evidence.warnings:
         figure.suptitle(
-            "\n".join(_wrapped(evidence, 130)),
+            "\n".join(_wrapped_warnings(evidence, MAP_WIDTH)),
             fontsize="x-small",
             color=VERMILLION,
             ha="left",
             x=0.02,
         )
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    return _plain(figure)
+    return _without_formulas(figure)
 
 
 def draw_map_on(
@@ -68,130 +107,104 @@ def draw_map_on(
     hardness: float = 1.0,
     advised: Plan | None = None,
 ) -> list[Any]:
-    """Draw the map on axes, and return the handles of its legend: see ``draw_map``. Mark the advised cut, or most metal."""
-    machine, limits = scenario.machine, scenario.limits
-    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID)
-    feeds = np.linspace(*feed_range(scenario), GRID)
-    cuts = what_if(scenario, speeds, feeds[:, np.newaxis], depth_of_cut, hardness, wear=wear)
-    kept = _kept(scenario, cuts)
-    _fill_allowed(axes, cuts, kept)
-    unmeasured = sum(
-        law.extrapolates({name: getattr(cuts, name) for name in SETTINGS})
-        for law in evidence.laws.values()
+    """Draw the map of ``draw_map`` on axes, and return the handles of its legend.
+
+    The mark is the advised cut, or the cut with the highest removal rate if there is no advice.
+    """
+    machine = scenario.machine
+    speeds = np.linspace(machine.cutting_speed_min, machine.cutting_speed_max, GRID_SIZE)
+    min_feed, max_feed = feed_range(scenario)
+    feeds = np.linspace(min_feed, max_feed, GRID_SIZE)
+    cuts = what_if(
+        scenario,
+        speeds,
+        feed=feeds[:, np.newaxis],
+        depth_of_cut=depth_of_cut,
+        hardness=hardness,
+        wear=wear,
     )
-    if np.any(unmeasured):
-        dots = axes.contourf(
-            speeds, feeds, unmeasured, levels=(0.5, 9.5), colors="none", hatches=["."]
-        )
-        dots.set_edgecolor(_DOTS)
-        dots.set_linewidth(0.0)
+    kept = _kept(scenario, cuts)
+    extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
+
+    # Later drawings cover earlier ones: areas come first, the mark comes last.
+    _fill_allowed(axes, cuts, kept)
+    _dot_unmeasured(axes, cuts, evidence)
     _draw_removal_rate(axes, cuts)
     _draw_tool_life(axes, cuts)
+    limit_handles = _draw_load_limits(axes, cuts, scenario, evidence)
+    limit_handles += _draw_strength_limit(axes, cuts, scenario)
+    _mark(axes, cuts, kept=kept, extrapolated=extrapolated, advised=advised)
+
+    axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
+    bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
+    depth = f"depth of cut {cuts.depth_of_cut.flat[0]:g} mm"
+    title = f"{scenario.name}: {depth}, {bar}, {_worn(evidence, wear)}"
+    axes.set_title(title, loc="left", fontsize="medium")
+
     handles: list[Any] = [
         Patch(facecolor=_ALLOWED, edgecolor=GREY, label="within the limits"),
         Patch(facecolor=LIGHT, edgecolor=GREY, label="a limit is exceeded"),
     ]
-    of_limits: tuple[tuple[str, str, str, Any], ...] = (
-        ("thrust_force", "N", ORANGE, "-"),
-        ("power", "kW", BLUE, (0, (6, 1.5))),
-    )
-    for name, unit, colour, dashes in of_limits:
-        share, value = getattr(cuts, f"{name}_share"), getattr(limits, name)
-        if value == NO_LIMIT[name]:
-            continue
-        limit = (
-            f"{name.replace('_', ' ')} at its limit, {value:g} {unit}"
-            + " (law not measured)" * (name not in evidence.laws)
-        )
-        if share.min() < 1.0 < share.max():
-            axes.contour(
-                speeds,
-                feeds,
-                share,
-                levels=(1.0,),
-                colors=colour,
-                linewidths=2.2,
-                linestyles=[dashes],
-            )
-        handles.append(Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=limit))
-    allowed = allowed_loads(scenario)
-    if allowed.by_strength:
-        share = cuts.thrust_force / allowed.thrust_force
-        if share.min() < 1.0 < share.max():
-            axes.contour(
-                speeds,
-                feeds,
-                share,
-                levels=(1.0,),
-                colors=VERMILLION,
-                linewidths=2.2,
-                linestyles="-.",
-            )
-        broken = f"edges may break above {allowed.thrust_force:.0f} N"
-        handles.append(
-            Line2D([], [], color=VERMILLION, linewidth=2.2, linestyle="-.", label=broken)
-        )
-    extrapolated = predict(scenario, evidence, cuts, of_wear=True).extrapolated
-    _mark(axes, cuts, kept, extrapolated, advised)
-    axes.set(xlabel="cutting speed [m/min]", ylabel="feed [mm/rev]")
-    bar = "nominal hardness" if hardness == 1 else f"{hardness:g} times nominal hardness"
-    title = f"{scenario.name}: depth of cut {cuts.depth_of_cut.flat[0]:g} mm, {bar}, {_worn(evidence, wear)}"
-    axes.set_title(title, loc="left", fontsize="medium")
-    handles += [
-        Line2D([], [], color=GREY, linewidth=0.8, label="removal rate, see right axis"),
-        Line2D(
-            [], [], color=GREEN, linewidth=1.4, linestyle=":", label="tool life, fresh to worn out"
-        ),
-        Line2D(
-            [],
-            [],
-            color="black",
-            marker="o",
-            linestyle="none",
-            label="advised" if advised else "highest removal rate",
-        ),
-    ]
+    handles += limit_handles
+    handles += _curve_handles("advised" if advised else "highest removal rate")
     if extrapolated.any():
-        handles.append(
-            Patch(
-                facecolor="white",
-                edgecolor=_DOTS,
-                hatch="..",
-                label="* extrapolated: not measured there",
-            )
+        dots = Patch(
+            facecolor="white",
+            edgecolor=_DOTS,
+            hatch="..",
+            label="* extrapolated: not measured there",
         )
+        handles.append(dots)
     return handles
 
 
 def draw_sheet(
-    scenario: Scenario, evidence: Evidence, advice: list[Advice], simulated: Sequence[str] = ()
+    scenario: Scenario,
+    evidence: Evidence,
+    advice: list[Advice],
+    simulated: Sequence[str] = (),
 ) -> Figure:
-    """Draw the page, A4 across, with maps, advice, what the simulation said of it, and warnings."""
-    at_change = float(advice[0].plan.cuts.wear)
-    fresh = min(FRESH * scenario.tool.wear_criterion, at_change)
+    """Draw the page, A4 across: maps, advice, sentences on the simulated advice, and warnings."""
+    plan = advice[0].plan
+    at_change = float(plan.cuts.wear)
+    fresh = min(FRESH_SHARE * scenario.tool.wear_criterion, at_change)
     figure = Figure(figsize=A4, layout="constrained")
-    pages: Any = figure.subfigures(2, 1, height_ratios=SHARES)
-    maps, rest = pages
+    pages: Any = figure.subfigures(2, 1, height_ratios=HEIGHT_RATIOS)
+    maps, text_page = pages
+
     for axes, wear in zip(maps.subplots(1, 2), (fresh, at_change), strict=True):
-        handles = draw_map_on(axes, scenario, evidence, wear, advised=advice[0].plan)
-        when = ", at the change" * (wear == at_change)
-        axes.set_title(_worn(evidence, wear) + when, loc="left", fontsize="medium")
+        handles = draw_map_on(axes, scenario, evidence=evidence, wear=wear, advised=plan)
+        title = _worn(evidence, wear)
+        if wear == at_change:
+            title += ", at the change"
+        axes.set_title(title, loc="left", fontsize="medium")
     maps.legend(
-        handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small"
+        handles=handles,
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        fontsize="small",
     )
     maps.suptitle(f"{scenario.name}: {scenario.workpiece.depth_of_cut:g} mm deep", fontsize="large")
-    first, *others = headline(scenario, evidence, advice)
+
+    recommendation, *notes = headline(scenario, evidence, advice)
+    sentences = []
+    for text in (*notes, *simulated):
+        sentences += textwrap.wrap(text, SHEET_WIDTH)
+    # The summary repeats the headline between its two empty lines, of which the first is line 2.
     lines = list(summary(scenario, evidence, advice))
-    table = [*lines[:2], *lines[lines.index("", 3) + 1 :]]
-    said = [line for text in (*others, *simulated) for line in textwrap.wrap(text, SHEET_WIDTH)]
-    _write(rest, [
-        Block([first], size=11, weight="bold"),
-        Block(said, size=7),
+    end_of_headline = lines.index("", 3)
+    table = lines[:2] + lines[end_of_headline + 1 :]
+    warnings = _wrapped_warnings(evidence, SHEET_WIDTH)
+    blocks = [
+        Block([recommendation], size=11, weight="bold"),
+        Block(sentences, size=7),
         Block(table, size=6.5, family="monospace"),
-        Block(_wrapped(evidence, SHEET_WIDTH), size=7, color=VERMILLION),
-        Block(textwrap.wrap(RULED, SHEET_WIDTH), size=7),
-    ])  # fmt: skip
-    return _plain(figure)
+        Block(warnings, size=7, color=VERMILLION),
+        Block(textwrap.wrap(DISCLAIMER, SHEET_WIDTH), size=7),
+    ]
+    _write(text_page, blocks)
+    return _without_formulas(figure)
 
 
 class Block(NamedTuple):
@@ -203,76 +216,122 @@ class Block(NamedTuple):
     family: str = "sans-serif"
     color: str = "black"
 
+    @property
+    def height(self) -> float:
+        """Height at the block's font size, with the gap below [pt]."""
+        return LINE_SPACING * self.size * (len(self.lines) + BLOCK_GAP)
 
-def _write(page: Any, blocks: list[Block]) -> None:
+
+def _write(page: Any, blocks: Sequence[Block]) -> None:
     """Write blocks one below the other, smaller if they do not fit."""
-    height = A4[1] * 72.0 * SHARES[1] / sum(SHARES)  # [pt]
-    wanted = sum(LEADING * block.size * (len(block.lines) + 0.6) for block in blocks if block.lines)
-    scale = min(1.0, 0.97 * height / wanted)
+    height = A4[1] * 72.0 * HEIGHT_RATIOS[1] / sum(HEIGHT_RATIOS)  # [pt]
+    filled = [block for block in blocks if block.lines]
+    scale = min(1.0, 0.97 * height / sum(block.height for block in filled))
     top = 0.99
-    for block in blocks:
-        if not block.lines:
-            continue
-        look = {
-            "fontsize": scale * block.size,
-            "fontweight": block.weight,
-            "family": block.family,
-            "color": block.color,
-        }
+    for block in filled:
         page.text(
-            0.02, top, "\n".join(block.lines), verticalalignment="top", linespacing=LEADING, **look
+            0.02,
+            top,
+            "\n".join(block.lines),
+            verticalalignment="top",
+            linespacing=LINE_SPACING,
+            fontsize=scale * block.size,
+            fontweight=block.weight,
+            family=block.family,
+            color=block.color,
         )
-        top -= scale * LEADING * block.size * (len(block.lines) + 0.6) / height
+        top -= scale * block.height / height
 
 
 def _worn(evidence: Evidence, wear: float) -> str:
-    """Return the state of the edge, with a star if a law was not measured at this flank wear [mm]."""
-    beyond = any(law.extrapolates({"wear": np.asarray(wear)}) for law in evidence.laws.values())
-    return f"edge worn to {wear:.3g} mm" + " *" * beyond
+    """Return the edge's state, with a star if a law was not measured at this flank wear [mm]."""
+    state = f"edge worn to {wear:.3g} mm"
+    factors = {"wear": np.asarray(wear)}
+    if any(law.extrapolates(factors) for law in evidence.laws.values()):
+        state += " *"
+    return state
 
 
-def _wrapped(evidence: Evidence, width: int) -> list[str]:
-    return [line for warning in evidence.warnings for line in textwrap.wrap(f"! {warning}", width)]
+def _wrapped_warnings(evidence: Evidence, width: int) -> list[str]:
+    lines = []
+    for warning in evidence.warnings:
+        lines += textwrap.wrap(f"! {warning}", width)
+    return lines
 
 
-def _plain(figure: Figure) -> Figure:
-    """Let names with "$" be text, not formulas."""
+def _without_formulas(figure: Figure) -> Figure:
+    """Let names with "$" be text, which Matplotlib else reads as formulas."""
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     return figure
 
 
 def _kept(scenario: Scenario, cuts: Cuts) -> NDArray[np.bool_]:
-    """Return which cuts are within the limits, and below the force at which edges may break if their strength is stated."""
+    """Return which cuts keep the limits.
+
+    If the strength of edges is stated, cuts must also stay below the force at which edges may
+    break.
+    """
+    kept = cuts.within_limits
     allowed = allowed_loads(scenario)
-    unbroken = cuts.thrust_force <= (allowed.thrust_force if allowed.by_strength else np.inf)
-    return np.asarray(cuts.within_limits & unbroken)
+    if allowed.by_strength:
+        kept = kept & (cuts.thrust_force <= allowed.thrust_force)
+    return np.asarray(kept)
 
 
 def _fill_allowed(axes: Axes, cuts: Cuts, kept: NDArray[np.bool_]) -> None:
+    """Fill the area within the limits."""
     axes.set_facecolor(LIGHT)
     if kept.any():
         axes.contourf(
-            cuts.cutting_speed, cuts.feed, kept.astype(float), levels=(0.5, 1.5), colors=[_ALLOWED]
+            cuts.cutting_speed,
+            cuts.feed,
+            kept.astype(float),
+            levels=(0.5, 1.5),
+            colors=[_ALLOWED],
         )
+
+
+def _dot_unmeasured(axes: Axes, cuts: Cuts, evidence: Evidence) -> None:
+    """Dot the area in which a law is used outside its measured range of settings."""
+    settings = {name: getattr(cuts, name) for name in SETTINGS}
+    num_extrapolating = np.zeros(cuts.feed.shape, int)
+    for law in evidence.laws.values():
+        num_extrapolating += law.extrapolates(settings)
+    if num_extrapolating.any():
+        dots = axes.contourf(
+            cuts.cutting_speed,
+            cuts.feed,
+            num_extrapolating,
+            levels=(0.5, 9.5),
+            colors="none",
+            hatches=["."],
+        )
+        dots.set_edgecolor(_DOTS)
+        dots.set_linewidth(0.0)
 
 
 def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
     """Draw lines of round removal rates that end at the right axis, which labels them."""
-    low, high = (float(rate) for rate in cuts.removal_rate[[0, -1], -1])
-    levels = [
-        level
-        for level in MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low, high)
-        if low < level < high
-    ]
+    low = float(cuts.removal_rate[0, -1])
+    high = float(cuts.removal_rate[-1, -1])
+    round_rates = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low, high)
+    levels = [rate for rate in round_rates if low < rate < high]
     axes.contour(
-        cuts.cutting_speed, cuts.feed, cuts.removal_rate, levels=levels, colors=GREY, linewidths=0.8
+        cuts.cutting_speed,
+        cuts.feed,
+        cuts.removal_rate,
+        levels=levels,
+        colors=GREY,
+        linewidths=0.8,
     )
     right = axes.twinx()
-    right.set_ylim(cuts.feed.min(), cuts.feed.max())
+    max_feed = cuts.feed.max()
+    right.set_ylim(cuts.feed.min(), max_feed)
     right.set_yticks(
-        [cuts.feed.max() * level / high for level in levels],
-        [f"{level:g}" for level in levels],
+        # At the highest speed, where the axis is, the rate is proportional to the feed.
+        [max_feed * level / high for level in levels],
+        labels=[f"{level:g}" for level in levels],
         color=GREY,
     )
     right.set_ylabel("removal rate [cm³/min] of the line that ends here", color=GREY)
@@ -280,47 +339,132 @@ def _draw_removal_rate(axes: Axes, cuts: Cuts) -> None:
 
 def _draw_tool_life(axes: Axes, cuts: Cuts) -> None:
     """Draw lines of round tool lives with labels."""
-    low, high = float(cuts.tool_life.min()), min(float(cuts.tool_life.max()), 1e300)
+    low = float(cuts.tool_life.min())
+    high = min(float(cuts.tool_life.max()), 1e300)  # a life that overflows is infinite
+    # Over more than four decades, lines at 2 and 5 as well would hide the map.
     digits = (1.0, 2.0, 5.0) if high < 1e4 * low else (1.0,)
-    levels = [
-        level
-        for level in LogLocator(subs=digits, numticks=1000).tick_values(low, high)
-        if low < level < high
-    ]
-    if levels:
-        lines = axes.contour(
+    round_lives = LogLocator(subs=digits, numticks=1000).tick_values(low, high)
+    levels = [life for life in round_lives if low < life < high]
+    if not levels:
+        return
+    lines = axes.contour(
+        cuts.cutting_speed,
+        cuts.feed,
+        cuts.tool_life,
+        levels=levels,
+        colors=GREEN,
+        linewidths=1.4,
+        linestyles=":",
+    )
+    for text in axes.clabel(lines, fmt="%g min", fontsize=9):
+        text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
+
+
+def _draw_load_limits(
+    axes: Axes, cuts: Cuts, scenario: Scenario, evidence: Evidence
+) -> list[Line2D]:
+    """Draw where force and power reach their limits; return a legend handle for each limit."""
+    handles = []
+    for line in _LOAD_LINES:
+        limit = getattr(scenario.limits, line.load)
+        if limit == NO_LIMIT[line.load]:
+            continue
+        share = getattr(cuts, f"{line.load}_share")
+        _draw_limit(axes, cuts, share, colour=line.colour, dashes=line.dashes)
+        label = f"{line.load.replace('_', ' ')} at its limit, {limit:g} {line.unit}"
+        if line.load not in evidence.laws:
+            label += " (law not measured)"
+        handles.append(_limit_handle(label, line.colour, line.dashes))
+    return handles
+
+
+def _draw_strength_limit(axes: Axes, cuts: Cuts, scenario: Scenario) -> list[Line2D]:
+    """Draw where edges may break, if their strength is stated; return its legend handle."""
+    allowed = allowed_loads(scenario)
+    if not allowed.by_strength:
+        return []
+    share = cuts.thrust_force / allowed.thrust_force
+    _draw_limit(axes, cuts, share, colour=VERMILLION, dashes="-.")
+    label = f"edges may break above {allowed.thrust_force:.0f} N"
+    return [_limit_handle(label, VERMILLION, "-.")]
+
+
+def _draw_limit(axes: Axes, cuts: Cuts, share: Values, colour: str, dashes: Any) -> None:
+    """Draw the line on which a share of a limit is 1, if the map has one."""
+    # Matplotlib warns if a contour has no level within the data.
+    if share.min() < 1.0 < share.max():
+        axes.contour(
             cuts.cutting_speed,
             cuts.feed,
-            cuts.tool_life,
-            levels=levels,
-            colors=GREEN,
-            linewidths=1.4,
-            linestyles=":",
+            share,
+            levels=(1.0,),
+            colors=colour,
+            linewidths=2.2,
+            linestyles=[dashes],
         )
-        for text in axes.clabel(lines, fmt="%g min", fontsize=9):
-            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
+
+
+def _limit_handle(label: str, colour: str, dashes: Any) -> Line2D:
+    return Line2D([], [], color=colour, linewidth=2.2, linestyle=dashes, label=label)
+
+
+def _curve_handles(mark_label: str) -> list[Line2D]:
+    """Return the legend handles of removal rate, tool life and the mark."""
+    removal_rate = Line2D(
+        [],
+        [],
+        color=GREY,
+        linewidth=0.8,
+        label="removal rate, see right axis",
+    )
+    tool_life = Line2D(
+        [],
+        [],
+        color=GREEN,
+        linewidth=1.4,
+        linestyle=":",
+        label="tool life, fresh to worn out",
+    )
+    mark = Line2D([], [], color="black", marker="o", linestyle="none", label=mark_label)
+    return [removal_rate, tool_life, mark]
 
 
 def _mark(
-    axes: Axes, cuts: Cuts, kept: NDArray[np.bool_], extrapolated: Any, advised: Plan | None
+    axes: Axes,
+    cuts: Cuts,
+    kept: NDArray[np.bool_],
+    extrapolated: NDArray[np.bool_],
+    advised: Plan | None,
 ) -> None:
-    """Mark the advised cut, or the highest removal rate within limits, if there is any, with a star if it extrapolates."""
+    """Mark the advised cut, or the highest removal rate within limits, with a star if extrapolated.
+
+    If no cut keeps the limits, say so in place of the mark.
+    """
     if not kept.any():
         axes.set_title("nowhere within limits", loc="right", fontsize="medium", color=VERMILLION)
         return
-    index = np.where(kept, cuts.removal_rate, 0.0).argmax()
-    marked = advised.cuts if advised else Cuts(*(np.asarray(values.flat[index]) for values in cuts))
-    speed, feed = float(marked.cutting_speed), float(marked.feed)
-    star = advised.mark if advised else " *" * bool(extrapolated.flat[index])
+    if advised:
+        cut = advised.cuts
+        star = advised.mark
+    else:
+        index = np.where(kept, cuts.removal_rate, 0.0).argmax()
+        cut = Cuts._make(np.asarray(values.flat[index]) for values in cuts)
+        star = " *" if extrapolated.flat[index] else ""
+    speed = float(cut.cutting_speed)
+    feed = float(cut.feed)
     axes.plot(speed, feed, marker="o", markersize=9, color="black", clip_on=False, zorder=5)
-    right, upper = speed > cuts.cutting_speed.mean(), feed > cuts.feed.mean()
+    # The text extends from the mark towards the middle of the map.
+    is_right = speed > cuts.cutting_speed.mean()
+    is_upper = feed > cuts.feed.mean()
+    settings = f"{speed:.0f} m/min, {feed:.3g} mm/rev"
+    results = f"{cut.removal_rate:.0f} cm³/min, tool life {cut.tool_life:.3g} min"
     axes.annotate(
-        f"{speed:.0f} m/min, {feed:.3g} mm/rev:\n{marked.removal_rate:.0f} cm³/min, tool life {marked.tool_life:.3g} min{star}",
+        f"{settings}:\n{results}{star}",
         (speed, feed),
-        xytext=(-12 if right else 12, -14 if upper else 14),
+        xytext=(-12 if is_right else 12, -14 if is_upper else 14),
         textcoords="offset points",
-        horizontalalignment="right" if right else "left",
-        verticalalignment="top" if upper else "bottom",
+        horizontalalignment="right" if is_right else "left",
+        verticalalignment="top" if is_upper else "bottom",
         bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": GREY, "alpha": 0.95},
         zorder=6,
     )
