@@ -1,4 +1,4 @@
-"""Fitting the laws: known numbers come out, and what cannot be estimated is named."""
+"""Fits of the laws return known numbers, and name what cannot be estimated."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +20,6 @@ BASE = Scenario()
 LAW = PowerLaw(
     coefficient=0.3, cutting_speed=0.8, feed=0.6, depth_of_cut=0.9, wear=0.3, hardness=0.5
 )
-
-
 RANGES = {
     "cutting_speed": (50, 200),
     "feed": (0.1, 0.6),
@@ -32,26 +30,25 @@ RANGES = {
 
 
 def table(**columns: object) -> Measurements:
-    arrays = dict(
-        zip(
-            columns,
-            np.broadcast_arrays(*(np.asarray(values, float) for values in columns.values())),
-            strict=True,
-        )
-    )
-    return Measurements(arrays, np.arange(2, 2 + len(next(iter(arrays.values())))))
+    """Return measurements of columns that broadcast to one length, from line 2 on."""
+    values = np.broadcast_arrays(*(np.asarray(column, float) for column in columns.values()))
+    arrays = dict(zip(columns, values, strict=True))
+    return Measurements(arrays, np.arange(2, 2 + len(values[0])))
 
 
 def cuts(
     law: PowerLaw, count: int = 40, scatter: float = 0.0, seed: int = 0, **fixed: float
 ) -> Measurements:
-    """Measurements of a power by a law of speed, feed, depth, wear and hardness, all of which vary unless fixed."""
+    """Return measurements of a power by a law of five factors, which vary unless fixed."""
     random = np.random.default_rng(seed)
-    factors = {name: np.full(count, fixed.get(name, np.nan)) for name in RANGES}
-    factors |= {
-        name: random.uniform(*ends, count) for name, ends in RANGES.items() if name not in fixed
-    }
-    return table(**factors, power=law(**factors) * np.exp(scatter * random.standard_normal(count)))
+    factors = {}
+    for name, (low, high) in RANGES.items():
+        if name in fixed:
+            factors[name] = np.full(count, fixed[name])
+        else:
+            factors[name] = random.uniform(low, high, count)
+    power = law(**factors) * np.exp(scatter * random.standard_normal(count))
+    return table(**factors, power=power)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +58,8 @@ def example() -> Calibration:
 
 @pytest.mark.parametrize("response", FACTORS)
 def test_papers_tables_give_the_known_coefficients(response: str, example: Calibration) -> None:
-    found, known = example.fits[response], getattr(BASE.material, response)
+    found = example.fits[response]
+    known = getattr(BASE.material, response)
     for name, estimate in found.estimates.items():
         value = getattr(known, name)
         assert estimate.value == pytest.approx(value, rel=1e-3), name
@@ -74,7 +72,7 @@ def test_papers_tables_give_the_known_coefficients(response: str, example: Calib
 
 
 exponents = st.floats(-2, 2)
-all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["power"]})
+all_exponents = st.fixed_dictionaries(dict.fromkeys(FACTORS["power"], exponents))
 
 
 @settings(max_examples=15)
@@ -87,14 +85,10 @@ all_exponents = st.fixed_dictionaries({name: exponents for name in FACTORS["powe
 def test_any_law_is_recovered(
     values: dict[str, float], log_coefficient: float, reference: float, seed: int
 ) -> None:
-    law = PowerLaw(
-        coefficient=float(np.exp(log_coefficient)), reference_depth_of_cut=reference, **values
-    )
-    found = fit(
-        "power",
-        cuts(law, 12, seed=seed),
-        PowerLaw(coefficient=1.0, reference_depth_of_cut=reference),
-    )
+    coefficient = float(np.exp(log_coefficient))
+    law = PowerLaw(coefficient=coefficient, reference_depth_of_cut=reference, **values)
+    base = PowerLaw(coefficient=1.0, reference_depth_of_cut=reference)
+    found = fit("power", cuts(law, 12, seed=seed), base)
     assert not found.assumed
     for name, estimate in found.estimates.items():
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
@@ -114,34 +108,38 @@ def test_of_factors_that_vary_together_one_is_assumed(
     measured.columns["power"] = LAW(**{name: measured.columns[name] for name in FACTORS["power"]})
     found = fit("power", measured, PowerLaw(coefficient=1.0, depth_of_cut=assumed))
     assert found.assumed == {"depth_of_cut": f"depth_of_cut varies only together with {first}"}
-    # An error of the assumption goes to the exponent of the other factor; the law still reproduces the rows.
-    assert getattr(found.law, first) == pytest.approx(
-        getattr(LAW, first) + slope * (0.9 - assumed), abs=1e-6
-    )
+    # An error of the assumption goes to the exponent of the other factor.
+    # The law still reproduces the rows.
+    exponent = getattr(LAW, first) + slope * (LAW.depth_of_cut - assumed)
+    assert getattr(found.law, first) == pytest.approx(exponent, abs=1e-6)
     assert found.predicted == pytest.approx(found.measured, rel=1e-6)
 
 
-def test_too_few_rows_are_refused_with_the_number_needed() -> None:
-    for count, needed in ((1, 2), (2, 7), (6, 7)):
-        with pytest.raises(
-            WorkshopError, match=rf"^power: {count} rows? with .* but {needed} are needed"
-        ):
-            fit("power", cuts(LAW, count, 0.1), LAW)
+@pytest.mark.parametrize(("count", "needed"), [(1, 2), (2, 7), (6, 7)])
+def test_too_few_rows_are_refused_with_the_number_needed(count: int, needed: int) -> None:
+    message = rf"^power: {count} rows? with .* but {needed} are needed"
+    with pytest.raises(WorkshopError, match=message):
+        fit("power", cuts(LAW, count, 0.1), LAW)
+
+
+def test_as_many_rows_as_needed_leave_one_degree_of_freedom() -> None:
     assert fit("power", cuts(LAW, 7, 0.1), LAW).degrees == 1
 
 
 def with_edges(spread: float, seed: int) -> Measurements:
-    """Four readings of wear of each of twelve edges, which differ by a factor of a given log standard deviation."""
+    """Return four readings of wear of each of twelve edges.
+
+    Edges differ by a factor; ``spread`` is the standard deviation of its logarithm.
+    """
     random = np.random.default_rng(seed)
-    low, high = (60, 0.1, 1, 0.85), (190, 0.6, 4, 1.15)
+    low = (60, 0.1, 1, 0.85)
+    high = (190, 0.6, 4, 1.15)
     settings = np.repeat(random.uniform(low, high, (12, 4)), 4, axis=0)
     names = ("cutting_speed", "feed", "depth_of_cut", "hardness")
-    factors = dict(zip(names, settings.T, strict=True)) | {
-        "time": np.tile((1.0, 3.0, 6.0, 10.0), 12)
-    }
-    log_factor = np.repeat(spread * random.standard_normal(12), 4) + 0.03 * random.standard_normal(
-        48
-    )
+    factors = dict(zip(names, settings.T, strict=True))
+    factors["time"] = np.tile((1.0, 3.0, 6.0, 10.0), 12)
+    log_edge_factor = np.repeat(spread * random.standard_normal(12), 4)
+    log_factor = log_edge_factor + 0.03 * random.standard_normal(48)
     measured = table(**factors, wear=BASE.material.wear(**factors) * np.exp(log_factor))
     return replace(measured, edges=np.repeat(random.permutation(12), 4))
 
@@ -151,18 +149,17 @@ TRIALS = 100
 
 @pytest.mark.slow
 def test_unnamed_edges_that_differ_are_noticed_and_chance_is_not() -> None:
-    def noticed(spread: float) -> int:
-        warnings = [
-            calibrate(replace(with_edges(spread, seed), edges=None), BASE, force=True).warnings
-            for seed in range(TRIALS)
-        ]
-        return sum(
-            any("wear: rows at the same settings deviate together" in text for text in each)
-            for each in warnings
-        )
+    def share_noticed(spread: float) -> float:
+        """Return the share of sheets that are warned of."""
+        num_noticed = 0
+        for seed in range(TRIALS):
+            measured = replace(with_edges(spread, seed), edges=None)
+            warnings = "\n".join(calibrate(measured, BASE, force=True).warnings)
+            num_noticed += "wear: rows at the same settings deviate together" in warnings
+        return num_noticed / TRIALS
 
-    assert noticed(0.1) > 0.95 * TRIALS
-    assert noticed(0.0) <= 0.05 * TRIALS
+    assert share_noticed(0.1) > 0.95
+    assert share_noticed(0.0) <= 0.05
 
 
 @pytest.mark.slow
@@ -177,7 +174,7 @@ def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
         for name, estimate in found.estimates.items():
             covered[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
     for name, times in covered.items():
-        # If edges do not differ, intervals allow for the possibility that they do, and are wider than need be.
+        # If edges do not differ, intervals still allow for it, and are wider than they need be.
         assert 0.87 < times / TRIALS < (0.99 if spread else 1.01), name
     assert np.sqrt(np.mean(np.square(spreads))) == pytest.approx(spread, abs=0.01)
 
@@ -192,14 +189,15 @@ def test_law_without_rows_stays_the_bases() -> None:
         "thrust_force": "there is no column thrust_force",
     }
     measured.columns["thrust_force"] = np.full(40, np.nan)
-    assert (
-        "no row has all of thrust_force, cutting_speed"
-        in calibrate(measured, BASE).kept["thrust_force"]
-    )
-    with pytest.raises(
-        WorkshopError, match="no law can be fitted: wear: there is no column wear, time"
-    ):
-        calibrate(table(cutting_speed=[1.0, 2.0], feed=0.3, depth_of_cut=2.0), BASE)
+    reason = calibrate(measured, BASE).kept["thrust_force"]
+    assert "no row has all of thrust_force, cutting_speed" in reason
+
+
+def test_a_sheet_without_responses_is_refused() -> None:
+    settings_alone = table(cutting_speed=[1.0, 2.0], feed=0.3, depth_of_cut=2.0)
+    message = "no law can be fitted: wear: there is no column wear, time"
+    with pytest.raises(WorkshopError, match=message):
+        calibrate(settings_alone, BASE)
 
 
 def test_empty_cells_exclude_rows_and_mean_nominal_hardness() -> None:
