@@ -65,7 +65,7 @@ def test_the_leads_of_the_ladder_are_those_of_its_command(monkeypatch, capsys) -
     assert leaderboard(shlex.split(command)) == 0
     printed = set()
     for line in capsys.readouterr().out.splitlines():
-        # Every second cell: the intervals between them are not in the README.
+        # The policy and its lead: scenario and feasibility stand elsewhere in the README.
         printed.add(tuple(line.split(" | ")[1::2]))
     ladder = set()
     for line in PAGES["README.md"].splitlines():
