@@ -1,8 +1,9 @@
 """Advise speed, feed and edge change for a scenario, in parts, minutes and money.
 
-All numbers refer to one policy: the edge is changed after a fixed number of whole parts, which 97.5 % of edges last. If fewer
-edges last a part, it is changed after a fixed share of one. Loads keep their limits up to the flank wear that no more than 2.5 %
-of edges exceed at the change, with the margins of ``allowed.py`` for bars that vary. ``advise_play.py`` plays the advice.
+All numbers refer to one policy: the edge is changed after a fixed number of whole parts, which
+97.5 % of edges last. If fewer edges last a part, it is changed after a fixed share of one. Loads
+keep their limits up to the flank wear that no more than 2.5 % of edges exceed at the change, with
+the margins of ``allowed.py`` for bars that vary. ``advise_play.py`` plays the advice.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,7 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from turning_shop import Values, WorkshopError, aligned
-from turning_shop.allowed import NO_STRENGTH, Allowed, allowed_loads, feed_range, needed_nose_radius
+from turning_shop.allowed import (
+    NO_STRENGTH,
+    Allowed,
+    allowed_loads,
+    feed_range,
+    needed_nose_radius,
+)
 from turning_shop.fit import LEVEL
 from turning_shop.prediction import Evidence, Prediction, outside, predict
 from turning_shop.tables import records
@@ -19,14 +26,16 @@ from turning_shop.whatif import CHANGES, NO_LIMIT, Cuts, what_if
 
 from turning_env.scenario import Scenario
 
-SPEEDS, FEEDS = (
-    120,
-    60,
-)  # largest number of round cutting speeds, and of round feeds, that are tried
-AIMS = ("least cost", "least cost as measured", "most metal")
+MAX_SPEEDS = 120  # round cutting speeds that are tried
+MAX_FEEDS = 60  # round feeds that are tried
+LEAST_COST = "least cost"
+LEAST_COST_AS_MEASURED = "least cost as measured"
+MOST_METAL = "most metal"
+AIMS = (LEAST_COST, LEAST_COST_AS_MEASURED, MOST_METAL)
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
 BINDS = 5e-3  # relative gain of lifting a limit above which it binds [-]
-WIDER = 0.1  # share by which an end of the machine's range is moved to tell what it costs [-]
+WIDER = 0.1  # share by which an end of the machine's range is moved to find what it costs [-]
+ROUNDING = 1e-9  # relative error of a number that counts as rounding [-]
 
 
 class Prices(NamedTuple):
@@ -39,21 +48,27 @@ class Prices(NamedTuple):
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Prices":
-        """Return the prices of a scenario."""
+        """Return the prices of a scenario.
+
+        Raises:
+            WorkshopError: The price of an insert is known, but no hourly rate.
+        """
         economics = scenario.economics
         minute = (economics.machine_rate + economics.operator_rate) / 60.0
-        unit = economics.currency if minute else "min"
-        minute = minute or 1.0
-        edge = (
-            economics.insert_price / economics.edges_per_insert
-            if economics.insert_price
-            else economics.edge_cost * minute
-        )
+        unit = economics.currency
+        if not minute:
+            unit = "min"
+            minute = 1.0
         if economics.insert_price and unit == "min":
             raise WorkshopError(
-                "economics.insert_price is money, but economics.machine_rate is 0: set the machine's hourly rate"
+                "economics.insert_price is money, but economics.machine_rate is 0: "
+                "set the machine's hourly rate"
             )
-        return cls(unit, minute, edge, economics.edge_change_time)
+        if economics.insert_price:
+            edge = economics.insert_price / economics.edges_per_insert
+        else:
+            edge = economics.edge_cost * minute
+        return cls(unit, minute, edge=edge, change_time=economics.edge_change_time)
 
 
 class Plan(NamedTuple):
@@ -66,28 +81,35 @@ class Plan(NamedTuple):
     cycle_time: Any  # from part to part, without edge changes [min]
     mean_removal_rate: Any  # metal per minute, edge changes included [cm3/min]
     cost: Any  # of a part, edges included
-    cost_low: Any  # 95 % interval by the law of wear, with as many parts per edge as then last; NaN if it was not measured
+    # 95 % interval by the law of wear, with as many parts per edge as then last; NaN if the law
+    # was not measured.
+    cost_low: Any
     cost_high: Any
 
     @property
     def where(self) -> str:
         """Speed, feed and edge change, for people."""
-        parts = f"after {self.parts:.0f} part{'s' * bool(self.parts > 1)}"
         if self.parts < 1:
-            parts = f"after {self.minutes:.1f} min of cutting ({self.parts:.2f} parts)"
-        return f"{self.cuts.cutting_speed:.4g} m/min, {self.cuts.feed:.4g} mm/rev, change {parts}"
+            change = f"after {self.minutes:.1f} min of cutting ({self.parts:.2f} parts)"
+        elif self.parts > 1:
+            change = f"after {self.parts:.0f} parts"
+        else:
+            change = "after 1 part"
+        settings = f"{self.cuts.cutting_speed:.4g} m/min, {self.cuts.feed:.4g} mm/rev"
+        return f"{settings}, change {change}"
 
     def as_record(self) -> dict[str, Any]:
         """Return all numbers for JSON."""
-        _, _, *others = self._fields
-        return records(self.cuts, self.prediction)[0] | {
-            name: float(getattr(self, name)) for name in others
-        }
+        record = records(self.cuts, self.prediction)[0]
+        for name, value in self._asdict().items():
+            if name not in ("cuts", "prediction"):
+                record[name] = float(value)
+        return record
 
     @property
     def mark(self) -> str:
         """A star if a law is used outside the measured range."""
-        return " *" * bool(self.prediction.extrapolated)
+        return " *" if self.prediction.extrapolated else ""
 
 
 class Bound(NamedTuple):
@@ -107,8 +129,11 @@ class Advice(NamedTuple):
 
     def as_record(self) -> dict[str, Any]:
         """Return the advice for JSON, with all numbers of its cut and their intervals."""
-        bounds = [each._asdict() | {"without": each.without.as_record()} for each in self.bounds]
-        return {"aim": self.aim} | self.plan.as_record() | {"bounds": bounds}
+        bounds = []
+        for bound in self.bounds:
+            without = bound.without.as_record()
+            bounds.append({"limit": bound.limit, "law": bound.law, "without": without})
+        return {"aim": self.aim, **self.plan.as_record(), "bounds": bounds}
 
 
 def plan(
@@ -119,192 +144,262 @@ def plan(
     wear: Any,
     hardness: Any = 1.0,
 ) -> Plan:
-    """Return the plan of a cutting speed [m/min] and a feed [mm/rev] whose edge is changed before a flank wear [mm]."""
-    prices, work, machine = Prices.of(scenario), scenario.workpiece, scenario.machine
+    """Return the plan of settings whose edge is changed before a flank wear.
+
+    Arguments are numbers, or arrays that broadcast to one shape: cutting speed [m/min], feed
+    [mm/rev], flank wear [mm] and hardness over nominal [-].
+    """
+    prices = Prices.of(scenario)
+    work = scenario.workpiece
     cuts = what_if(scenario, cutting_speed, feed, hardness=hardness, wear=wear)
     prediction = predict(scenario, evidence, cuts, of_wear=True)
-    margin, known = (
-        life_margin(scenario, evidence, cuts._asdict()),
-        np.full(cuts.time.shape, np.nan),
-    )
+    factors = cuts._asdict()
+    margin = life_margin(scenario, evidence, factors)
+    feed_speed = cuts.feed * cuts.spindle_speed  # [mm/min]
+    part_time = work.bar_length / feed_speed
+    cycle_time = (work.bar_length + work.approach) / feed_speed + scenario.machine.return_time
+
+    def parts_if(log_shift: Any) -> Any:
+        """Return the parts per edge if the logarithm of all lives shifts."""
+        return whole_parts(cuts.time * np.exp(log_shift - margin) / part_time)
+
+    def cost_of(parts: Any) -> Any:
+        """Return the cost of a part, edges included."""
+        part_minutes = cycle_time + prices.change_time / parts
+        return prices.minute * part_minutes + prices.edge / parts
+
+    # Half the 95 % interval of the logarithm of the mean life. Edges differ on top of it: that
+    # is the margin.
+    life_doubt = np.full(cuts.time.shape, np.nan)
+    wear_law = scenario.material.wear
     if law := evidence.laws.get("wear"):
-        known = (
-            law.quantile
-            * law.log_deviation(scenario.material.wear, cuts._asdict(), 0.0)
-            / scenario.material.wear.time
-        )
-    per_minute = cuts.feed * cuts.spindle_speed  # [mm/min]
-    part_time = work.bar_length / per_minute
-    cycle = (work.bar_length + work.approach) / per_minute + machine.return_time
-
-    def policy(shift: Any) -> tuple[Any, Any]:
-        """Return parts per edge and the cost of a part if the logarithm of all lives shifts."""
-        parts = whole_parts(cuts.time * np.exp(shift - margin) / part_time)
-        return parts, prices.minute * (cycle + prices.change_time / parts) + prices.edge / parts
-
-    parts, cost = policy(0.0)
-    rate = part_volume(scenario) / (cycle + prices.change_time / parts)
-    ends = policy(known)[1], policy(-known)[1]
-    return Plan(cuts, prediction, parts, parts * part_time, cycle, rate, cost, *ends)
+        life_doubt = law.quantile * law.log_deviation(wear_law, factors, 0.0) / wear_law.time
+    parts = parts_if(0.0)
+    return Plan(
+        cuts=cuts,
+        prediction=prediction,
+        parts=parts,
+        minutes=parts * part_time,
+        cycle_time=cycle_time,
+        mean_removal_rate=part_volume(scenario) / (cycle_time + prices.change_time / parts),
+        cost=cost_of(parts),
+        cost_low=cost_of(parts_if(life_doubt)),
+        cost_high=cost_of(parts_if(-life_doubt)),
+    )
 
 
 def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
     """Return the advice for each aim, the headline first.
 
     Raises:
-        WorkshopError: No speed and feed keep the limits with a worn edge, or the scenario is not one of plain bars.
+        WorkshopError: No speed and feed keep the limits with a worn edge, or the scenario is not
+            one of plain bars.
     """
     if scenario.control.action == "part":
         raise WorkshopError(
-            'control.action is "part": advise covers bars at one depth, not whole parts of several passes'
+            'control.action is "part": advise covers bars at one depth, '
+            "not whole parts of several passes"
         )
-    tried = plan(scenario, evidence, *settings(scenario))
+    tried = _tried(scenario, evidence)
     if not allowed_loads(scenario).keeps(scenario, tried.cuts).any():
         raise WorkshopError(
-            f"no speed and feed keep {_loads_kept(scenario)} with an edge worn to {tried.cuts.wear.min():g} mm: "
+            f"no speed and feed keep {_loads_kept(scenario)} "
+            f"with an edge worn to {tried.cuts.wear.min():g} mm: "
             "reduce workpiece.depth_of_cut"
         )
-    found: list[Advice] = []
+    advice: list[Advice] = []
     for aim in AIMS:
-        best = _best(scenario, evidence, tried, aim)
-        if best and (aim != AIMS[1] or found[0].plan.mark):
-            found.append(Advice(aim, best, tuple(_bounds(scenario, evidence, aim, best))))
-    return found
+        if aim == LEAST_COST_AS_MEASURED and not advice[0].plan.mark:
+            continue  # the least cost is within the measured range
+        best = _best(scenario, evidence, tried, aim=aim)
+        if best:
+            bounds = tuple(_bounds(scenario, evidence, aim, best=best))
+            advice.append(Advice(aim, best, bounds))
+    return advice
 
 
 def settings(scenario: Scenario) -> tuple[Values, Values, Values]:
-    """Return the round speeds [m/min] and feeds [mm/rev], and the wears [mm], that are tried, as axes of one table."""
-    machine = scenario.machine
-    speeds = round_numbers(machine.cutting_speed_min, scenario.cutting_speed_max, SPEEDS)
+    """Return the speeds [m/min], feeds [mm/rev] and wears [mm] that are tried.
+
+    Speeds and feeds are round numbers. The arrays are the axes of one table.
+    """
     if scenario.control.action == "override":
         speeds = np.array([scenario.control.initial_cutting_speed])
+    else:
+        lowest_speed = scenario.machine.cutting_speed_min
+        speeds = round_numbers(lowest_speed, scenario.cutting_speed_max, MAX_SPEEDS)
+    lowest_feed, highest_feed = feed_range(scenario)
+    feeds = round_numbers(lowest_feed, highest_feed, MAX_FEEDS)
     wears = CHANGES * scenario.tool.wear_criterion
-    feeds = round_numbers(*feed_range(scenario), FEEDS)
     return speeds, feeds[:, np.newaxis], wears[:, np.newaxis, np.newaxis]
 
 
 def round_numbers(low: float, high: float, count: int) -> Values:
-    """Return both ends, and between them multiples of 1, 2 or 5 times a power of ten, about ``count`` at most."""
+    """Return both ends and round numbers between them, about ``count`` in all at most.
+
+    Round numbers are multiples of 1, 2 or 5 times a power of ten.
+    """
     power = 10.0 ** np.floor(np.log10((high - low) / count))
-    step = next(
-        factor * power for factor in (1, 2, 5, 10) if (high - low) / (factor * power) <= count
-    )
+    # 10 times the power is above (high - low) / count, so that the last factor always fits.
+    for factor in (1, 2, 5, 10):
+        step = factor * power
+        if (high - low) / step <= count:
+            break
     inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step)) * step
     return np.unique(np.round([low, *inner, high], 9))
 
 
-def _aimed(tried: Plan, aim: str) -> Any:
-    """Return what an aim minimises."""
-    return -tried.mean_removal_rate if aim == "most metal" else tried.cost
+def _tried(scenario: Scenario, evidence: Evidence) -> Plan:
+    """Return the plans of all settings that are tried, as arrays."""
+    speeds, feeds, wears = settings(scenario)
+    return plan(scenario, evidence, cutting_speed=speeds, feed=feeds, wear=wears)
+
+
+def _objective(tried: Plan, aim: str) -> Any:
+    """Return the quantity that an aim minimises."""
+    return -tried.mean_removal_rate if aim == MOST_METAL else tried.cost
 
 
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
-    possible = allowed_loads(scenario).keeps(scenario, tried.cuts) & ~(
-        tried.prediction.extrapolated & (aim == AIMS[1])
-    )
+    cuts = tried.cuts
+    possible = allowed_loads(scenario).keeps(scenario, cuts)
+    if aim == LEAST_COST_AS_MEASURED:
+        possible = possible & ~tried.prediction.extrapolated
     if not possible.any():
         return None
-    index = np.where(possible, _aimed(tried, aim), np.inf).argmin()
+    index = np.where(possible, _objective(tried, aim), np.inf).argmin()
     return plan(
         scenario,
         evidence,
-        *(getattr(tried.cuts, name).flat[index] for name in ("cutting_speed", "feed", "wear")),
+        cutting_speed=cuts.cutting_speed.flat[index],
+        feed=cuts.feed.flat[index],
+        wear=cuts.wear.flat[index],
     )
 
 
-class _Lift(NamedTuple):
-    """A limit or an end of a range, and its value when it is lifted or moved."""
+class _Limit(NamedTuple):
+    """A limit of load, or an end of a range, that may bind an advice."""
 
     section: str
     name: str
     unit: str
-    moved: float
-    is_load: bool
+    no_limit: float | None = None  # value that lifts a limit of load; None for an end of a range
+    widening: float = 1.0  # factor that moves an end of a range
 
 
-def _lifts(scenario: Scenario) -> Iterator[_Lift]:
-    """Yield the limits of load, which are lifted, and the ends of ranges, which are moved by ``WIDER``."""
-    machine, spindle, tool, swarf = (
-        scenario.machine,
-        scenario.spindle,
-        scenario.tool,
-        scenario.swarf,
-    )
-    yield _Lift("limits", "power", "kW", NO_LIMIT["power"], is_load=True)
-    yield _Lift("limits", "thrust_force", "N", NO_LIMIT["thrust_force"], is_load=True)
-    yield _Lift("tool", "edge_strength", "N", NO_STRENGTH, is_load=True)
-    wider, lower = 1.0 + WIDER, 1.0 - WIDER
-    yield _Lift("spindle", "max_speed", "rev/min", wider * spindle.max_speed, is_load=False)
-    yield _Lift(
-        "machine", "cutting_speed_min", "m/min", lower * machine.cutting_speed_min, is_load=False
-    )
-    yield _Lift(
-        "machine", "cutting_speed_max", "m/min", wider * machine.cutting_speed_max, is_load=False
-    )
-    yield _Lift("machine", "feed_min", "mm/rev", lower * machine.feed_min, is_load=False)
-    yield _Lift("machine", "feed_max", "mm/rev", wider * machine.feed_max, is_load=False)
-    yield _Lift("tool", "nose_radius", "mm", wider * tool.nose_radius, is_load=False)
-    if swarf.tangle_rate > 0.0:
-        yield _Lift("swarf", "chip_feed_min", "mm/rev", lower * swarf.chip_feed_min, is_load=False)
-        yield _Lift("swarf", "chip_feed_max", "mm/rev", wider * swarf.chip_feed_max, is_load=False)
+_LOAD_LIMITS = (
+    _Limit("limits", "power", "kW", no_limit=NO_LIMIT["power"]),
+    _Limit("limits", "thrust_force", "N", no_limit=NO_LIMIT["thrust_force"]),
+    _Limit("tool", "edge_strength", "N", no_limit=NO_STRENGTH),
+)
+_RANGE_ENDS = (
+    _Limit("spindle", "max_speed", "rev/min", widening=1.0 + WIDER),
+    _Limit("machine", "cutting_speed_min", "m/min", widening=1.0 - WIDER),
+    _Limit("machine", "cutting_speed_max", "m/min", widening=1.0 + WIDER),
+    _Limit("machine", "feed_min", "mm/rev", widening=1.0 - WIDER),
+    _Limit("machine", "feed_max", "mm/rev", widening=1.0 + WIDER),
+    _Limit("tool", "nose_radius", "mm", widening=1.0 + WIDER),
+)
+# The window of the chip breaker counts only if chips tangle outside it.
+_CHIP_WINDOW = (
+    _Limit("swarf", "chip_feed_min", "mm/rev", widening=1.0 - WIDER),
+    _Limit("swarf", "chip_feed_max", "mm/rev", widening=1.0 + WIDER),
+)
 
 
 def _bounds(scenario: Scenario, evidence: Evidence, aim: str, best: Plan) -> Iterator[Bound]:
-    """Yield the limits that an aim gains from lifting, and the ends of the machine's range that it gains from moving."""
-    machine, fastest = scenario.machine, scenario.cutting_speed_max * (1 + 1e-9)
-    lowest_feed, highest_feed = feed_range(scenario)
-    for lift in _lifts(scenario):
-        section = getattr(scenario, lift.section)
-        lifted = scenario.model_copy(
-            update={lift.section: section.model_copy(update={lift.name: lift.moved})}
-        )
-        better = _best(lifted, evidence, plan(lifted, evidence, *settings(lifted)), aim)
-        if not better or _aimed(best, aim) - _aimed(better, aim) <= BINDS * abs(_aimed(best, aim)):
+    """Yield the limits that bind: the aim gains from lifting a limit or from widening a range."""
+    limits: tuple[_Limit, ...] = _LOAD_LIMITS + _RANGE_ENDS
+    if scenario.swarf.tangle_rate > 0.0:
+        limits += _CHIP_WINDOW
+    objective = _objective(best, aim)
+    for limit in limits:
+        lifted = _lifted(scenario, limit)
+        better = _best(lifted, evidence, _tried(lifted, evidence), aim=aim)
+        if not better or objective - _objective(better, aim) <= BINDS * abs(objective):
             continue
-        in_range = machine.cutting_speed_min <= better.cuts.cutting_speed <= fastest
-        in_range = in_range and lowest_feed <= better.cuts.feed <= highest_feed * (1 + 1e-9)
-        if in_range and not lift.is_load:
-            continue  # better only by other round numbers
-        law = "thrust_force" if lift.name == "edge_strength" else lift.name
-        known = f"its law was {'not ' * (law not in evidence.laws)}measured" if lift.is_load else ""
-        limit = f"{lift.section}.{lift.name}, {getattr(section, lift.name):g} {lift.unit}"
-        yield Bound(limit, known, better)
+        is_load = limit.no_limit is not None
+        if not is_load and _in_range(scenario, better.cuts):
+            continue  # better only because a wider range has other round numbers
+        value = getattr(getattr(scenario, limit.section), limit.name)
+        yield Bound(
+            limit=f"{limit.section}.{limit.name}, {value:g} {limit.unit}",
+            law=_law_known(limit, evidence) if is_load else "",
+            without=better,
+        )
+
+
+def _lifted(scenario: Scenario, limit: _Limit) -> Scenario:
+    """Return a scenario without a limit of load, or with a range wider by ``WIDER``."""
+    section = getattr(scenario, limit.section)
+    value = limit.no_limit
+    if value is None:
+        value = limit.widening * getattr(section, limit.name)
+    changed = section.model_copy(update={limit.name: value})
+    return scenario.model_copy(update={limit.section: changed})
+
+
+def _in_range(scenario: Scenario, cuts: Cuts) -> bool:
+    """Return whether the machine reaches the speed and the feed of a cut."""
+    lowest_speed = scenario.machine.cutting_speed_min
+    highest_speed = scenario.cutting_speed_max * (1 + ROUNDING)
+    lowest_feed, highest_feed = feed_range(scenario)
+    if not lowest_speed <= cuts.cutting_speed <= highest_speed:
+        return False
+    return bool(lowest_feed <= cuts.feed <= highest_feed * (1 + ROUNDING))
+
+
+def _law_known(limit: _Limit, evidence: Evidence) -> str:
+    """Return what is known of the law of a load, for people."""
+    # Edges break by the thrust force.
+    law = "thrust_force" if limit.name == "edge_strength" else limit.name
+    return "its law was measured" if law in evidence.laws else "its law was not measured"
 
 
 def _loads_kept(scenario: Scenario) -> str:
     """Return the limits of load that are on, for people."""
-    limits, tool = scenario.limits, scenario.tool
-    named = []
+    limits = scenario.limits
+    strength = scenario.tool.edge_strength
+    loads = []
     if limits.thrust_force < NO_LIMIT["thrust_force"]:
-        named.append(f"limits.thrust_force, {limits.thrust_force:g} N,")
+        loads.append(f"limits.thrust_force, {limits.thrust_force:g} N,")
     if limits.power < NO_LIMIT["power"]:
-        named.append(f"limits.power, {limits.power:g} kW,")
-    if tool.edge_strength < NO_STRENGTH:
-        named.append(f"tool.edge_strength, {tool.edge_strength:g} N,")
-    return " and ".join(named)
+        loads.append(f"limits.power, {limits.power:g} kW,")
+    if strength < NO_STRENGTH:
+        loads.append(f"tool.edge_strength, {strength:g} N,")
+    return " and ".join(loads)
 
 
 def life_spread(scenario: Scenario) -> float:
-    """Return half the 95 % interval of an edge's life, in its logarithm, by the spread of edges that the scenario states [-]."""
-    return (
-        NormalDist().inv_cdf(0.5 + 0.5 * LEVEL)
-        * scenario.tool.wear_factor_spread
-        / scenario.material.wear.time
-    )
+    """Return half the 95 % interval of an edge's life, in its logarithm [-].
+
+    It follows from the spread of edges that the scenario states.
+    """
+    quantile = NormalDist().inv_cdf(0.5 + 0.5 * LEVEL)
+    # W = c t^g, so that the logarithm of a life deviates by 1 / g of that of wear.
+    return quantile * scenario.tool.wear_factor_spread / scenario.material.wear.time
 
 
 def life_margin(scenario: Scenario, evidence: Evidence, factors: Mapping[str, Values]) -> Values:
-    """Return the logarithm of the nominal life over that which 97.5 % of edges reach, at values of the law's factors [-]."""
-    margin, wear = np.full(np.shape(factors["time"]), life_spread(scenario)), scenario.material.wear
-    if law := evidence.laws.get("wear"):  # edges differ at least as much as the scenario says
+    """Return the logarithm of the nominal life over the life that 97.5 % of edges reach [-].
+
+    ``factors`` are the values of the law's factors, in the units of ``Cuts``.
+    """
+    margin = np.full(np.shape(factors["time"]), life_spread(scenario))
+    wear = scenario.material.wear
+    if law := evidence.laws.get("wear"):
+        # Edges differ at least as much as the scenario says.
         margin = np.maximum(margin, law.quantile * law.log_deviation(wear, factors) / wear.time)
     return margin
 
 
 def whole_parts(lasting: Any) -> Any:
-    """Return the number of parts after which an edge is changed: whole ones, or a share of one if it does not last a part."""
-    return np.where(lasting < 1, lasting, np.floor(lasting * (1 + 1e-9)))
+    """Return the number of parts after which an edge is changed, from the parts that it lasts.
+
+    The number is whole, or a share of one part if the edge does not last a part.
+    """
+    return np.where(lasting < 1, lasting, np.floor(lasting * (1 + ROUNDING)))
 
 
 def part_volume(scenario: Scenario) -> float:
@@ -313,31 +408,25 @@ def part_volume(scenario: Scenario) -> float:
     return float(np.pi * work.diameter * work.depth_of_cut * work.bar_length / 1000.0)
 
 
-def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
-    """Yield the recommendation in a sentence, and sentences on what binds it."""
-    _, best, bounds = found[0]
+def headline(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Iterator[str]:
+    """Yield the recommendation in a sentence, and sentences on the limits that bind it."""
+    best = advice[0].plan
     unit = Prices.of(scenario).unit
-    ends = money(best.cost_low), money(best.cost_high)
-    interval = f" ({ends[0]} to {ends[1]})" if ends[0] != ends[1] else ""
+    low = money(best.cost_low)
+    high = money(best.cost_high)
+    interval = f" ({low} to {high})" if low != high else ""
     yield f"Cut {best.where}: {money(best.cost)} {unit} a part{interval}{best.mark}"
     if best.mark:
         values = best.cuts._asdict()
-        beyond = (
-            f"{name} {values[name]:.3g}, but measured at {at}"
-            for name, at, out in outside(evidence, values)
-            if out
-        )
+        beyond = []
+        for name, measured, is_outside in outside(evidence, values):
+            if is_outside:
+                beyond.append(f"{name} {values[name]:.3g}, but measured at {measured}")
         yield f"* outside what was measured: {'; '.join(beyond)}"
     yield from _margins(allowed_loads(scenario), scenario)
-    for bound in bounds:
-        there = bound.without
-        moved = (
-            f", and {bound.law}; without it"
-            if bound.law
-            else f"; with a range {100 * WIDER:g} % wider"
-        )
-        yield f"{bound.limit}, rules out a cheaper cut{moved} {there.where}: {money(there.cost)} {unit} a part{there.mark}"
-    if not bounds:
+    for bound in advice[0].bounds:
+        yield _bound_sentence(bound, unit)
+    if not advice[0].bounds:
         yield "No limit rules out a cheaper cut: time and edges are in balance"
     if not scenario.tool.nose_radius:
         radius = needed_nose_radius(float(best.cuts.feed))
@@ -347,66 +436,93 @@ def headline(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Ite
         )
 
 
+def _bound_sentence(bound: Bound, unit: str) -> str:
+    """Return a sentence on a limit that binds, with the advice without it."""
+    if bound.law:
+        change = f", and {bound.law}; without it"
+    else:
+        change = f"; with a range {100 * WIDER:g} % wider"
+    better = bound.without
+    cost = f"{money(better.cost)} {unit} a part{better.mark}"
+    return f"{bound.limit}, rules out a cheaper cut{change} {better.where}: {cost}"
+
+
 def _margins(allowed: Allowed, scenario: Scenario) -> Iterator[str]:
-    """Yield sentences on how far loads stay below what the scenario states, so that bars and edges may vary."""
-    below = [
-        f"{100 * factor:.0f} % of limits.{name}"
-        for name, factor in allowed.overload_factors.items()
-        if factor < 0.995
-    ]
+    """Yield sentences on how far loads stay below their limits, so that bars and edges may vary."""
+    below = []
+    for name, factor in allowed.overload_factors.items():
+        if factor < 0.995:  # else it would print as 100 %
+            below.append(f"{100 * factor:.0f} % of limits.{name}")
     if below:
         share = 100 * scenario.limits.overload_allowance
-        kept = " and ".join(below)
-        yield f"loads of a nominal bar stay below {kept}: bars vary, and {share:g} % of the time may be in severe overload"
+        yield (
+            f"loads of a nominal bar stay below {' and '.join(below)}: "
+            f"bars vary, and {share:g} % of the time may be in severe overload"
+        )
     if allowed.by_strength:
         yield (
             f"thrust of a nominal bar stays below {allowed.thrust_force:.0f} N: "
-            f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength, and bars and edges vary"
+            f"half of the edges break at {scenario.tool.edge_strength:g} N, tool.edge_strength, "
+            "and bars and edges vary"
         )
 
 
 def money(value: float) -> str:
-    """Return an amount of money with two digits behind the point, or three in all if it is small."""
+    """Return an amount of money with two decimals, or with three digits if it is below 1."""
     return f"{value:.2f}" if abs(value) >= 1 else f"{value:.3g}"
 
 
-def summary(scenario: Scenario, evidence: Evidence, found: list[Advice]) -> Iterator[str]:
+def summary(scenario: Scenario, evidence: Evidence, advice: list[Advice]) -> Iterator[str]:
     """Yield lines of text: the jobs and prices, the recommendation, and a table of all advice."""
-    prices, work = Prices.of(scenario), scenario.workpiece
-    bars = f"bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long, {work.depth_of_cut:g} mm deep"
-    yield f"{scenario.name}: {bars}; edges worn out at {scenario.tool.wear_criterion:g} mm"
-    change = f"a change takes {prices.change_time:g} min"
-    yield f"a minute costs {prices.minute:.3g} {prices.unit}, an edge {prices.edge:.3g} {prices.unit}; {change}"
-    yield ""
-    yield from headline(scenario, evidence, found)
-    yield ""
-    heads = (
-        "speed",
-        "feed",
-        "change after",
-        "or at wear",
-        "tool life",
-        "thrust",
-        "power",
-        "cycle",
-        "mean MRR",
-        "cost per part",
+    prices = Prices.of(scenario)
+    work = scenario.workpiece
+    yield (
+        f"{scenario.name}: bars of {work.diameter:g} mm diameter, {work.bar_length:g} mm long, "
+        f"{work.depth_of_cut:g} mm deep; edges worn out at {scenario.tool.wear_criterion:g} mm"
     )
-    yield from aligned([
-        ("", *heads),
-        ("", "m/min", "mm/rev", "parts", "mm", "min", "N", "kW", "min", "cm3/min", prices.unit),
-        *(
-            (
-                *(aim, f"{best.cuts.cutting_speed:.4g}", f"{best.cuts.feed:.4g}", f"{best.parts:.3g}", f"{best.cuts.wear:.3g}"),
-                f"{best.cuts.tool_life:.1f}" + _interval(best, "tool_life", ".1f"),
-                *(f"{best.cuts.thrust_force:.0f}", f"{best.cuts.power:.1f}", f"{best.cycle_time:.2f}"),
-                *(f"{best.mean_removal_rate:.1f}", money(best.cost) + best.mark),
-            )
-            for aim, best, _ in found
-        ),
-    ])  # fmt: skip
+    yield (
+        f"a minute costs {prices.minute:.3g} {prices.unit}, "
+        f"an edge {prices.edge:.3g} {prices.unit}; a change takes {prices.change_time:g} min"
+    )
+    yield ""
+    yield from headline(scenario, evidence, advice)
+    yield ""
+    units = {
+        "speed": "m/min",
+        "feed": "mm/rev",
+        "change after": "parts",
+        "or at wear": "mm",
+        "tool life": "min",
+        "thrust": "N",
+        "power": "kW",
+        "cycle": "min",
+        "mean MRR": "cm3/min",
+        "cost per part": prices.unit,
+    }
+    rows = [["", *units], ["", *units.values()]]
+    rows.extend(_row(entry) for entry in advice)
+    yield from aligned(rows)
 
 
-def _interval(best: Plan, name: str, form: str) -> str:
-    low, high = best.prediction.low[name], best.prediction.high[name]
-    return f" ({low:{form}}-{high:{form}})" if np.isfinite(low) else ""
+def _row(advice: Advice) -> list[str]:
+    """Return the cells of an advice in the table of ``summary``."""
+    best = advice.plan
+    cuts = best.cuts
+    tool_life = f"{cuts.tool_life:.1f}"
+    low = best.prediction.low["tool_life"]
+    high = best.prediction.high["tool_life"]
+    if np.isfinite(low):
+        tool_life += f" ({low:.1f}-{high:.1f})"
+    return [
+        advice.aim,
+        f"{cuts.cutting_speed:.4g}",
+        f"{cuts.feed:.4g}",
+        f"{best.parts:.3g}",
+        f"{cuts.wear:.3g}",
+        tool_life,
+        f"{cuts.thrust_force:.0f}",
+        f"{cuts.power:.1f}",
+        f"{best.cycle_time:.2f}",
+        f"{best.mean_removal_rate:.1f}",
+        money(best.cost) + best.mark,
+    ]
