@@ -1,7 +1,8 @@
 """The stepped bar of the fuzzy override paper without randomness, to compare laws of feed override.
 
-Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque (preset `override_torque`). There
-are no spreads and no noise, and the edge does not break.
+Steel E295 on a 9 kW lathe, programmed feed 0.4 mm/rev, target load 60 % of the drive's torque
+(preset `override_torque`). There are no spreads and no noise, and the edge does not break. The
+figures and checks that use the bar are in ``figures/override.py`` and ``reproduce``.
 """
 
 from dataclasses import dataclass
@@ -16,10 +17,13 @@ from turning_env.scoring.policy import PolicyFactory
 
 RIPPLE = 0.02  # amplitude of the ripple of depth in the paper's test, over the depth [-]
 STEPS = (1.0, 2.0, 3.0)  # depths of cut of the paper's test [mm]
-SPREADS: dict[str, Any] = {
-    f"{field}_{kind}_spread": 0.0 for field in ("depth", "hardness") for kind in ("bar", "along")
+NO_SPREADS: dict[str, Any] = {
+    "depth_bar_spread": 0.0,
+    "depth_along_spread": 0.0,
+    "hardness_bar_spread": 0.0,
+    "hardness_along_spread": 0.0,
 }
-"""The spreads of a bar, none."""
+"""Values of the workpiece that make all bars alike and each bar uniform within its sections."""
 
 
 def stepped_bar(
@@ -39,17 +43,22 @@ def stepped_bar(
         machine: other values of the machine, such as its lags.
     """
     base = Scenario.load("override_torque")
-    ripple = {"depth_ripple": 0.0}
+
+    workpiece = NO_SPREADS | {"depth_profile": depths, "bar_length": bar_length}
+    workpiece["depth_ripple"] = 0.0
     if ripple_period is not None:
-        revolutions = (
-            1000.0 * base.control.initial_cutting_speed / (np.pi * base.workpiece.diameter)
-        )  # [1/min]
-        ripple = {"depth_ripple": RIPPLE, "depth_ripple_period": ripple_period / 60.0 * revolutions}
+        # A scenario counts the ripple's period in revolutions: n = 1000 vc / (pi d) [1/min].
+        cutting_speed = base.control.initial_cutting_speed
+        revolutions = 1000.0 * cutting_speed / (np.pi * base.workpiece.diameter)
+        workpiece["depth_ripple"] = RIPPLE
+        workpiece["depth_ripple_period"] = ripple_period / 60.0 * revolutions
+
+    # The limit of power scales with the drive, so that the target load stays 60 %.
     return changed(
         "override_torque",
         tool={"wear_factor_spread": 0.0, "edge_strength": 1e6, "edge_strength_spread": 0.0},
         machine={"rated_power": torque * base.machine.rated_power} | machine,
-        workpiece=SPREADS | ripple | {"depth_profile": depths, "bar_length": bar_length},
+        workpiece=workpiece,
         sensors={"power_noise": 0.0, "force_noise": 0.0},
         limits={"power": torque * base.limits.power},
     )
@@ -65,7 +74,12 @@ class Trajectory:
     load: NDArray[np.float64]  # true spindle load [-]
 
     def _where(self, kept: NDArray[np.bool_]) -> "Trajectory":
-        return Trajectory(self.time[kept], self.depth[kept], self.override[kept], self.load[kept])
+        return Trajectory(
+            time=self.time[kept],
+            depth=self.depth[kept],
+            override=self.override[kept],
+            load=self.load[kept],
+        )
 
     def after(self, time: float) -> "Trajectory":
         """Return the part from a time [s] on, in metal."""
@@ -73,13 +87,22 @@ class Trajectory:
 
     def at_depth(self, depth: float, settled: float) -> "Trajectory":
         """Return the parts at a depth of cut [mm], each without its first ``settled`` seconds."""
-        there = np.isclose(self.depth, depth)
-        arrivals = np.where(there & ~np.append(False, there[:-1]), self.time, -np.inf)
-        return self._where(there & (self.time >= np.maximum.accumulate(arrivals) + settled))
+        at_depth = np.isclose(self.depth, depth)
+        was_at_depth = np.append(False, at_depth[:-1])
+        arrivals = np.where(at_depth & ~was_at_depth, self.time, -np.inf)
+
+        # The running maximum carries the time of the latest arrival to all steps after it.
+        latest_arrival = np.maximum.accumulate(arrivals)
+        return self._where(at_depth & (self.time >= latest_arrival + settled))
 
 
 def play_bar(make_policy: PolicyFactory, scenario: Scenario) -> Trajectory:
     """Return the trajectory of a policy on a bar."""
-    kept = {name: values[:, 0] for name, values in record(make_policy(1), scenario, [0]).items()}
-    override = kept["commanded_feed"] / scenario.control.initial_feed
-    return Trajectory(np.cumsum(kept["time"]), kept["depth_of_cut"], override, kept["spindle_load"])
+    recorded = record(make_policy(1), scenario, [0])
+    commanded_feed = recorded["commanded_feed"][:, 0]
+    return Trajectory(
+        time=np.cumsum(recorded["time"][:, 0]),
+        depth=recorded["depth_of_cut"][:, 0],
+        override=commanded_feed / scenario.control.initial_feed,
+        load=recorded["spindle_load"][:, 0],
+    )

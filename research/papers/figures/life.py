@@ -1,4 +1,8 @@
-"""Figures 11 to 15 of Alaskari and Oraby (2018): the whole life of an edge, by the grid search and at fixed speeds and feeds."""
+"""Figures 11 to 15 of Alaskari and Oraby (2018): the whole life of an edge.
+
+They compare the grid search with tests at fixed speeds and feeds. ``minutes.py`` draws single
+minutes of that life.
+"""
 
 from typing import Any
 
@@ -18,33 +22,37 @@ _MEASURED: dict[str, Any] = style.PRINTED | {"marker": "s"}
 
 def draw_responses() -> Figure:
     """Draw force, power and removal rate over the minutes, with their limits."""
-    run, (force, power, _) = whole_life(), LIMITS
-    subjects = (
-        ("thrust force [N]", [minute.thrust_force for minute in run], force),
-        ("power [kW]", [minute.power for minute in run], power),
-        ("removal rate [cm³/min]", [minute.removed for minute in run], None),
-    )
-    figure, panels = lettered((style.DOUBLE, 2.4), 1, 3)
-    for axes, (label, values, limit) in zip(panels, subjects, strict=True):
+    minutes = whole_life()
+    responses: dict[str, list[float]] = {
+        "thrust force [N]": [minute.thrust_force for minute in minutes],
+        "power [kW]": [minute.power for minute in minutes],
+        "removal rate [cm³/min]": [minute.removed for minute in minutes],
+    }
+    limits = {"thrust force [N]": LIMITS.force, "power [kW]": LIMITS.power}
+
+    figure, panels = lettered((style.DOUBLE, 2.4), rows=1, columns=3)
+    for axes, (label, values) in zip(panels, responses.items(), strict=True):
         _over_minutes(axes, label, values)
-        if limit is not None:
-            axes.axhline(limit, **style.LIMIT)
-        axes.set_ylim(0.0, 1.12 * max(*values, limit or 0.0))
-    legend(figure, {"grid search, end of the minute": style.OURS, "limit": style.LIMIT}, 2)
+        highest = max(values)
+        if label in limits:
+            axes.axhline(limits[label], **style.LIMIT)
+            highest = max(highest, limits[label])
+        axes.set_ylim(0.0, 1.12 * highest)
+    legend(figure, {"grid search, end of the minute": style.OURS, "limit": style.LIMIT}, columns=2)
     return figure
 
 
 def draw_pairs() -> Figure:
-    """Draw the chosen cutting speed and feed over the minutes, with the values that the text states."""
-    figure, panels = lettered((style.SINGLE, 3.6), 2, 1, sharex=True)
-    for place, (axes, name, unit) in enumerate(
-        zip(panels, ("cutting speed", "feed"), ("m/min", "mm/rev"), strict=True)
-    ):
-        _over_minutes(axes, f"{name} [{unit}]", [minute.pair[place] for minute in whole_life()])
-        axes.plot(list(STATED), [stated[place] for stated in STATED.values()], **style.PRINTED)
+    """Draw the chosen cutting speed and feed over the minutes, with those stated in the text."""
+    figure, panels = lettered((style.SINGLE, 3.6), rows=2, columns=1, sharex=True)
+    labels = ("cutting speed [m/min]", "feed [mm/rev]")
+    for index, (axes, label) in enumerate(zip(panels, labels, strict=True)):
+        _over_minutes(axes, label, [minute.pair[index] for minute in whole_life()])
+        stated_values = [pair[index] for pair in STATED.values()]
+        axes.plot(list(STATED), stated_values, **style.PRINTED)
         axes.margins(y=0.15)
         axes.tick_params(labelbottom=True)
-    legend(figure, {"grid search": style.OURS, "stated in the text": style.PRINTED}, 2)
+    legend(figure, {"grid search": style.OURS, "stated in the text": style.PRINTED}, columns=2)
     return figure
 
 
@@ -57,45 +65,52 @@ def _over_minutes(axes: Axes, label: str, values: list[float]) -> None:
 
 
 def draw_rivals() -> Figure:
-    """Draw wear over time of the tests and of the grid search; and the ratios of metal per minute."""
-    figure, (left, right) = lettered((style.DOUBLE, 3.3), 1, 2, width_ratios=(1.6, 1.0))
-    _draw_wear(left)
-    _draw_ratios(right)
+    """Draw wear over time of the tests and the grid search, and the ratios of metal per minute."""
+    figure, (wear_axes, ratio_axes) = lettered(
+        (style.DOUBLE, 3.3), rows=1, columns=2, width_ratios=(1.6, 1.0)
+    )
+    _draw_wear(wear_axes)
+    _draw_ratios(ratio_axes)
     return figure
 
 
 def _draw_wear(axes: Axes) -> None:
     criterion = SCENARIO.tool.wear_criterion
-    worn = [minute.wear for minute in whole_life()]
-    axes.plot(range(1, len(worn) + 1), worn, **style.OURS, label="grid search")
-    labelled = set()
-    for place, rival in enumerate(sorted(rivals(), key=lambda rival: rival.nominal.life)):
-        test, (colour, dashes) = rival.test, _SPEEDS[rival.test.cutting_speed]
-        minutes = np.geomspace(1.0, rival.nominal.life, 50)
-        label = (
-            None
-            if test.cutting_speed in labelled
-            else f"tests at {test.cutting_speed:.0f} m/min, models"
-        )
-        labelled.add(test.cutting_speed)
-        axes.plot(
-            minutes,
-            [wear(test, minute) for minute in minutes],
+    grid_search_wear = [minute.wear for minute in whole_life()]
+    minutes = range(1, len(grid_search_wear) + 1)
+    axes.plot(minutes, grid_search_wear, **style.OURS, label="grid search")
+
+    by_life = sorted(rivals(), key=lambda rival: rival.nominal.life)
+    labelled_speeds = set()
+    for index, rival in enumerate(by_life):
+        test = rival.test
+        colour, dashes = _SPEEDS[test.cutting_speed]
+
+        # The legend has one entry for all tests at a cutting speed.
+        label = None
+        if test.cutting_speed not in labelled_speeds:
+            label = f"tests at {test.cutting_speed:.0f} m/min, models"
+            labelled_speeds.add(test.cutting_speed)
+
+        times = np.geomspace(1.0, rival.nominal.life, 50)
+        wear_at_times = [wear(test, time) for time in times]
+        axes.plot(times, wear_at_times, color=colour, linestyle=dashes, label=label)
+
+        # Names of tests with similar lives would overlap at one height.
+        axes.annotate(
+            test.name,
+            (times[-1], criterion),
+            xytext=(0, 4 + 10 * (index % 2)),
+            textcoords="offset points",
+            ha="center",
             color=colour,
-            linestyle=dashes,
-            label=label,
         )
-        offset: dict[str, Any] = {
-            "xytext": (0, 4 + 10 * (place % 2)),
-            "textcoords": "offset points",
-        }
-        axes.annotate(test.name, (minutes[-1], criterion), **offset, ha="center", color=colour)
-    lives = {rival.test.name: rival.test.life for rival in rivals() if rival.test.life is not None}
-    label = f"lives in the paper: {', '.join(sorted(lives, key=lambda name: lives[name]))}"
-    axes.plot(list(lives.values()), [criterion] * len(lives), **_MEASURED, label=label)
+
+    _draw_measured_lives(axes, criterion)
     axes.axhline(criterion, **style.LIMIT)
     axes.set_xscale("log")
-    axes.set_xticks(ticks := (1, 2, 5, 10, 20, 50, 100, 200), map(str, ticks))
+    ticks = (1, 2, 5, 10, 20, 50, 100, 200)
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.minorticks_off()
     axes.set_ylim(0.0, 0.345)
     axes.set_xlabel("cutting time [min], log scale")
@@ -103,21 +118,36 @@ def _draw_wear(axes: Axes) -> None:
     axes.legend(loc="lower right")
 
 
-def _draw_ratios(axes: Axes) -> None:
-    rate, names = adaptive_control().rate, [rival.test.name for rival in rivals()]
-    places = np.arange(len(names))
+def _draw_measured_lives(axes: Axes, criterion: float) -> None:
+    """Mark the lives that the paper states, at the wear at which they end."""
+    lives: dict[str, float] = {}
+    for rival in rivals():
+        if rival.test.life is not None:
+            lives[rival.test.name] = rival.test.life
+    names = ", ".join(sorted(lives, key=lambda name: lives[name]))
     axes.plot(
-        places,
-        [rate / rival.nominal.rate for rival in rivals()],
-        **style.OURS | {"linestyle": "none"},
-        label="project",
+        list(lives.values()),
+        [criterion] * len(lives),
+        **_MEASURED,
+        label=f"lives in the paper: {names}",
     )
-    axes.plot(places, [rival.test.rate_ratio for rival in rivals()], **style.PRINTED, label="paper")
+
+
+def _draw_ratios(axes: Axes) -> None:
+    rate = adaptive_control().rate
+    tests = [rival.test for rival in rivals()]
+    positions = np.arange(len(tests))
+
+    ratios = [rate / rival.nominal.rate for rival in rivals()]
+    axes.plot(positions, ratios, **style.OURS | {"linestyle": "none"}, label="project")
+    printed_ratios = [test.rate_ratio for test in tests]
+    axes.plot(positions, printed_ratios, **style.PRINTED, label="paper")
     axes.axhline(1.0, color=style.GREY, linewidth=0.6)
+
     axes.set_yscale("log")
     axes.set_yticks((1, 2, 3, 5, 10), ("1", "2", "3", "5", "10"))
     axes.minorticks_off()
-    axes.set_xticks(places, names)
+    axes.set_xticks(positions, [test.name for test in tests])
     axes.set_xlabel("test at fixed speed and feed")
     axes.set_ylabel("grid search over test,\nmetal per minute [-], log scale")
     axes.legend(loc="upper right")

@@ -3,8 +3,9 @@
     python -m research.papers.reproduce
     python -m research.papers.reproduce --markdown
 
-A number that the project cannot reproduce is listed with the reason; its check fails only if it holds after all. Numbers that are
-inputs of what they are compared with count apart, as consistent by construction.
+A number that the project cannot reproduce is listed with the reason; its check fails only if it
+holds after all. Numbers that are inputs of what they are compared with count apart, as consistent
+by construction.
 """
 
 import argparse
@@ -28,58 +29,90 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m research.papers.reproduce", **described(__doc__)
     )
-    which = "print a table of every equation, table, figure and claim, as in docs/papers/index.md"
-    parser.add_argument("--markdown", action="store_true", help=which)
-    return reproduce(PAPERS, markdown if parser.parse_args(arguments).markdown else text)
+    parser.add_argument(
+        "--markdown",
+        action="store_true",
+        help="print a table of every equation, table, figure and claim, as in docs/papers/index.md",
+    )
+    options = parser.parse_args(arguments)
+    form = markdown if options.markdown else text
+    return reproduce(PAPERS, form)
 
 
 def reproduce(papers: Sequence[Paper], form: Callable[["Results"], Iterator[str]]) -> int:
-    """Print the results of all papers in a form, ``text`` or ``markdown``; return the exit status."""
-    results = [
-        (paper, paper.checks()) for paper in tqdm(papers, unit="paper", disable=None, leave=False)
-    ]
-    print(*form(results), sep="\n")
-    return DONE if all(check.passed for _, checks in results for check in checks) else FAILED
+    """Print the results of all papers as ``text`` or ``markdown``; return the exit status."""
+    results = []
+    for paper in tqdm(papers, unit="paper", disable=None, leave=False):
+        results.append((paper, paper.checks()))
+
+    # The text also computes the papers' tables, so no line is printed before all are known.
+    lines = list(form(results))
+    print("\n".join(lines))
+
+    all_passed = all(check.passed for _, checks in results for check in checks)
+    return DONE if all_passed else FAILED
 
 
 def text(results: Results) -> Iterator[str]:
     """Yield the lines of tables, checks and summary."""
     for paper, _ in results:
-        if lines := list(paper.tables()):
-            yield from ("", paper.title, "", *lines)
+        table = list(paper.tables())
+        if table:
+            yield from ("", paper.title, "")
+            yield from table
+
     for paper, checks in results:
-        yield from (
-            "",
-            paper.title,
-            "",
-            f"{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}",
-            *map(str, checks),
-        )
+        yield from ("", paper.title, "")
+        yield f"{'figure or claim':<{WIDTH}} {'paper':>14} {'project':>14}"
+        for check in checks:
+            yield str(check)
+
     yield ""
-    yield from (f"{paper.title}: {counted(checks)}" for paper, checks in results)
-    yield f"All papers: {counted(check for _, checks in results for check in checks)}"
-    yield f"Items (equations, tables, figures and claims) that do not hold: {sum(unheld(*result) for result in results)}"
+    all_checks: list[Check] = []
+    unheld_items = 0
+    for paper, checks in results:
+        yield f"{paper.title}: {counted(checks)}"
+        all_checks.extend(checks)
+        unheld_items += unheld(paper, checks)
+    yield f"All papers: {counted(all_checks)}"
+    yield f"Items (equations, tables, figures and claims) that do not hold: {unheld_items}"
 
 
 def markdown(results: Results) -> Iterator[str]:
     """Yield the lines of the summary of all papers and of the table of each paper's items."""
-    yield f"| Paper | Items that do not hold | {' | '.join(map(str.capitalize, PASSED))} |"
+    headings = " | ".join(verdict.capitalize() for verdict in PASSED)
+    yield f"| Paper | Items that do not hold | {headings} |"
     yield "|---|---|---|---|---|"
     for paper, checks in results:
-        counts = (str(sum(check.verdict == verdict for check in checks)) for verdict in PASSED)
-        yield f"| [{paper.title}]({paper.page}.md) | {unheld(paper, checks)} of {len(paper.items)} | {' | '.join(counts)} |"
+        verdicts = [check.verdict for check in checks]
+        counts = " | ".join(str(verdicts.count(verdict)) for verdict in PASSED)
+        title = f"[{paper.title}]({paper.page}.md)"
+        yield f"| {title} | {unheld(paper, checks)} of {len(paper.items)} | {counts} |"
+
     for paper, checks in results:
-        yield from ("", f"## {paper.page.replace('_', ' ').capitalize()}", "")
-        yield from ("| Item | In the code | Agreement |", "|---|---|---|")
+        heading = paper.page.replace("_", " ").capitalize()
+        yield from ("", f"## {heading}", "")
+        yield "| Item | In the code | Agreement |"
+        yield "|---|---|---|"
         for item in paper.items:
-            files = ", ".join(f"`{path}`" for path in item.where.split(", ") if path)
-            drawn = f"[Drawn anew](../figures/README.md#{item.figure})." if item.figure else ""
-            yield f"| {item.name} | {files} | {' '.join(filter(None, (drawn, item.agreement(checks), item.remark)))} |"
+            paths = [path for path in item.where.split(", ") if path]
+            files = ", ".join(f"`{path}`" for path in paths)
+            drawn = ""
+            if item.figure:
+                drawn = f"[Drawn anew](../figures/README.md#{item.figure})."
+            remarks = (drawn, item.agreement(checks), item.remark)
+            agreement = " ".join(remark for remark in remarks if remark)
+            yield f"| {item.name} | {files} | {agreement} |"
 
 
 def unheld(paper: Paper, checks: Sequence[Check]) -> int:
     """Return how many items of a paper do not hold: at least one of their checks does not."""
-    return sum(not all(check.holds for check in item.checks(checks)) for item in paper.items)
+    count = 0
+    for item in paper.items:
+        item_checks = item.checks(checks)
+        if not all(check.holds for check in item_checks):
+            count += 1
+    return count
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from baselines.models.part_program import PartProgram
 from research.papers import changed, record
 from research.papers.phase_current import CurrentReport, analyse
 from research.papers.reproduce.checks import Check, at_least, at_most, claim, table
-from research.papers.stepped_bar import SPREADS
+from research.papers.stepped_bar import NO_SPREADS
 from turning_env import Scenario, read
 from turning_env.physics.drives import force_from_current, steady_current
 from turning_env.physics.records import parameter_records
@@ -43,7 +43,7 @@ FEED_VELOCITIES = (
 HALL_CURRENT, HALL_OUTPUT, HALL_RESISTANCE, HALL_SUPPLY = 6.0, 0.025, 500.0, 15.0
 """Highest current of the Hall sensor [A], its output there [A], the resistance that samples it [Ohm], and its supply [V]."""
 
-UNDISTURBED = SPREADS | {"depth_ripple": 0.0}
+UNDISTURBED = NO_SPREADS | {"depth_ripple": 0.0}
 
 
 class Record(NamedTuple):
