@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from turning_control.shield import LOG, REFUSALS, Settings, Shield
+from turning_control.shield import DEFAULT_SETTINGS, LOG, REFUSALS, Settings, Shield
 
 from turning_env.action import commanded
 from turning_env.numerics.compilation import compiled_entry
@@ -82,7 +82,7 @@ class Controller:
     """
 
     def __init__(
-        self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = Settings()
+        self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = DEFAULT_SETTINGS
     ) -> None:
         self._scenario, self._highest = scenario.nominal(), highest_feed(scenario)
         self.safe_feed = safe_feed(scenario, settings)
@@ -231,7 +231,7 @@ def highest_feed(scenario: Scenario) -> float:
     )
 
 
-def safe_feed(scenario: Scenario, settings: Settings = Settings()) -> float:  # noqa: B008
+def safe_feed(scenario: Scenario, settings: Settings = DEFAULT_SETTINGS) -> float:
     """Return the safe feed over the highest [-]."""
     return min(settings.safe_share * scenario.control.initial_feed / highest_feed(scenario), 1.0)
 

@@ -1,14 +1,17 @@
-"""The shield: a layer between policy and control that overrides the policy before a limit is exceeded.
+"""The shield: a layer that overrides a policy before a limit of the machine is exceeded.
 
-It knows observations and the nominal model, as the policy does, and works in three stages:
+It knows the observations and the nominal model, as the policy does, and works in three stages:
 
-1. **Answers.** An answer that is late, raises an error, is not finite or has the wrong shape is replaced by the safe feed, a
-   share of the programmed one.
-2. **Limits.** Cutting speed and feed are limited so that the loads that an observer expects (``observer.py``) keep their limits
-   between the actual and the commanded speed, at the next step of depth, and at the start of the next bar. If a nearby speed
-   allows the requested removal rate, that speed is taken. A reading that proves an overload by itself lowers the feed at once.
-3. **Hand-over.** After several refused answers in a row, or if no speed and feed keeps the limits now or in the next bar, the
-   operator takes over.
+1. **Answers.** The safe feed, a share of the programmed one, replaces an answer that is late,
+   raises an error, is not finite or has the wrong shape.
+2. **Limits.** Cutting speed and feed are limited so that the expected loads keep their limits
+   between the actual and the commanded speed, at the next step of depth, and at the start of the
+   next bar. If a nearby speed allows the requested removal rate, the shield takes it. A reading
+   that proves an overload by itself lowers the feed at once.
+3. **Hand-over.** The operator takes over after several refused answers in a row, or if no speed
+   and feed keeps the limits now or in the next bar.
+
+The expected loads and the feeds that they allow come from ``observer.py``.
 """
 
 import logging
@@ -28,10 +31,15 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 LOG = logging.getLogger("turning_control")
 
-HOPELESS = 2.0  # time without any cutting speed that keeps both limits, after which the operator takes over [s]
-MIN_SHARE = 0.2  # smallest share of a change of feed that the drive completes in a step; its inverse limits the gain [-]
+# Time without any cutting speed that keeps both limits, after which the operator takes over [s].
+HOPELESS = 2.0
+# Smallest share of a change of feed that the drive completes in a step [-]. Its inverse is the
+# highest gain with which the shield leads a slow drive.
+MIN_SHARE = 0.2
 PATIENCE = 10  # refused answers in a row after which the operator takes over
 REFUSALS = ("late", "error", "shape", "not finite")  # reasons for which an answer is refused
+# Relative changes of speed or feed up to this are rounding: the policy's own action passes.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -41,9 +49,11 @@ class Settings:
     safe_share: float = 0.5  # safe over programmed feed [-]
     target: float = 1.02  # expected load over its limit that the shield allows [-]
     rise: float = 20.0  # largest rise of the commanded feed over its range [1/s]
-    deadline: float | None = (
-        None  # time in which a policy must answer [s]; None: not measured, as in simulations
-    )
+    # Time in which a policy must answer [s]; None: not measured, as in simulations.
+    deadline: float | None = None
+
+
+DEFAULT_SETTINGS = Settings()
 
 
 class Shield(Policy):
@@ -51,137 +61,202 @@ class Shield(Policy):
 
         shielded = Shield(policy, scenario, num_envs)
 
-    It uses the nominal model of the scenario that the policy plays; ValueError if its actions command whole parts.
+    It uses the nominal model of the scenario that the policy plays. ValueError if the scenario's
+    actions command whole parts.
 
     Attributes:
-        handed_over: whether the operator has taken over, shape (num_envs,); the safe feed holds until ``reset``.
-        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``, ``rise``, one of
-            ``REFUSALS`` or ``handed over``.
-        place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before ``act`` if it is known.
-            None: the shield integrates the feed.
+        handed_over: whether the operator has taken over, shape (num_envs,). The safe feed then
+            holds until ``reset``.
+        reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``,
+            ``rise``, one of ``REFUSALS`` or ``handed over``.
+        place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before
+            ``act`` if it is known. None: the shield integrates the feed.
     """
 
     place: Values | None = None
 
     def __init__(
-        self, policy: Policy, scenario: Scenario, num_envs: int, settings: Settings = Settings()
+        self,
+        policy: Policy,
+        scenario: Scenario,
+        num_envs: int,
+        settings: Settings = DEFAULT_SETTINGS,
     ) -> None:
         if scenario.control.action == "part":
             raise ValueError(
-                f"scenario {scenario.name!r} commands whole parts, but the shield guards an action per interval"
+                f"scenario {scenario.name!r} commands whole parts, "
+                "but the shield guards an action per interval"
             )
-        self._policy, self._scenario, self._settings = policy, scenario.nominal(), settings
+        self._policy = policy
+        self._scenario = scenario.nominal()
+        self._settings = settings
         self.handed_over = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
-        self._refused, self._hopeless = np.zeros((2, num_envs), np.int64)
+        self._refused = np.zeros(num_envs, np.int64)  # answers in a row
+        self._hopeless = np.zeros(num_envs, np.int64)  # steps in a row
         self._observer = Observer(self._scenario, num_envs)
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
         self.handed_over &= ~mask
-        self._refused[mask] = self._hopeless[mask] = 0
+        self._refused[mask] = 0
+        self._hopeless[mask] = 0
         self._observer.reset(mask)
 
     def act(self, observations: Observations) -> Actions:
         reading = read(observations, self._scenario)
-        actions, why = self._answers(observations)
-        refused = why != ""
+        actions, refusals = self._answers(observations)
+        refused = refusals != ""
         self._refused = np.where(refused, self._refused + 1, 0)
         self._hand_over(self._refused >= PATIENCE, "no valid answers")
+
         safe = refused | self.handed_over
         actions[safe] = self._safe_actions(reading)[safe]
+        # The limits hold for the safe feed, too: it may be too high for a hard bar.
         actions, limited_by = self._limited(actions, reading)
-        causes = [refused, self.handed_over, limited_by != ""]
-        self.reasons = np.select(causes, [why, "handed over", limited_by], "passed").tolist()
+
+        # The first reason that applies is the one that counts.
+        self.reasons = np.select(
+            [refused, self.handed_over, limited_by != ""],
+            [refusals, "handed over", limited_by],
+            default="passed",
+        ).tolist()
         return actions
 
     def _answers(self, observations: Observations) -> tuple[Actions, NDArray[np.str_]]:
-        """Return the policy's actions, 0 if they are refused, and the reasons, shape (num_envs,)."""
-        shape, start = (len(observations), action_size(self._scenario)), time.perf_counter()
+        """Return the policy's actions, and the reasons why they are refused or "".
+
+        Refused actions are 0. The reasons have shape (num_envs,).
+        """
+        shape = (len(observations), action_size(self._scenario))
+        start = time.perf_counter()
         try:
             answer = np.asarray(self._policy.act(observations))
         except Exception as error:  # a policy may fail in any way
-            why, problem = "error", f"it failed: {type(error).__name__}: {error}"
-        else:
-            seconds, deadline = time.perf_counter() - start, self._settings.deadline
-            if deadline is not None and seconds > deadline:
-                why, problem = "late", f"it answered after {1000.0 * seconds:.0f} ms"
-            elif answer.shape != shape or answer.dtype.kind not in "fiu":
-                why, problem = (
-                    "shape",
-                    f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}",
-                )
-            else:
-                finite = np.asarray(np.isfinite(answer).all(axis=1))
-                actions = np.clip(np.where(finite[:, None], answer, 0.0), -1.0, 1.0).astype(
-                    np.float32
-                )
-                return actions, np.where(finite, "", "not finite")
-        LOG.warning("the policy is refused: %s", problem)
-        return np.zeros(shape, np.float32), np.full(len(observations), why)
+            return _refused(shape, "error", problem=f"it failed: {type(error).__name__}: {error}")
+        seconds = time.perf_counter() - start
+
+        deadline = self._settings.deadline
+        if deadline is not None and seconds > deadline:
+            problem = f"it answered after {1000.0 * seconds:.0f} ms"
+            return _refused(shape, "late", problem=problem)
+        if answer.shape != shape or answer.dtype.kind not in "fiu":
+            problem = f"its answer has type {answer.dtype} and shape {answer.shape}, not {shape}"
+            return _refused(shape, "shape", problem=problem)
+
+        # One environment's bad numbers leave the answers for the others valid.
+        finite = np.asarray(np.isfinite(answer).all(axis=1))
+        actions = np.where(finite[:, None], answer, 0.0)
+        actions = np.clip(actions, -1.0, 1.0).astype(np.float32)
+        return actions, np.where(finite, "", "not finite")
 
     def _hand_over(self, where: NDArray[np.bool_], reason: str) -> None:
-        for i in np.flatnonzero(where & ~self.handed_over):
-            LOG.warning("environment %d: the operator takes over: %s", i, reason)
+        for env_index in np.flatnonzero(where & ~self.handed_over):
+            LOG.warning("environment %d: the operator takes over: %s", env_index, reason)
         self.handed_over |= where
 
     def _safe_actions(self, reading: Reading) -> Actions:
         """Return the actions that command the safe feed at the programmed speed."""
-        control, machine = self._scenario.control, self._scenario.machine
-        programmed = np.full(len(reading.feed), control.initial_cutting_speed)
-        feed = np.full(
-            len(reading.feed),
-            max(self._settings.safe_share * control.initial_feed, machine.feed_min),
+        control = self._scenario.control
+        safe_feed = max(
+            self._settings.safe_share * control.initial_feed, self._scenario.machine.feed_min
         )
-        return towards(reading, self._scenario, programmed, feed)
+        num_envs = len(reading.feed)
+        speed = np.full(num_envs, control.initial_cutting_speed)
+        feed = np.full(num_envs, safe_feed)
+        return towards(reading, self._scenario, cutting_speed=speed, feed=feed)
 
     def _limited(self, actions: Actions, reading: Reading) -> tuple[Actions, NDArray[np.str_]]:
-        """Return actions that keep the limits, and the limits that changed them, shape (num_envs,)."""
-        control, machine, observer = self._scenario.control, self._scenario.machine, self._observer
+        """Return actions that keep the limits, and the limits that changed them or "".
+
+        The limits have shape (num_envs,).
+        """
+        control = self._scenario.control
+        machine = self._scenario.machine
+        observer = self._observer
         observer.follow(reading, self.place)
-        asked_speed, asked = commanded(
-            actions, reading.commanded_cutting_speed, reading.commanded_feed, self._scenario
+        asked_speed, asked_feed = commanded(
+            actions,
+            reading.commanded_cutting_speed,
+            feed=reading.commanded_feed,
+            scenario=self._scenario,
         )
-        observer.expect(self._settings.target, asked_speed, asked)
+        observer.expect(self._settings.target, asked_speed, asked_feed=asked_feed)
+
         free = control.action != "override"
         entry_speed, blocked = observer.entry_speed(
-            asked_speed, reading.commanded_cutting_speed, free
+            asked_speed, reading.commanded_cutting_speed, free=free
         )
-        speed, hopeless = observer.speed(entry_speed, asked, free)
-        proven, power_is_over = observer.proven_feed(reading)
-        speed = np.where(power_is_over, np.minimum(speed, reading.commanded_cutting_speed), speed)
-        self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
-        stuck, change_edge = self._hopeless * control.interval >= HOPELESS, None
-        if control.edge_changes == "commanded":  # a fresh edge helps before the operator must
-            change_edge = (actions[:, -1] > 0.0) | stuck | blocked
-            stuck &= self._hopeless * control.interval >= 2.0 * HOPELESS
-            blocked = np.zeros_like(blocked)
-        self._hand_over(stuck, "no speed and feed keep the limits")
-        self._hand_over(blocked, "no speed and feed would keep the limits in the next cut")
+        speed, hopeless = observer.speed(entry_speed, asked_feed, free=free)
+        proven_feed, power_is_over = observer.proven_feed(reading)
+        not_faster = np.minimum(speed, reading.commanded_cutting_speed)
+        speed = np.where(power_is_over, not_faster, speed)
+        change_edge = self._find_help(actions, hopeless, blocked=blocked)
+
+        # The spindle passes all speeds between the actual and the commanded one.
         by_power, by_force = np.minimum(
             observer.feeds(speed), observer.feeds(reading.cutting_speed)
         )
-        bound = np.minimum(by_power, by_force)
-        # If the drive is slow, a command below the bound brings the feed down sooner; too low a command would make a loop with
-        # delays swing.
-        share = max(
-            lag_share(control.interval + machine.command_delay, machine.feed_time_constant),
-            MIN_SHARE,
+        bound = self._lead_of_drive(np.minimum(by_power, by_force), reading.feed)
+        proven_bound = np.minimum(proven_feed, reading.commanded_feed)
+        bound = np.minimum(bound, np.where(np.isfinite(proven_feed), proven_bound, np.inf))
+        feed_range = machine.feed_max - machine.feed_min
+        rise = reading.commanded_feed + self._settings.rise * control.interval * feed_range
+        same_removal = asked_feed * asked_speed / speed  # the asked removal rate, not more
+        feed = np.minimum(same_removal, np.minimum(bound, rise))
+        feed = np.clip(feed, machine.feed_min, machine.feed_max)
+
+        less_feed = feed < asked_feed * (1 - ROUNDING)
+        other_speed = np.abs(speed / asked_speed - 1.0) > ROUNDING
+        changed = less_feed | other_speed
+        limited = towards(
+            reading, self._scenario, cutting_speed=speed, feed=feed, change_edge=change_edge
         )
-        bound = np.where(reading.feed > bound, reading.feed + (bound - reading.feed) / share, bound)
-        bound = np.minimum(
-            bound, np.where(np.isfinite(proven), np.minimum(proven, reading.commanded_feed), np.inf)
-        )
-        rise = reading.commanded_feed + self._settings.rise * control.interval * (
-            machine.feed_max - machine.feed_min
-        )
-        same = asked * asked_speed / speed  # the asked removal rate, not more
-        feed = np.clip(
-            np.minimum(same, np.minimum(bound, rise)), machine.feed_min, machine.feed_max
-        )
-        changed = (feed < asked * (1 - 1e-6)) | (np.abs(speed / asked_speed - 1.0) > 1e-6)
-        limited = towards(reading, self._scenario, speed, feed, change_edge)
         if change_edge is not None:
             changed |= change_edge & (actions[:, -1] <= 0.0)
-        by = np.where(rise < bound, "rise", np.where(by_power < by_force, "power", "force"))
-        return np.where(changed[:, None], limited, actions), np.where(changed, by, "")
+        limit = np.where(by_power < by_force, "power", "force")
+        limit = np.where(rise < bound, "rise", limit)
+        return np.where(changed[:, None], limited, actions), np.where(changed, limit, "")
+
+    def _find_help(
+        self, actions: Actions, hopeless: NDArray[np.bool_], blocked: NDArray[np.bool_]
+    ) -> NDArray[np.bool_] | None:
+        """Return which edges to change, and hand over where only the operator can help.
+
+        Args:
+            actions: the policy's actions, shape (num_envs, size).
+            hopeless: whether no speed and feed keep the limits now, shape (num_envs,).
+            blocked: likewise for the next cut, which is about to begin.
+
+        Returns:
+            Shape (num_envs,), or None if actions command no edge changes.
+        """
+        self._hopeless = np.where(hopeless, self._hopeless + 1, 0)
+        hopeless_time = self._hopeless * self._scenario.control.interval
+        stuck = hopeless_time >= HOPELESS
+        change_edge = None
+        if self._scenario.control.edge_changes == "commanded":
+            # A fresh edge may help: the operator takes over only if it has not.
+            change_edge = (actions[:, -1] > 0.0) | stuck | blocked
+            stuck &= hopeless_time >= 2.0 * HOPELESS
+            blocked = np.zeros_like(blocked)
+        self._hand_over(stuck, "no speed and feed keep the limits")
+        self._hand_over(blocked, "no speed and feed would keep the limits in the next cut")
+        return change_edge
+
+    def _lead_of_drive(self, bound: Values, feed: Values) -> Values:
+        """Return the feed to command so that the actual feed falls to its bound soon [mm/rev].
+
+        If the drive is slow, a command below the bound brings the feed down sooner. Too low a
+        command would make a loop with delays swing.
+        """
+        machine = self._scenario.machine
+        reaction = self._scenario.control.interval + machine.command_delay
+        share = max(lag_share(reaction, machine.feed_time_constant), MIN_SHARE)
+        return np.where(feed > bound, feed + (bound - feed) / share, bound)
+
+
+def _refused(shape: tuple[int, int], reason: str, problem: str) -> tuple[Actions, NDArray[np.str_]]:
+    """Return actions of 0 and the reason in every environment, and log the problem."""
+    LOG.warning("the policy is refused: %s", problem)
+    return np.zeros(shape, np.float32), np.full(shape[0], reason)
