@@ -34,8 +34,8 @@ from turning_control.plant import Plant
 from turning_control.policy_process import in_own_process, loads_code_or_a_file
 from turning_control.shield import LOG, Shield
 
+from baselines import catalogue
 from turning_env.action import towards
-from turning_env.extras import provided
 from turning_env.observation import read
 from turning_env.physics.drives import lag_share
 from turning_env.scenario import Scenario
@@ -70,8 +70,9 @@ class LinuxCncError(RuntimeError):
 def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> PolicyFactory:
     """Return the policy that a user names, or raise ValueError.
 
-    It is ``programmed`` (the part program's feed), a rule of ``baselines`` in a clone, ``module:object`` or an ONNX file. The
-    last two run in a process of their own, which must answer within the ``deadline`` [s].
+    It is ``programmed`` (the part program's feed), a rule of ``baselines``, ``module:object`` or an
+    ONNX file. The last two run in a process of their own, which must answer within the
+    ``deadline`` [s].
     """
     if name == "programmed":
         control = scenario.control
@@ -86,11 +87,7 @@ def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> Policy
         return as_factory(programmed)
     if loads_code_or_a_file(name):
         return in_own_process(name, deadline)
-    for catalogue in provided("rules"):
-        return catalogue.spec(name, scenario).make  # type: ignore[no-any-return]
-    raise ValueError(
-        f"{name!r} is neither an ONNX file nor module:object; rules by name need a clone"
-    )
+    return catalogue.spec(name, scenario).make
 
 
 class Pins:
