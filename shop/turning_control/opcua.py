@@ -1,8 +1,11 @@
-"""OPC UA: an adapter for controls that serve their readings, and take an override, as nodes (extra ``opcua``).
+"""OPC UA: an adapter for controls with nodes for their readings and an override (extra ``opcua``).
 
-A TOML file names the nodes (``docs/connect_a_lathe.md``). Readings are the fields of ``core.Readings`` but ``engaged_time``; in
-place of ``new_edge`` there may be ``edge``, a counter of edge changes. ``alive`` counts this program's cycles: the control must
-fall back to the safe feed itself when it stops changing, as nothing else tells it that this program has died or hangs.
+A TOML file names the nodes (``docs/connect_a_lathe.md``). Readings are the fields of
+``core.Readings`` except ``engaged_time``. In place of ``new_edge`` there may be ``edge``, a counter
+of edge changes. ``alive`` counts this program's cycles. The control must fall back to the safe feed
+by itself when the counter stops: nothing else tells it that this program has died or hangs.
+
+``opcua_security.py`` opens the connection; ``core.py`` decides.
 """
 
 import math
@@ -17,28 +20,37 @@ from turning_control.core import Commands, Controller, Readings, Status
 from turning_control.opcua_security import Security, connected
 from turning_control.shield import LOG
 
-NEEDED = "spindle_speed", "feed_velocity", "in_feed", "cutting"
+NEEDED = ("spindle_speed", "feed_velocity", "in_feed", "cutting")
 READINGS = {field.name for field in fields(Readings)} - {"engaged_time", "new_edge"} | {"edge"}
 COMMANDS = {"adaptive_feed", "spindle_override", "status", "alive"}
+NOT_NUMBERS = ("in_feed", "cutting", "edge")  # readings that are switches or a counter
+ALIVE_WRAP = 2**15  # at which ``alive`` wraps to 0, so that it fits a signed 16-bit node
 
 
 def load_nodes(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the node ids of readings and of commands by name; ValueError if one is unknown or missing."""
+    """Return the node ids of readings and of commands by name.
+
+    ValueError if a name is unknown or missing.
+    """
     plan = tomllib.loads(path.read_text())
-    readings, commands = plan.get("readings", {}), plan.get("commands", {})
-    for kind, names, allowed in (
-        ("readings", readings, READINGS),
-        ("commands", commands, COMMANDS),
-    ):
-        if unknown := sorted(set(names) - allowed):
-            raise ValueError(
-                f"{path}: {kind} has {unknown[0]!r}, but must be one of {', '.join(sorted(allowed))}"
-            )
-    if missing := [
-        name for name in (*NEEDED, "adaptive_feed") if name not in {**readings, **commands}
-    ]:
-        raise ValueError(f"{path}: {missing[0]!r} is missing")
+    readings = plan.get("readings", {})
+    commands = plan.get("commands", {})
+    _check_names(path, "readings", names=readings, allowed=READINGS)
+    _check_names(path, "commands", names=commands, allowed=COMMANDS)
+    named = {**readings, **commands}
+    for name in (*NEEDED, "adaptive_feed"):
+        if name not in named:
+            raise ValueError(f"{path}: {name!r} is missing")
     return readings, commands
+
+
+def _check_names(path: Path, section: str, names: dict[str, str], allowed: set[str]) -> None:
+    """Raise ValueError if a section of the file has a name that is not allowed."""
+    unknown = sorted(set(names) - allowed)
+    if unknown:
+        raise ValueError(
+            f"{path}: {section} has {unknown[0]!r}, but must be one of {', '.join(sorted(allowed))}"
+        )
 
 
 def drive(
@@ -47,48 +59,68 @@ def drive(
     nodes: Path,
     interval: float,
     runs: Callable[[], bool] = lambda: True,
-    security: Security = Security(),  # noqa: B008
+    security: Security = Security(),  # noqa: B008 - immutable
 ) -> None:
-    """Read, decide and command once per control interval [s] until ``runs`` returns false; then leave the safe feed.
+    """Read, decide and command once per control interval until stopped; then leave the safe feed.
 
-    ``url`` is the server's, such as ``opc.tcp://127.0.0.1:4840``, and ``nodes`` the file that names the nodes. OSError if the
-    connection cannot be made, or is lost; UserError if the server offers no connection that fits ``security``.
+    Args:
+        controller: decides on commands.
+        url: of the server, such as ``opc.tcp://127.0.0.1:4840``.
+        nodes: TOML file that names the nodes.
+        interval: control interval [s].
+        runs: whether to go on; asked once per cycle.
+        security: credentials, and what the connection must be.
+
+    Raises:
+        OSError: The connection cannot be made, or is lost.
+        UserError: The server offers no connection that fits ``security``.
     """
     from asyncua import ua
     from asyncua.ua.attribute_ids import AttributeIds
 
-    read, commanded = load_nodes(nodes)
-    safe = Commands(controller.safe_feed, 1.0, Status.SAFE, "stopped")
+    reading_ids, command_ids = load_nodes(nodes)
+    safe = Commands(
+        adaptive_feed=controller.safe_feed,
+        spindle_override=1.0,
+        status=Status.SAFE,
+        reason="stopped",
+    )
     with connected(url, max(10.0 * interval, 1.0), security) as client:
-        sources = [client.get_node(each) for each in read.values()]
-        targets = {name: client.get_node(each) for name, each in commanded.items()}
+        sources = [client.get_node(node_id) for node_id in reading_ids.values()]
+        targets = {name: client.get_node(node_id) for name, node_id in command_ids.items()}
+        # A server refuses numbers of another type than the node's.
         types = {name: node.read_data_type_as_variant_type() for name, node in targets.items()}
 
         def send(commands: Commands, alive: int) -> None:
             values = {
                 "adaptive_feed": commands.adaptive_feed,
                 "spindle_override": commands.spindle_override,
+                "status": int(commands.status),
+                "alive": alive,
             }
-            values |= {"status": int(commands.status), "alive": alive}
-            client.write_values(
-                list(targets.values()), [ua.Variant(values[name], types[name]) for name in targets]
-            )
+            variants = [ua.Variant(values[name], types[name]) for name in targets]
+            client.write_values(list(targets.values()), variants)
 
-        before, edge, alive, due = time.monotonic(), None, 0, time.monotonic()
+        before = time.monotonic()
+        due = time.monotonic()
+        edge: Any = None  # the counter of edge changes before
+        alive = 0
         try:
             while runs():
                 now = time.monotonic()
-                values = dict(
-                    zip(read, client.read_attributes(sources, AttributeIds.Value), strict=True)
-                )
-                good = {
-                    name: each.Value.Value
-                    for name, each in values.items()
-                    if each.StatusCode.is_good()
-                }
-                readings = _readings(good, now - before, edge)
-                before, edge, alive = now, good.get("edge", edge), (alive + 1) % 2**15
-                send(controller.decide(readings) if set(NEEDED) <= set(good) else safe, alive)
+                received = client.read_attributes(sources, AttributeIds.Value)
+                good: dict[str, Any] = {}
+                for name, data in zip(reading_ids, received, strict=True):
+                    if data.StatusCode.is_good():
+                        good[name] = data.Value.Value
+                readings = _readings(good, now - before, edge_before=edge)
+                before = now
+                edge = good.get("edge", edge)
+                alive = (alive + 1) % ALIVE_WRAP
+                # Without the readings that a decision needs, the controller is not asked.
+                decidable = set(NEEDED) <= set(good)
+                send(controller.decide(readings) if decidable else safe, alive)
+                # After a late cycle, the next ones keep the interval instead of catching up.
                 due = max(due + interval, time.monotonic())
                 time.sleep(max(due - time.monotonic(), 0.0))
         finally:
@@ -96,18 +128,17 @@ def drive(
             send(safe, alive)
 
 
-def _readings(values: dict[str, Any], seconds: float, edge: Any) -> Readings:
+def _readings(values: dict[str, Any], seconds: float, edge_before: Any) -> Readings:
     """Return readings of the values that are good; others count as lost."""
-    number = {
-        name: float(value)
-        for name, value in values.items()
-        if name not in ("in_feed", "cutting", "edge")
-    }
-    in_feed, cutting = bool(values.get("in_feed")), bool(values.get("cutting"))
-    number = {
+    in_feed = bool(values.get("in_feed"))
+    cutting = bool(values.get("cutting"))
+    numbers = {
         "spindle_speed": math.nan,
         "feed_velocity": math.nan,
         "engaged_time": seconds * (in_feed and cutting),
-    } | number
-    new_edge = edge is not None and values.get("edge", edge) != edge
-    return Readings(**number, in_feed=in_feed, cutting=cutting, new_edge=new_edge)
+    }
+    for name, value in values.items():
+        if name not in NOT_NUMBERS:
+            numbers[name] = float(value)
+    new_edge = edge_before is not None and values.get("edge", edge_before) != edge_before
+    return Readings(**numbers, in_feed=in_feed, cutting=cutting, new_edge=new_edge)
