@@ -119,7 +119,7 @@ def _wear_contours(wear: Array) -> Array:
     """Return three to six round numbers within an ascending range of wear [mm]."""
     step = next(step for step in WEAR_STEPS if np.ptp(wear) / step < 6.0)
     first = np.ceil(wear[0] / step) * step
-    contours: Array = np.round(np.arange(first, wear[-1], step), 4)
+    contours: Array = np.round(np.arange(float(first), float(wear[-1]), step), 4)
     return contours
 
 
