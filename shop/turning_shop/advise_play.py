@@ -1,7 +1,8 @@
-"""Play fixed parameters, rules and agents on the simulated machine, and compare their costs per part.
+"""Play fixed parameters, rules and agents on the simulated machine, and compare their costs.
 
-Fixed parameters are exactly those that ``advise`` advises. Rules and agents are told the prices of the scenario: the reward's
-price of an edge is that of ``advise``, and metal earns as much as the advised cut costs.
+Fixed parameters are exactly those that ``advise`` advises. Rules and agents know the prices of the
+scenario: the reward's price of an edge is that of ``advise``, and metal earns as much as the
+advised cut costs.
 """
 
 import math
@@ -9,16 +10,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from turning_shop import WorkshopError, aligned
+from turning_shop import Values, WorkshopError, aligned
 from turning_shop.advise import Plan, Prices, money, part_volume
 from turning_shop.allowed import NO_STRENGTH, feed_range
 from turning_shop.provenance import BARS_VARY, assumed_in_simulation
 
+from baselines import catalogue
 from turning_env.action import set_point_action
-from turning_env.extras import provided
 from turning_env.scenario import Scenario
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play
@@ -27,16 +28,18 @@ from turning_env.scoring.seeds import held_out_seeds
 from turning_env.scoring.statistics import Bootstrap, Estimate, severe_share
 
 FIXED = "fixed parameters"  # the advice, whose edge is changed by plan
-RULES = "predictive", "constant_power_lead", "omative", "modified_fuzzy_override"
+RULES = ("predictive", "constant_power_lead", "omative", "modified_fuzzy_override")
 """Rules that lead the leaderboards within the limits, of speed and feed and of overrides."""
-LONGEST = 600.0  # largest time of an edge that is played [min]
+MAX_EDGE_TIME = 600.0  # longest time of an edge that is played [min]
 MAX_STEPS = 50_000
-"""Largest number of steps that a rule or an agent plays with an edge; of one that lasts longer, the used share counts."""
+"""Largest number of steps that a rule or an agent plays with an edge.
+
+If an edge lasts longer, the used share of it counts.
+"""
 MAX_EDGE_COST = 1e4  # largest price of an edge that a scenario may have [min]
 PRICING_EDGES = 4  # edges that a rule plays to find the cost of its own parts
-CLOCK_INTERVAL = (
-    1.0  # control interval of fixed parameters [s]; sub-steps stay as long as the scenario's
-)
+CLOCK_INTERVAL = 1.0
+"""Control interval of fixed parameters [s]; sub-steps stay as long as the scenario's."""
 
 
 @dataclass(frozen=True)
@@ -59,219 +62,269 @@ class Played:
     unit: str  # currency, or "min" of machine time
     edges: int  # played with each policy
     results: list[Result]
-    notes: list[str]  # what was played, and policies that were not, with the reasons
+    notes: list[str]  # what was played, and under which assumptions
 
     def summary(self) -> Iterator[str]:
-        """Yield lines of text."""
+        """Yield lines of text: a table of results, and notes on them."""
         yield f"played on {self.edges} simulated edges each"
         rows = [
             ("", "mean MRR", "severe overload", "cost per part", "saved per part"),
             ("", "cm3/min", "%", f"{self.unit} (95 %)", f"{self.unit} (95 %)"),
         ]
-        for each in self.results:
-            cost, saved = each.cost, each.saved
-            rows.append((
-                *(each.name, f"{each.removal_rate:.1f}", f"{100 * each.overload:.1f}" + " !" * (not each.feasible)),
-                f"{money(cost.value)} ({money(cost.low)}-{money(cost.high)})",
-                f"{money(saved.value)} ({money(saved.low)} to {money(saved.high)})" if each is not self.results[0] else "",
-            ))  # fmt: skip
+        fixed = self.results[0]
+        for result in self.results:
+            overload = f"{100 * result.overload:.1f}"
+            if not result.feasible:
+                overload += " !"
+            cost = f"{money(result.cost.value)} {_interval(result.cost, '-')}"
+            # The interval of a saving may begin below 0, where a dash would look like a sign.
+            saved = f"{money(result.saved.value)} {_interval(result.saved, ' to ')}"
+            if result is fixed:
+                saved = ""
+            rows.append((result.name, f"{result.removal_rate:.1f}", overload, cost, saved))
         yield from aligned(rows)
-        if not all(each.feasible for each in self.results):
+        if not all(result.feasible for result in self.results):
             yield "! in severe overload longer than limits.overload_allowance: not to be used"
         yield from self.notes
 
     def headline(self) -> Iterator[str]:
-        """Yield what the simulation says of the advice, in sentences for sheet and page."""
+        """Yield the results of the advice, and the savings over it, as sentences."""
         fixed = self.results[0]
-        cost = f"{money(fixed.cost.value)} {self.unit} a part ({money(fixed.cost.low)} to {money(fixed.cost.high)})"
-        yield f"simulated with {self.edges} edges: {cost}, {100 * fixed.overload:.1f} % of the cutting time in severe overload"
+        cost = f"{money(fixed.cost.value)} {self.unit} a part {_interval(fixed.cost, ' to ')}"
+        overload = f"{100 * fixed.overload:.1f} % of the cutting time in severe overload"
+        yield f"simulated with {self.edges} edges: {cost}, {overload}"
         if fixed.broken:
-            yield f"{fixed.broken} of {self.edges} simulated edges broke: see tool.edge_strength, edge_failure and mismatch"
+            yield (
+                f"{fixed.broken} of {self.edges} simulated edges broke: "
+                "see tool.edge_strength, edge_failure and mismatch"
+            )
         if not fixed.feasible:
-            yield "in severe overload longer than limits.overload_allowance: not to be used as it is"
-        for each in self.results[1:]:
-            broken = f", {each.broken} of {self.edges} edges broke" * bool(each.broken)
-            saved = f"{money(each.saved.value)} {self.unit} a part ({money(each.saved.low)} to {money(each.saved.high)})"
-            yield f"{each.name} saves {saved}{broken}"
+            yield (
+                "in severe overload longer than limits.overload_allowance: not to be used as it is"
+            )
+        for result in self.results[1:]:
+            saved = f"{money(result.saved.value)} {self.unit} a part"
+            sentence = f"{result.name} saves {saved} {_interval(result.saved, ' to ')}"
+            if result.broken:
+                sentence += f", {result.broken} of {self.edges} edges broke"
+            yield sentence
 
 
-def constant(scenario: Scenario, best: Plan) -> Callable[[Observations], Actions]:
+def _interval(estimate: Estimate, separator: str) -> str:
+    """Return the interval of an amount of money in brackets."""
+    return f"({money(estimate.low)}{separator}{money(estimate.high)})"
+
+
+class _Play(NamedTuple):
+    """A policy's name and the episodes that it played."""
+
+    name: str
+    episodes: Episodes
+
+
+def constant(scenario: Scenario, plan: Plan) -> Callable[[Observations], Actions]:
     """Return a policy that sets a plan's speed and feed."""
-    machine, cuts = scenario.machine, best.cuts
+    machine = scenario.machine
     speed = set_point_action(
-        cuts.cutting_speed, machine.cutting_speed_min, machine.cutting_speed_max
+        plan.cuts.cutting_speed,
+        machine.cutting_speed_min,
+        high=machine.cutting_speed_max,
     )
-    feed = set_point_action(cuts.feed, machine.feed_min, feed_range(scenario)[1])
-    return lambda observations: np.tile(np.array([speed, feed], np.float32), (len(observations), 1))
+    _, highest_feed = feed_range(scenario)
+    feed = set_point_action(plan.cuts.feed, machine.feed_min, high=highest_feed)
+    action = np.array([speed, feed], np.float32)
+    return lambda observations: np.tile(action, (len(observations), 1))
 
 
 def play_all(
     scenario: Scenario,
-    best: Plan,
+    plan: Plan,
     agents: Sequence[str],
     edges: int,
     on_play: Callable[[str], object] = lambda name: None,
 ) -> Played:
-    """Play advised parameters, agents, and in a clone the best rule, on simulated edges, one per seed, and bars that vary.
+    """Play advised parameters, the best rule and agents on simulated edges and bars that vary.
 
-    Agents are ONNX files or ``module:object``. ``on_play`` is called with the name of each policy before it is played.
+    Args:
+        scenario: the machine, the tool and the bars.
+        plan: the advice, which is played as it is.
+        agents: ONNX files, or ``module:object``.
+        edges: number of edges, one per seed.
+        on_play: called with the name of each policy before it is played.
 
     Raises:
         WorkshopError: An agent or no rule can play this scenario.
     """
-    seeds, control = held_out_seeds(edges), scenario.control
-    own = _for_one_edge(
-        scenario, best, control.action, min(LONGEST, MAX_STEPS * control.interval / 60.0)
-    )
+    seeds = held_out_seeds(edges)
+    control = scenario.control
+    max_minutes = min(MAX_EDGE_TIME, MAX_STEPS * control.interval / 60.0)
+    one_edge = _for_one_edge(scenario, plan, action=control.action, minutes=max_minutes)
+
     on_play(FIXED)
-    played = [(FIXED, play(as_factory(constant(scenario, best)), clocked(scenario, best), seeds))]
+    fixed = as_factory(constant(scenario, plan))
+    plays = [_Play(FIXED, play(fixed, clocked(scenario, plan), seeds))]
     notes = list(_assumptions(scenario))
-    if not (found := provided("rules")):
-        notes.append(
-            "rules were not played: they are in a clone, from whose folder this command can play them"
-        )
-    for catalogue in found:
-        name, _ = best_rule(catalogue, scenario, own)
-        on_play(f"rule {name}")
-        priced = _at_own_cost(catalogue, scenario, own, seeds[:PRICING_EDGES])
-        _, spec = best_rule(catalogue, scenario, priced)
-        played.append((f"rule {name}", play(spec.make, priced, seeds)))
+
+    rule_name = f"rule {best_rule(scenario, one_edge).name}"
+    on_play(rule_name)
+    priced = _at_own_cost(scenario, one_edge, seeds[:PRICING_EDGES])
+    rule = best_rule(scenario, priced)
+    plays.append(_Play(rule_name, play(rule.make, priced, seeds)))
+
     for agent in agents:
-        name = f"agent {Path(agent).stem}"
-        on_play(name)
+        agent_name = f"agent {Path(agent).stem}"
+        on_play(agent_name)
         try:
-            played.append((name, play(as_factory(agent), own, seeds)))
+            plays.append(_Play(agent_name, play(as_factory(agent), one_edge, seeds)))
         except (TypeError, ValueError) as error:
             raise WorkshopError(f"--agent {agent}: {error}") from error
-    results = _results(scenario, played)
-    broken = [f"{each.broken} with {each.name}" for each in results if each.broken]
+
+    results = _results(scenario, plays)
+    broken = [f"{result.broken} with {result.name}" for result in results if result.broken]
     if broken:
         notes.append(
-            f"of {edges} edges broke {', '.join(broken)}: see tool.edge_strength, edge_failure and mismatch"
+            f"of {edges} edges broke {', '.join(broken)}: "
+            "see tool.edge_strength, edge_failure and mismatch"
         )
-    return Played(Prices.of(scenario).unit, edges, results, notes)
+    return Played(Prices.of(scenario).unit, edges, results=results, notes=notes)
 
 
-def _at_own_cost(
-    catalogue: Any, scenario: Scenario, own: Scenario, seeds: Sequence[int]
-) -> Scenario:
-    """Return the scenario of a rule, in which metal earns as much as the rule's own parts cost.
+def _at_own_cost(scenario: Scenario, one_edge: Scenario, seeds: Sequence[int]) -> Scenario:
+    """Return ``one_edge`` with metal that earns as much as the best rule's own parts cost.
 
-    At this price, the policy of least cost per part earns 0 and every other one less (Dinkelbach's method for ratios). This is
-    one step of the method, from the cost of the advised cut, on a few edges.
+    At this price, the policy of least cost per part earns 0 and every other one less (Dinkelbach's
+    method for ratios). This is one step of the method, from the cost of the advised cut, on a few
+    edges.
     """
-    _, spec = best_rule(catalogue, scenario, own)
-    result = _results(scenario, [("", play(spec.make, own, seeds))])[0]
+    rule = best_rule(scenario, one_edge)
+    result = _results(scenario, [_Play(rule.name, play(rule.make, one_edge, seeds))])[0]
     minutes = result.cost.value / Prices.of(scenario).minute
-    economics = own.economics.model_copy(
-        update={"reference_removal_rate": part_volume(scenario) / minutes}
-    )
-    return own.model_copy(update={"economics": economics})
+    removal_rate = part_volume(scenario) / minutes
+    economics = one_edge.economics.model_copy(update={"reference_removal_rate": removal_rate})
+    return one_edge.model_copy(update={"economics": economics})
 
 
 def _assumptions(scenario: Scenario) -> Iterator[str]:
-    """Yield notes on how bars and edges differ in the simulation, and on values that no file states."""
-    work, tool = scenario.workpiece, scenario.tool
+    """Yield notes on how bars and edges differ in the simulation, and on values not stated."""
+    work = scenario.workpiece
+    tool = scenario.tool
     depth = np.hypot(work.depth_bar_spread, work.depth_along_spread)
     hardness = 100 * np.hypot(work.hardness_bar_spread, work.hardness_along_spread)
     if depth or hardness:
         bars = f"bars vary in depth by {depth:.2g} mm and in hardness by {hardness:.2g} %"
     else:
-        bars = (
-            f"bars do not vary: state {', '.join(BARS_VARY)} to see what control saves when they do"
-        )
-    breaks = "edges do not break by force"
+        unstated = ", ".join(BARS_VARY)
+        bars = f"bars do not vary: state {unstated} to see what control saves when they do"
+    wear = f"edges differ in wear by {100 * tool.wear_factor_spread:.2g} % (standard deviations)"
     if tool.edge_strength < NO_STRENGTH:
         breaks = f"half of the edges break at {tool.edge_strength:g} N"
-    yield f"{bars}; edges differ in wear by {100 * tool.wear_factor_spread:.2g} % (standard deviations); {breaks}"
-    if assumed := assumed_in_simulation(scenario):
+    else:
+        breaks = "edges do not break by force"
+    yield f"{bars}; {wear}; {breaks}"
+    assumed = assumed_in_simulation(scenario)
+    if assumed:
         yield f"assumed for the simulation, as your files do not state them: {', '.join(assumed)}"
 
 
-def best_rule(catalogue: Any, scenario: Scenario, own: Scenario) -> tuple[str, PolicySpec]:
-    """Return name and rule, to play ``own``: the first of ``RULES`` that is tuned for the scenario or needs no tuning."""
+def best_rule(scenario: Scenario, played: Scenario) -> PolicySpec:
+    """Return the first of ``RULES`` that is tuned for a scenario or needs no tuning.
+
+    ``played`` is the scenario that the rule plays: the same machine, with episodes of one edge.
+
+    Raises:
+        WorkshopError: No rule can play it.
+    """
     for name in RULES:
-        with suppress(
-            ValueError
-        ):  # raised by a rule that cannot play the scenario, or is not tuned for it
-            return name, catalogue.spec(name, own, scenario)
+        # A rule raises ValueError if it cannot play the scenario, or is not tuned for it.
+        with suppress(ValueError):
+            return catalogue.spec(name, played, tuned_on=scenario)
     raise WorkshopError(f"no rule that ships can play {scenario.name!r}")
 
 
-def clocked(scenario: Scenario, best: Plan) -> Scenario:
-    """Return the scenario with episodes as long as a plan uses an edge. Plain bars have no return between them."""
-    minutes = float(best.parts * (best.cycle_time - scenario.machine.return_time))
-    longer = math.ceil(min(CLOCK_INTERVAL, 60.0 * minutes) / scenario.control.interval)
-    return _for_one_edge(scenario, best, "set_point", minutes, longer)
+def clocked(scenario: Scenario, plan: Plan) -> Scenario:
+    """Return the scenario with episodes as long as a plan uses an edge."""
+    # Plain bars have no return between them in the simulation.
+    minutes = float(plan.parts * (plan.cycle_time - scenario.machine.return_time))
+    interval = min(CLOCK_INTERVAL, 60.0 * minutes)
+    return _for_one_edge(
+        scenario,
+        plan,
+        action="set_point",
+        minutes=minutes,
+        stretch=math.ceil(interval / scenario.control.interval),
+    )
 
 
 def _for_one_edge(
-    scenario: Scenario, best: Plan, action: str, minutes: float, longer: int = 1
+    scenario: Scenario, plan: Plan, action: str, minutes: float, stretch: int = 1
 ) -> Scenario:
-    """Return the scenario with episodes of one edge each, and steps ``longer`` times as long, in sub-steps of the same length.
+    """Return the scenario with episodes of one edge each, of ``minutes`` at most.
 
-    Feeds are those of ``feed_range``, and speed and feed begin at the advice, unless an override is of a programmed feed. The
-    reward has the scenario's prices: at the advised cut, metal earns exactly what time and edges cost.
+    Steps are ``stretch`` times as long, in sub-steps of the same length. Feeds are those of
+    ``feed_range``, and speed and feed begin at the advice, unless an override is of a programmed
+    feed. The reward has the scenario's prices: at the advised cut, metal earns exactly what time
+    and edges cost.
     """
-    values, control, prices = scenario.model_dump(), scenario.control, Prices.of(scenario)
-    values["control"] |= {"action": action, "edge_changes": "end", "time_limit": minutes}
-    values["control"] |= {
-        "interval": longer * control.interval,
-        "sub_steps": longer * control.sub_steps,
-    }
+    prices = Prices.of(scenario)
+    values = scenario.model_dump()
+    control = values["control"]
+    control["action"] = action
+    control["edge_changes"] = "end"
+    control["time_limit"] = minutes
+    control["interval"] = stretch * scenario.control.interval
+    control["sub_steps"] = stretch * scenario.control.sub_steps
     if action != "override":
-        values["control"]["initial_cutting_speed"] = float(best.cuts.cutting_speed)
-        values["control"]["initial_feed"] = float(best.cuts.feed)
-        values["machine"]["feed_max"] = feed_range(scenario)[1]
-    values["workpiece"] |= {"bars": 0}
-    values["economics"]["edge_cost"] = min(prices.edge / prices.minute, MAX_EDGE_COST)
-    cost_minutes = float(best.cost) / prices.minute  # of a part, edges and their changes included
-    values["economics"]["reference_removal_rate"] = part_volume(scenario) / cost_minutes
+        control["initial_cutting_speed"] = float(plan.cuts.cutting_speed)
+        control["initial_feed"] = float(plan.cuts.feed)
+        _, values["machine"]["feed_max"] = feed_range(scenario)
+    values["workpiece"]["bars"] = 0  # as many as the edge lasts
+    economics = values["economics"]
+    economics["edge_cost"] = min(prices.edge / prices.minute, MAX_EDGE_COST)
+    part_minutes = float(plan.cost) / prices.minute  # edges and their changes included
+    economics["reference_removal_rate"] = part_volume(scenario) / part_minutes
     return Scenario.model_validate(values)
 
 
-def _overload(episodes: Episodes) -> float:
-    return severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
+def _results(scenario: Scenario, plays: list[_Play]) -> list[Result]:
+    """Return each policy's cost of a part, and its saving over the first policy."""
+    prices = Prices.of(scenario)
+    volume = part_volume(scenario)
+    bootstrap = Bootstrap(len(plays[0].episodes["time"]))
 
+    def means(values: Values) -> Values:
+        """Return the mean over the seeds that were played, then those of their resamples."""
+        return np.append(values.mean(), bootstrap.means(values[np.newaxis], ""))
 
-def _results(scenario: Scenario, played: list[tuple[str, Episodes]]) -> list[Result]:
-    """Return each policy's cost of a part, and what it saves over the first."""
-    prices, allowed, volume = (
-        Prices.of(scenario),
-        scenario.limits.overload_allowance,
-        part_volume(scenario),
-    )
-    bootstrap = Bootstrap(len(played[0][1]["time"]))
     results: list[Result] = []
-    for name, episodes in played:
-        # An episode ends when its edge is worn out, broken or changed by plan, or before if the edge lasts too long to play.
-        left_over = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
-        edges = 1.0 - left_over * (name != FIXED)
+    for name, episodes in plays:
+        # An episode ends when its edge is worn out, broken or changed by plan, or before if the
+        # edge lasts too long to play. Then only the used share counts.
+        used_edges = np.ones_like(episodes["time"])
+        if name != FIXED:
+            unused = np.where(episodes["truncated"] > 0.0, 1.0 - episodes["used_life"], 0.0)
+            used_edges = 1.0 - unused
         downtime = scenario.economics.breakage_downtime * episodes["edges_broken"]
         returns = scenario.machine.return_time * episodes["removed"] / volume
-        minutes = episodes["time"] / 60.0 + returns + prices.change_time * edges + downtime
-        # Means over seeds, the first of the seeds that were played, the others of resamples.
-        time, spent, metal = (
-            np.append(values.mean(), bootstrap.means(values[np.newaxis], ""))
-            for values in (
-                minutes,
-                prices.minute * minutes + prices.edge * edges,
-                episodes["removed"],
-            )
-        )
+        changes = prices.change_time * used_edges
+        minutes = episodes["time"] / 60.0 + returns + changes + downtime
+
+        time = means(minutes)
+        spent = means(prices.minute * minutes + prices.edge * used_edges)
+        metal = means(episodes["removed"])
         costs = spent / metal * volume
         if not results:
-            first = costs
-        overload = _overload(episodes)
+            fixed_costs = costs
+        savings = fixed_costs - costs
+        overload = severe_share(episodes["severe_overload_time"], episodes["engaged_time"])
         results.append(
             Result(
                 name=name,
                 removal_rate=float(metal[0] / time[0]),
                 overload=overload,
-                feasible=overload <= allowed,
+                feasible=overload <= scenario.limits.overload_allowance,
                 broken=int(episodes["edges_broken"].sum()),
                 cost=Estimate.of(costs[0], costs[1:]),
-                saved=Estimate.of(first[0] - costs[0], (first - costs)[1:]),
+                saved=Estimate.of(savings[0], savings[1:]),
             )
         )
     return results

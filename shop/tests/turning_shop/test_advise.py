@@ -12,7 +12,6 @@ from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
 from turning_shop.whatif import what_if
 
-from baselines import catalogue
 from turning_env import Scenario
 from turning_env.__main__ import main
 from turning_env.scenario import ScenarioError
@@ -235,9 +234,9 @@ def test_an_override_gets_the_best_rule_that_is_tuned() -> None:
         Scenario.load("override"),
         Scenario.load({"base": "override", "limits": {"power": 6.0}}),
     )
-    assert best_rule(catalogue, same, same)[0] == "constant_power_lead"
+    assert best_rule(same, same).name == "constant_power_lead"
     assert (
-        best_rule(catalogue, other, other)[0] == "modified_fuzzy_override"
+        best_rule(other, other).name == "modified_fuzzy_override"
     )  # the others are not tuned for it
 
 
