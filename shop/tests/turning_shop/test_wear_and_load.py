@@ -12,7 +12,7 @@ WEAR = np.linspace(0.02, 0.4, 39)
 
 @pytest.fixture
 def vicomtech(tmp_path: Path) -> Path:
-    """Return a table of two edges, whose main force is a line and whose thrust force is a power of wear."""
+    """Return a table of two edges: main force affine in wear, thrust force a power of wear."""
     lines = ["tool,Vb,F_c_MEAN,F_f_MEAN,F_p_MEAN"]
     for tool, scale in (("1", 1.0), ("2", 1.5)):
         for wear in WEAR:
@@ -26,10 +26,14 @@ def vicomtech(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def h13(tmp_path: Path) -> Path:
-    """Return a table of one setting: a fresh edge has half the thrust force at 0.1 mm, which trebles up to 0.3 mm."""
+    """Return a table of one setting, with thrust forces of 50, 100 and 300 N.
+
+    The edge is fresh, worn to 0.1 mm, and worn to 0.3 mm.
+    """
     lines = ["Run_ID,TCond,ap,vc,f,Fx,Fy,Fz"]
-    for run, (wear, passive_force) in enumerate((("0", 50.0), ("0.1", 100.0), ("0.3", 300.0))):
-        lines += [f"run{run},{wear},0.25,350,0.1,80,{passive_force},0"] * 6
+    lines += ["run0,0,0.25,350,0.1,80,50.0,0"] * 6
+    lines += ["run1,0.1,0.25,350,0.1,80,100.0,0"] * 6
+    lines += ["run2,0.3,0.25,350,0.1,80,300.0,0"] * 6
     path = tmp_path / "Exp2.csv"
     path.write_text("\n".join(lines), "utf-8")
     return path
