@@ -1,4 +1,7 @@
-"""Values that only a preset states: off, or printed as assumed; no two numbers of advice disagree because of one."""
+"""Values that only a preset states are off, or printed as assumed.
+
+No two numbers of advice disagree because of one.
+"""
 
 import html
 import json
@@ -60,14 +63,14 @@ power = 6.0
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A calibrated tool on a machine of the user's own, and a file that states how bars vary and when edges break."""
+    """A folder with a tool calibrated on the user's own machine.
+
+    ``varied.toml`` also states how bars vary and when edges break.
+    """
     folder = tmp_path_factory.mktemp("shop")
-    for name, text in (
-        ("machine.toml", MACHINE),
-        ("cuts.csv", wear_curves()),
-        ("varied.toml", VARIED),
-    ):
-        (folder / name).write_text(text, "utf-8")
+    (folder / "machine.toml").write_text(MACHINE, "utf-8")
+    (folder / "cuts.csv").write_text(wear_curves(), "utf-8")
+    (folder / "varied.toml").write_text(VARIED, "utf-8")
     command = ["calibrate", str(folder / "cuts.csv"), "--base", str(folder / "machine.toml")]
     assert main([*command, "--out", str(folder / "tool.toml")]) == 0
     return folder
@@ -75,9 +78,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_the_files_do_not_state_is_off_and_said(folder: Path) -> None:
     scenario, evidence = load(folder / "tool.toml")
-    assert (scenario.limits.power, scenario.limits.thrust_force) == tuple(
-        NO_LIMIT[name] for name in ("power", "thrust_force")
-    )
+    assert scenario.limits.power == NO_LIMIT["power"]
+    assert scenario.limits.thrust_force == NO_LIMIT["thrust_force"]
     assert scenario.tool.edge_strength == NO_STRENGTH
     said = "\n".join(evidence.warnings)
     for name in BARS_VARY:
@@ -115,7 +117,8 @@ def test_what_the_files_state_stays(folder: Path) -> None:
 )
 def test_effects_of_a_preset_are_off_in_a_file_on_it(tmp_path: Path, preset: str) -> None:
     (tmp_path / "own.toml").write_text(f'base = "{preset}"\n')
-    scenario, neutral = load(tmp_path / "own.toml")[0], Scenario()
+    scenario, _ = load(tmp_path / "own.toml")
+    neutral = Scenario()
     for section in ("edge_failure", "swarf", "mismatch", "spindle"):
         switched_off = getattr(scenario, section)
         assert switched_off == getattr(neutral, section)
@@ -142,29 +145,24 @@ def test_headline_and_simulation_agree_everywhere(
     capsys.readouterr()
     assert main(["advise", name, "--seeds", "8", "--json", "--page", str(page)]) == 0
     result = json.loads(capsys.readouterr().out)
-    first, fixed = result["advice"][0], result["played"]["results"][0]
+    first = result["advice"][0]
+    fixed = result["played"]["results"][0]
     assert fixed["cost"]["value"] == pytest.approx(first["cost"], rel=0.03)
     assert fixed["broken"] == 0
     assert fixed["feasible"]
     assert result["played"]["unit"] == "CHF"
 
     text = page.read_text("utf-8")
-    shown = [
-        html.unescape(line)
-        for line in re.findall(
-            "<p>(.*?)</p>", text.partition('class="advice"')[2].partition("</div>")[0]
-        )
-    ]
+    shown_advice = text.partition('class="advice"')[2].partition("</div>")[0]
+    shown = [html.unescape(line) for line in re.findall("<p>(.*?)</p>", shown_advice)]
     count = len(result["headline"])
     assert shown[:count] == result["headline"]
     assert f"simulated with 8 edges: {fixed['cost']['value']:.2f} CHF" in shown[count]
     scenario, evidence = load(name)
     advice = advise(scenario, evidence)
     assert list(headline(scenario, evidence, advice)) == result["headline"]
-    drawn = "\n".join(
-        each.get_text()
-        for each in draw_sheet(scenario, evidence, advice, shown[count:]).findobj(Text)
-    )
+    sheet = draw_sheet(scenario, evidence, advice, shown[count:])
+    drawn = "\n".join(text.get_text() for text in sheet.findobj(Text))
     for sentence in shown:
         assert sentence in " ".join(drawn.split())
 
@@ -175,9 +173,8 @@ def test_a_broken_edge_is_on_sheet_and_page(tmp_path: Path) -> None:
     advice = advise(scenario, Evidence())
     said = list(play_all(scenario, advice[0].plan, [], 2).headline())
     assert "2 of 2 simulated edges broke" in said[1]
-    drawn = "\n".join(
-        each.get_text() for each in draw_sheet(scenario, Evidence(), advice, said).findobj(Text)
-    )
+    sheet = draw_sheet(scenario, Evidence(), advice, said)
+    drawn = "\n".join(text.get_text() for text in sheet.findobj(Text))
     assert said[1] in drawn
 
 
@@ -185,40 +182,32 @@ def test_a_strength_that_is_stated_bounds_the_thrust(folder: Path) -> None:
     scenario, evidence = load(folder / "varied.toml")
     scenario = scenario.model_copy(update={"limits": scenario.limits.model_copy(update=NO_LIMIT)})
     best, *_ = advise(scenario, evidence)
-    assert best.plan.cuts.thrust_force < scenario.tool.edge_strength * np.exp(
-        -2 * scenario.tool.edge_strength_spread
-    )
+    # The strength that 97.5 % of edges exceed.
+    low_strength = scenario.tool.edge_strength * np.exp(-2 * scenario.tool.edge_strength_spread)
+    assert best.plan.cuts.thrust_force < low_strength
     assert any(bound.limit.startswith("tool.edge_strength, 3000 N") for bound in best.bounds)
     assert any("tool.edge_strength" in line for line in headline(scenario, evidence, [best]))
-    episodes = play(
-        as_factory(constant(scenario, best.plan)), clocked(scenario, best.plan), range(64)
-    )
+    policy = as_factory(constant(scenario, best.plan))
+    episodes = play(policy, clocked(scenario, best.plan), range(64))
     assert episodes["edges_broken"].mean() < 0.05
-    weak = scenario.model_copy(
-        update={"tool": scenario.tool.model_copy(update={"edge_strength": 50.0})}
-    )
+    weak_tool = scenario.tool.model_copy(update={"edge_strength": 50.0})
+    weak = scenario.model_copy(update={"tool": weak_tool})
     with pytest.raises(WorkshopError, match=r"tool\.edge_strength, 50 N"):
         advise(weak, evidence)
 
 
-def test_limits_are_kept_on_bars_that_vary(folder: Path) -> None:
+@pytest.mark.parametrize("power", [4.0, 6.0])
+def test_limits_are_kept_on_bars_that_vary(folder: Path, power: float) -> None:
     scenario, evidence = load(folder / "varied.toml")
     unbreakable = scenario.tool.model_copy(update={"edge_strength": NO_STRENGTH})
-    for power in (4.0, 6.0):
-        limited = scenario.model_copy(
-            update={
-                "limits": scenario.limits.model_copy(update={"power": power}),
-                "tool": unbreakable,
-            }
-        )
-        assert 0.7 < allowed_loads(limited).overload_factors["power"] < 1.0
-        best = advise(limited, evidence)[0].plan
-        episodes = play(as_factory(constant(limited, best)), clocked(limited, best), range(24))
-        assert (
-            episodes["severe_overload_time"].sum()
-            <= limited.limits.overload_allowance * episodes["engaged_time"].sum()
-        )
-        assert best.cuts.power < power
+    limits = scenario.limits.model_copy(update={"power": power})
+    limited = scenario.model_copy(update={"limits": limits, "tool": unbreakable})
+    assert 0.7 < allowed_loads(limited).overload_factors["power"] < 1.0
+    best = advise(limited, evidence)[0].plan
+    episodes = play(as_factory(constant(limited, best)), clocked(limited, best), range(24))
+    allowed_time = limits.overload_allowance * episodes["engaged_time"].sum()
+    assert episodes["severe_overload_time"].sum() <= allowed_time
+    assert best.cuts.power < power
 
 
 PROGRAM = "G21 G99 T0101\nG50 S4000\nG96 S180 M3\nG0 X85. Z5.\nG1 Z-200. F0.4\nG0 X100.\nZ5.\nM30\n"
@@ -232,33 +221,17 @@ def test_the_strength_of_edges_bounds_programs_too(
     Path("part.nc").write_text(PROGRAM)
     Path("strong.toml").write_text('base = "tool.toml"\n[tool]\nedge_strength = 2000.0\n')
     loads = {}
+    command = ["program", "part.nc", "--stock", "bar:90x220", "--wear", "0.3", "--json"]
     for name in ("tool.toml", "strong.toml"):
         capsys.readouterr()
-        assert (
-            main(
-                [
-                    "program",
-                    "part.nc",
-                    "--scenario",
-                    name,
-                    "--stock",
-                    "bar:90x220",
-                    "--wear",
-                    "0.3",
-                    "--json",
-                ]
-            )
-            == 0
-        )
+        assert main([*command, "--scenario", name]) == 0
         result = json.loads(capsys.readouterr().out)
         loads[name] = result["totals"]["max_load"]
-        assert any("tool.edge_strength" in note for note in result["notes"]) == (
-            name == "strong.toml"
-        )
+        is_noted = any("tool.edge_strength" in note for note in result["notes"])
+        assert is_noted == (name == "strong.toml")
     force = what_if(load("tool.toml")[0], 180, 0.4, wear=0.3).thrust_force
-    assert loads["strong.toml"] == pytest.approx(
-        force / allowed_loads(load("strong.toml")[0]).thrust_force, rel=0.02
-    )
+    allowed = allowed_loads(load("strong.toml")[0])
+    assert loads["strong.toml"] == pytest.approx(force / allowed.thrust_force, rel=0.02)
     assert loads["strong.toml"] > 1.0
 
 
@@ -273,24 +246,14 @@ def test_the_nose_radius_limits_the_feed_of_every_command(
         assert main(["advise", *words, "--seeds", "0", "--json"]) == 0
         printed = capsys.readouterr()
         result = json.loads(printed.out)
-        assert all(each["feed"] <= radius / 2 for each in result["advice"])
+        assert result["advice"]
+        for advice in result["advice"]:
+            assert advice["feed"] <= radius / 2
         assert any("tool.nose_radius" in bound["limit"] for bound in result["advice"][0]["bounds"])
         assert not any("needs a nose radius" in line for line in result["headline"])
-        assert (
-            main(
-                [
-                    "whatif",
-                    *words,
-                    "--cutting-speed",
-                    "150",
-                    "--feed",
-                    f"{radius / 2 + 0.01:g}",
-                    "--wear",
-                    "0.1",
-                ]
-            )
-            == 0
-        )
+        feed = f"{radius / 2 + 0.01:g}"
+        settings = ["--cutting-speed", "150", "--feed", feed, "--wear", "0.1"]
+        assert main(["whatif", *words, *settings]) == 0
         assert "nose_radius" in capsys.readouterr().err
     scenario = load("nose.toml")[0]
     assert feed_range(scenario) == (0.1, radius / 2)
@@ -316,9 +279,8 @@ def test_a_machines_range_alone_is_enough(
     (tmp_path / "tool.toml").write_text('base = "machine.toml"\n[tool]\nwear_criterion = 0.25\n')
     for name in ("machine.toml", "tool.toml"):
         start = Scenario.load(tmp_path / name).control
-        assert (start.initial_cutting_speed, start.initial_feed) == pytest.approx(
-            (speed, feed), rel=1e-5
-        )
+        assert start.initial_cutting_speed == pytest.approx(speed, rel=1e-5)
+        assert start.initial_feed == pytest.approx(feed, rel=1e-5)
 
 
 def test_a_start_that_is_stated_is_not_moved(tmp_path: Path) -> None:
@@ -337,8 +299,7 @@ def test_the_tool_life_of_the_preset_does_not_depend_on_the_start(tmp_path: Path
         "[machine]\ncutting_speed_min = 180.0\ncutting_speed_max = 400.0\n"
     )
     (tmp_path / "usual.toml").write_text("[workpiece]\ndiameter = 80.0\n")
-    lives = [
-        what_if(load(tmp_path / name)[0], 190, 0.3, wear=0.2).tool_life
-        for name in ("fast.toml", "usual.toml")
-    ]
-    assert lives[0] == pytest.approx(lives[1])
+    fast, _ = load(tmp_path / "fast.toml")
+    usual, _ = load(tmp_path / "usual.toml")
+    life = what_if(fast, 190, 0.3, wear=0.2).tool_life
+    assert life == pytest.approx(what_if(usual, 190, 0.3, wear=0.2).tool_life)

@@ -23,18 +23,18 @@ BASE = Scenario()
 def test_the_environment_says_the_same() -> None:
     scenario = Scenario.load("paper")
     machine = scenario.machine
-    action = [
-        2
-        * (150 - machine.cutting_speed_min)
-        / (machine.cutting_speed_max - machine.cutting_speed_min)
-        - 1
-    ]
-    action += [2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1]
-    for minutes, info in enumerate(infos(scenario, [np.array(action, np.float32)] * 3), 1):
+    # An action of -1 to 1 spans the machine's range.
+    speed_range = machine.cutting_speed_max - machine.cutting_speed_min
+    speed_action = 2 * (150 - machine.cutting_speed_min) / speed_range - 1
+    feed_action = 2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1
+    action = np.array([speed_action, feed_action], np.float32)
+    for minutes, info in enumerate(infos(scenario, [action] * 3), 1):
         cuts = what_if(scenario, 150, 0.3, time=minutes)
-        said = (cuts.wear, cuts.thrust_force, cuts.power, cuts.removal_rate, cuts.spindle_speed)
-        names = ("wear", "thrust_force", "power", "removed", "spindle_speed")
-        assert said == pytest.approx([info[name] for name in names], rel=1e-4), minutes
+        assert cuts.wear == pytest.approx(info["wear"], rel=1e-4)
+        assert cuts.thrust_force == pytest.approx(info["thrust_force"], rel=1e-4)
+        assert cuts.power == pytest.approx(info["power"], rel=1e-4)
+        assert cuts.removal_rate == pytest.approx(info["removed"], rel=1e-4)
+        assert cuts.spindle_speed == pytest.approx(info["spindle_speed"], rel=1e-4)
 
 
 @settings(max_examples=15)
@@ -55,19 +55,9 @@ def test_time_and_wear_are_two_sides_of_one_law(
     assert finished.wear_share == pytest.approx(1.0)
 
 
-WHATIF = [
-    "whatif",
-    "rough_turning",
-    "--cutting-speed",
-    "120",
-    "150",
-    "165",
-    "180",
-    "--feed",
-    "0.2",
-    "0.3",
-    "0.4",
-]
+SPEEDS = ["--cutting-speed", "120", "150", "165", "180"]
+FEEDS = ["--feed", "0.2", "0.3", "0.4"]
+WHATIF = ["whatif", "rough_turning", *SPEEDS, *FEEDS]
 
 
 def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,64 +73,53 @@ def test_every_combination_gives_a_row(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        main(
-            [
-                "whatif",
-                "rough_turning",
-                "--cutting-speed",
-                "60",
-                "200",
-                "--feed",
-                "0.6",
-                "--time",
-                "200",
-            ]
-        )
-        == 0
-    )
-    heading, units, slow, fast = capsys.readouterr().out.splitlines()
-    assert heading.split()[:3] == ["speed", "feed", "depth"]
-    assert units.split()[:3] == ["m/min", "mm/rev", "mm"]
-    assert slow.endswith("wear, thrust")
-    assert fast.endswith("wear, thrust, power")
+    settings = ["--cutting-speed", "60", "200", "--feed", "0.6", "--time", "200"]
+    assert main(["whatif", "rough_turning", *settings]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 4
+    assert lines[0].split()[:3] == ["speed", "feed", "depth"]
+    assert lines[1].split()[:3] == ["m/min", "mm/rev", "mm"]
+    assert lines[2].endswith("wear, thrust")
+    assert lines[3].endswith("wear, thrust, power")
 
 
 def test_the_map_marks_where_most_metal_is_removed_and_labels_rates() -> None:
     left, right = draw_map(BASE, Evidence(), 0.2).axes
     (mark,) = [line for line in left.lines if line.get_marker() == "o"]
-    speed, feed = float(mark.get_xdata()[0]), float(mark.get_ydata()[0])
+    speed = float(mark.get_xdata()[0])
+    feed = float(mark.get_ydata()[0])
     cuts = what_if(BASE, speed, feed, wear=0.2)
     assert cuts.within_limits
     assert max(cuts.power_share, cuts.thrust_force_share) > 0.99
-    assert any(
-        text.get_text().startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in left.texts
-    )
+    texts = [text.get_text() for text in left.texts]
+    assert any(text.startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in texts)
     rates = [float(label.get_text()) for label in right.get_yticklabels()]
     edge = what_if(BASE, BASE.machine.cutting_speed_max, right.get_yticks(), wear=0.2)
     assert edge.removal_rate == pytest.approx(rates, rel=1e-3)
-    law = {"coefficient": 1.0, "terms": (), "covariance": [[0.01]], "degrees": 5, "scatter": 0.1}
-    for low, star in ((speed, ""), (1.1 * speed, " *")):
-        evidence = Evidence(
-            laws={
-                "wear": LawEvidence.model_validate(
-                    law | {"measured": {"cutting_speed": [low, 300.0]}}
-                )
-            }
+    # A star marks a cut below the lowest speed at which wear was measured.
+    for lowest, ending in ((speed, "min"), (1.1 * speed, "min *")):
+        law = LawEvidence(
+            coefficient=1.0,
+            terms=(),
+            covariance=((0.01,),),
+            degrees=5,
+            scatter=0.1,
+            measured={"cutting_speed": (lowest, 300.0)},
         )
-        assert any(
-            text.get_text().endswith(f"min{star}")
-            for text in draw_map(BASE, evidence, 0.2).axes[0].texts
-        )
+        axes = draw_map(BASE, Evidence(laws={"wear": law}), 0.2).axes[0]
+        assert any(text.get_text().endswith(ending) for text in axes.texts)
 
 
 @pytest.mark.slow
-def test_maps_are_written(tmp_path: Path) -> None:
-    for preset, ending, start in (
+@pytest.mark.parametrize(
+    ("preset", "ending", "start"),
+    [
         ("forging", "png", b"\x89PNG"),
         ("override", "svg", b"<?xm"),
         ("batch_casting", "svg", b"<?xm"),
-    ):
-        path = tmp_path / "maps" / f"{preset}.{ending}"
-        assert main(["map", preset, "--wear", "0.15", "--hardness", "1.1", "--out", str(path)]) == 0
-        assert path.read_bytes().startswith(start)
+    ],
+)
+def test_maps_are_written(tmp_path: Path, preset: str, ending: str, start: bytes) -> None:
+    path = tmp_path / "maps" / f"{preset}.{ending}"
+    assert main(["map", preset, "--wear", "0.15", "--hardness", "1.1", "--out", str(path)]) == 0
+    assert path.read_bytes().startswith(start)
