@@ -27,7 +27,7 @@ def program(options: argparse.Namespace) -> int:
 
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
     python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
-    """  # noqa: E501 -- each example is one line, to be copied
+    """
     from turning_nc.play_command import play_program
 
     return play_program(options)

@@ -129,9 +129,7 @@ def outputs(text: str, **changed: Any) -> str:
 @pytest.fixture
 def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     """Return the function that reads the outputs of a line, after a request of the time 7.5."""
-    types = {
-        name: 0 for name in ("HAL_IN", "HAL_OUT", "HAL_FLOAT", "HAL_BIT", "HAL_S32", "HAL_U32")
-    }
+    types = dict.fromkeys(("HAL_IN", "HAL_OUT", "HAL_FLOAT", "HAL_BIT", "HAL_S32", "HAL_U32"), 0)
     monkeypatch.setitem(sys.modules, "hal", SimpleNamespace(**types))
     spec = importlib.util.spec_from_file_location("hal_bridge", BRIDGE)
     assert spec is not None
