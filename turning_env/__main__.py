@@ -1,7 +1,6 @@
 """Show and calibrate scenarios, predict cuts, play part programs, and score policies."""
 
 import argparse
-import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -162,6 +161,7 @@ def _warm_up(_: argparse.Namespace) -> int:
     """
     from turning_env.batch import driver
     from turning_env.numerics.compilation import machine_code_folder
+    from turning_env.rendering import fields
 
     for env_id in (*IDS, FAMILY_ID):
         for mode in ("sync", "vector_entry_point"):
@@ -169,10 +169,8 @@ def _warm_up(_: argparse.Namespace) -> int:
             envs.reset(seed=0)
             envs.step(envs.action_space.sample())
             envs.close()
-    sources = [Path(driver.__file__).parent]
-    for warm_up in provided("warm_up"):
-        warm_up()
-        sources.append(Path(inspect.getfile(warm_up)).parent)
+    fields.warm_up()
+    sources = [Path(driver.__file__).parent, Path(fields.__file__).parent]
     folders = [folder for folder in map(machine_code_folder, sources) if folder]
     for folder in folders:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

@@ -6,7 +6,7 @@ steps.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -17,7 +17,6 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
-from turning_env.extras import provided
 from turning_env.info import Info, info_of
 from turning_env.physics.quantities import ROW
 from turning_env.scenario import Source, presets
@@ -54,8 +53,10 @@ class BaseEnv:
         self.scenario = batch.scenario
         self.render_mode = render_mode
         if render_mode is not None:
-            (viewer,) = provided("viewer")
-            self._viewer = viewer(self, batch, rendered_envs)
+            # Imported when it is needed: Pillow and pygame are optional.
+            from turning_env.rendering.viewer import Viewer
+
+            self._viewer = Viewer(cast(Any, self), batch, rendered_envs)
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -38,15 +38,14 @@ Other distributions add theirs by entry points of the group ``turning_env.extras
 def provided(group: str) -> list[Any]:
     """Return the objects of installed packages for a group of entry points.
 
-    Groups: ``commands``, ``extras``, ``viewer``, ``warm_up`` and ``rules``. ModuleNotFoundError if
-    an optional package is missing.
+    Groups: ``commands`` and ``extras``. ModuleNotFoundError if an optional package is missing.
     """
     objects = []
     for entry in entry_points(group=f"turning_env.{group}"):
         try:
             objects.append(entry.load())
         except ModuleNotFoundError as error:
-            # The providing package itself may be absent: rules, for example, are in a clone only.
+            # The providing package itself may be gone, although its entry point is still there.
             if error.name != entry.module.partition(".")[0]:
                 raise
     return objects

@@ -4,16 +4,19 @@
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from turning_shop import aligned
-from turning_shop.prediction import Prediction
 from turning_shop.whatif import Cuts
 
+if TYPE_CHECKING:
+    # It imports SciPy, which commands load only if they need it.
+    from turning_shop.prediction import Prediction
 
-def records(cuts: Cuts, prediction: Prediction | None = None) -> list[dict[str, Any]]:
+
+def records(cuts: Cuts, prediction: "Prediction | None" = None) -> list[dict[str, Any]]:
     """Return one record per cut, in the units of ``Cuts``.
 
     Names of intervals end in _low and _high. Numbers that are not finite are None.
@@ -59,7 +62,7 @@ _TABLE = {
 }
 
 
-def table(cuts: Cuts, prediction: Prediction | None = None) -> Iterator[str]:
+def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     """Yield an aligned table with units, and with intervals if laws were fitted.
 
     A star marks cuts that extrapolate. The last column names the limits that are exceeded.
