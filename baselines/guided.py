@@ -61,7 +61,7 @@ _EDGE = np.dtype(
         ("change_commanded", np.bool_),  # at the last reading
     ]
 )
-"""What the rule remembers of the present edge."""
+"""The rule's memory of the present edge."""
 _FRESH = np.array((0.0, 0.0, 0.0, NO_HEAT, NO_HEAT, False), _EDGE)
 
 

@@ -56,7 +56,7 @@ class LifeLaw(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """What the policy expects ahead of the tool; arrays of shape (num_envs, points)."""
+    """Expectations of the policy ahead of the tool; arrays of shape (num_envs, points)."""
 
     outlook: Outlook
     cutting: Array  # 1 in metal, else 0

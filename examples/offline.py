@@ -106,7 +106,7 @@ def policy(name: str, env_id: str = ENV_ID, seeds: Sequence[int] = ()) -> Policy
 
 
 class Steps(NamedTuple):
-    """What a step of all environments returns; arrays have a first axis of environments."""
+    """Results of a step of all environments; arrays have a first axis of environments."""
 
     actions: NDArray[np.float32]
     rewards: NDArray[np.float64]  # [s]

@@ -60,7 +60,7 @@ MIN_USED_LIFE = 1e-6
 
 @dataclass(frozen=True)
 class HiddenSteps:
-    """What the simulator reveals after steps; arrays have shape (..., num_envs)."""
+    """Values that the simulator reveals after steps; arrays have shape (..., num_envs)."""
 
     before: NDArray[np.void]
     """``HIDDEN_STATE`` at the start."""
@@ -173,7 +173,7 @@ def prices_of(scenario: Scenario) -> Worth:
 
 
 class StepGain(NamedTuple):
-    """What steps gain, shape (steps, num_envs)."""
+    """Gains of steps, shape (steps, num_envs)."""
 
     gain: Tensor
     """Gain of each step [s], up to a constant."""

@@ -29,7 +29,7 @@ EXTRAS = {
     "-e '.[distributed]' in a clone": ("dask", "distributed", "psutil"),
     "-e '.[publish]' in a clone": ("huggingface_hub",),
 }
-"""What ``pip install`` takes, and the import names of the packages that it brings.
+"""Arguments of ``pip install``, and the import names of the packages that it brings.
 
 Other distributions add theirs by entry points of the group ``turning_env.extras``.
 """

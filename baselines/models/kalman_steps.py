@@ -93,7 +93,7 @@ MEMORY = np.dtype(
         ],
     )
 )
-"""What the filter keeps of an environment beside the estimate."""
+"""State of the filter of an environment, beside the estimate."""
 
 
 class Place(NamedTuple):

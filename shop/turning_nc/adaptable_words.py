@@ -26,7 +26,7 @@ NO_WORD = -1
 """Index in place of a word's where none sets a value."""
 
 Where = Literal["words", "blocks"]
-"""What changes: existing words, or every block, which gets words of its own."""
+"""Places of changes: existing words, or every block, which gets words of its own."""
 Indices = NDArray[np.int64]
 
 

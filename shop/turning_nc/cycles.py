@@ -1,4 +1,4 @@
-"""What a control keeps between the blocks of its cycles, and the sides that they turn."""
+"""State of a control between the blocks of its cycles, and the sides that they turn."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple

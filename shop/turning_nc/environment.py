@@ -38,7 +38,7 @@ MAX_LIMIT_RATIO = 1.3  # of speed limits within a section
 
 
 class Programmed(NamedTuple):
-    """What a program sets at a place of its path."""
+    """Values that a program sets at a place of its path."""
 
     cutting_speed: float  # [m/min]
     feed: float  # [mm/rev]

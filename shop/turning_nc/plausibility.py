@@ -49,7 +49,7 @@ def implausible(situation: Situation, played: Play) -> dict[str, str]:
 
 
 class _Findings:
-    """What is implausible, by names."""
+    """Implausible values of a program, by names."""
 
     def __init__(self, situation: Situation) -> None:
         self.texts: dict[str, str] = {}

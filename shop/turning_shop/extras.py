@@ -5,4 +5,4 @@ EXTRAS = {
     "'rough-turning-shop[programs]'": ("ezdxf", "shapely"),
     "'rough-turning-shop[opcua]'": ("asyncua",),
 }
-"""What ``pip install`` takes, and the import names of the packages that it brings."""
+"""Arguments of ``pip install``, and the import names of the packages that it brings."""

@@ -88,7 +88,15 @@ _ODD_VALUES: tuple[Any, ...] = (
         {},
         {"": None},
     ),
-    *("If", "Loop", "Constant", "Reshape", "Expand", "observation", "memory", "action", "ai.onnx"),
+    "If",
+    "Loop",
+    "Constant",
+    "Reshape",
+    "Expand",
+    "observation",
+    "memory",
+    "action",
+    "ai.onnx",
 )
 FORMS: dict[str, tuple[Callable[[bytes], Any], Callable[[Any], bytes]]] = {
     ".toml": (

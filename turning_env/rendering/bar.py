@@ -59,7 +59,7 @@ apart."""
 
 
 class _Layer(NamedTuple):
-    """What the layers of the bar, cut and uncut, were drawn for."""
+    """Key of the layers of the bar, cut and uncut: the state for which they were drawn."""
 
     key: tuple[int, int]  # seed and episode
     bar: int

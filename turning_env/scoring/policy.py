@@ -151,4 +151,4 @@ _KNOWLEDGE = {
     "true_forms": " with true forms",
     "true_laws": " with true laws",
 }
-"""What a title says of a policy that ``knows`` more than the nominal model."""
+"""Words in the title of a policy that ``knows`` more than the nominal model."""

@@ -126,7 +126,7 @@ def canonical(program: str, folder: Path) -> list[Canonical]:
 
 @dataclass
 class _State:
-    """What canonical commands have set, and the moves that they make."""
+    """State that canonical commands have set, and the moves that they make."""
 
     moves: list[Canonical] = field(default_factory=list)
     here: tuple[float, float] = (0.0, 0.0)

@@ -31,7 +31,7 @@ def cuts(text: str) -> list[tuple[float, float]]:
 
 
 class Effect(NamedTuple):
-    """What a move does, without places in the program's text."""
+    """The effect of a move, without places in the program's text."""
 
     kind: str
     end: Point
