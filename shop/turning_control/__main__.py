@@ -180,7 +180,7 @@ def _shield(options: argparse.Namespace) -> int:
     python -m turning_control shield
     python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
     """
-    LOG.setLevel(logging.ERROR)  # hand-overs are counted
+    LOG.setLevel(logging.ERROR)  # takeovers are counted
     measured = list(
         measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target))
     )
@@ -203,7 +203,7 @@ def _attack(options: argparse.Namespace) -> int:
         raise UserError(
             "--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more"
         )
-    LOG.setLevel(logging.ERROR)  # hand-overs are counted
+    LOG.setLevel(logging.ERROR)  # takeovers are counted
     scenario = Scenario.load(IDS[options.env])
     budget = adversary.Budget(
         candidates=options.candidates,

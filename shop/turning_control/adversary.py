@@ -304,7 +304,7 @@ def table(attacks: Sequence[Attack]) -> str:
         "Over 5 % [% of cutting time]",
         "Edges broken",
         "MRR [cm3/min]",
-        "Handed over",
+        "Takeovers",
     )
     rows = []
     for attack in attacks:
@@ -318,7 +318,7 @@ def table(attacks: Sequence[Attack]) -> str:
             severe,
             f"{figures.edges_broken}",
             removal,
-            f"{figures.handed_over}",
+            f"{figures.takeovers}",
         )
         rows.append(row)
     return markdown(heads, rows)

@@ -93,7 +93,7 @@ class Controller:
         self.start()
 
     def start(self) -> None:
-        """Start anew with a fresh edge: after the operator's release of a hand-over, or a new job."""
+        """Start anew with a fresh edge: after the operator has released the shield, or for a new job."""
         control = self._scenario.control
         self._set(
             commanded_cutting_speed=control.initial_cutting_speed,
@@ -153,8 +153,8 @@ class Controller:
         return commands
 
     def _decided(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
-        if self._shield.handed_over[0]:
-            return Commands(0.0, 1.0, Status.OPERATOR, "handed over")
+        if self._shield.takeover[0]:
+            return Commands(0.0, 1.0, Status.OPERATOR, "takeover")
         turns = (
             self._scenario.machine.cutting_speed_min
             * 1000.0
@@ -179,7 +179,7 @@ class Controller:
         speed, feed = commanded(action, *before, self._scenario)
         self._set(commanded_cutting_speed=speed[0], commanded_feed=feed[0])
         reason = self._shield.reasons[0]
-        if self._shield.handed_over[0]:
+        if self._shield.takeover[0]:
             return Commands(0.0, 1.0, Status.OPERATOR, reason)
         status = (
             Status.SAFE

@@ -32,7 +32,7 @@ class Result(NamedTuple):
     edges_broken: int
     removal_rate: float  # [cm3/min]
     overridden: float  # share of decisions in which the shield changed the action [-]
-    handed_over: int  # episodes that ended early because the shield handed over to the operator; the figures count until then
+    takeovers: int  # episodes that ended early because the operator took over; the figures count until then
 
 
 SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
@@ -78,14 +78,14 @@ def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) ->
 
 @dataclass(frozen=True)
 class Guarded:
-    """Figures of a policy's episodes, until they end or the shield hands over."""
+    """Figures of a policy's episodes, until they end or the operator takes over."""
 
     episodes: int
     severe: float  # share of cutting time with an excess above the tolerance, 5 % [-]
     edges_broken: int
     removal_rate: float  # [cm3/min]
     overridden: float  # share of decisions in which the shield changed the action [-]
-    handed_over: int  # episodes that ended early because the shield handed over to the operator
+    takeovers: int  # episodes that ended early because the operator took over
 
 
 class Played:
@@ -93,7 +93,7 @@ class Played:
 
     def __init__(self, num_envs: int) -> None:
         self.sums = {name: np.zeros(num_envs) for name in SUMS}
-        self.handed_over, self.changed, self.decisions = np.zeros((3, num_envs), np.int64)
+        self.takeovers, self.changed, self.decisions = np.zeros((3, num_envs), np.int64)
 
     def total(self, environments: slice = slice(None)) -> Guarded:
         """Return the figures of some environments together."""
@@ -106,7 +106,7 @@ class Played:
             overridden=float(
                 self.changed[environments].sum() / max(self.decisions[environments].sum(), 1)
             ),
-            handed_over=int(self.handed_over[environments].sum()),
+            takeovers=int(self.takeovers[environments].sum()),
         )
 
 
@@ -128,8 +128,8 @@ def play_guarded(
     while running.any():
         actions = policy.act(observations)
         if isinstance(policy, Shield):  # the operator has stopped the machine
-            played.handed_over += running & policy.handed_over
-            running = running & ~policy.handed_over
+            played.takeovers += running & policy.takeover
+            running = running & ~policy.takeover
             played.changed += running & (np.array(policy.reasons) != "passed")
             played.decisions += running
         observations, _, terminated, truncated, infos = env.step(actions)
@@ -169,7 +169,7 @@ def _measured(
         edges_broken=figures.edges_broken,
         removal_rate=figures.removal_rate,
         overridden=figures.overridden,
-        handed_over=figures.handed_over,
+        takeovers=figures.takeovers,
     )
 
 
@@ -186,13 +186,13 @@ def table(measured: Iterable[Result]) -> str:
     rows = []
     for row in measured:
         shield = (
-            ("yes", f"{100 * row.overridden:.0f}", f"{row.handed_over}")
+            ("yes", f"{100 * row.overridden:.0f}", f"{row.takeovers}")
             if row.shielded
             else ("no", "", "")
         )
         figures = f"{100 * row.severe:.3f}", f"{row.edges_broken}", f"{row.removal_rate:.1f}"
         rows.append((row.env_id, row.policy, shield[0], *figures, *shield[1:]))
-    return markdown((*heads, "Overridden [%]", "Handed over"), rows)
+    return markdown((*heads, "Overridden [%]", "Takeovers"), rows)
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -8,7 +8,7 @@ It knows the observations and the nominal model, as the policy does, and works i
    between the actual and the commanded speed, at the next step of depth, and at the start of the
    next bar. If a nearby speed allows the requested removal rate, the shield takes it. A reading
    that proves an overload by itself lowers the feed at once.
-3. **Hand-over.** The operator takes over after several refused answers in a row, or if no speed
+3. **Takeover.** The operator takes over after several refused answers in a row, or if no speed
    and feed keeps the limits now or in the next bar.
 
 The expected loads and the feeds that they allow come from ``observer.py``.
@@ -65,10 +65,10 @@ class Shield(Policy):
     actions command whole parts.
 
     Attributes:
-        handed_over: whether the operator has taken over, shape (num_envs,). The safe feed then
+        takeover: whether the operator has taken over, shape (num_envs,). The safe feed then
             holds until ``reset``.
         reasons: the last decision's reason in each environment: ``passed``, ``power``, ``force``,
-            ``rise``, one of ``REFUSALS`` or ``handed over``.
+            ``rise``, one of ``REFUSALS`` or ``takeover``.
         place: tool position along the bar [mm], below 0 before it, shape (num_envs,); set it before
             ``act`` if it is known. None: the shield integrates the feed.
     """
@@ -90,7 +90,7 @@ class Shield(Policy):
         self._policy = policy
         self._scenario = scenario.nominal()
         self._settings = settings
-        self.handed_over = np.zeros(num_envs, np.bool_)
+        self.takeover = np.zeros(num_envs, np.bool_)
         self.reasons = ["passed"] * num_envs
         self._refused = np.zeros(num_envs, np.int64)  # answers in a row
         self._hopeless = np.zeros(num_envs, np.int64)  # steps in a row
@@ -98,7 +98,7 @@ class Shield(Policy):
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
         self._policy.reset(mask)
-        self.handed_over &= ~mask
+        self.takeover &= ~mask
         self._refused[mask] = 0
         self._hopeless[mask] = 0
         self._observer.reset(mask)
@@ -108,17 +108,17 @@ class Shield(Policy):
         actions, refusals = self._answers(observations)
         refused = refusals != ""
         self._refused = np.where(refused, self._refused + 1, 0)
-        self._hand_over(self._refused >= PATIENCE, "no valid answers")
+        self._take_over(self._refused >= PATIENCE, "no valid answers")
 
-        safe = refused | self.handed_over
+        safe = refused | self.takeover
         actions[safe] = self._safe_actions(reading)[safe]
         # The limits hold for the safe feed, too: it may be too high for a hard bar.
         actions, limited_by = self._limited(actions, reading)
 
         # The first reason that applies is the one that counts.
         self.reasons = np.select(
-            [refused, self.handed_over, limited_by != ""],
-            [refusals, "handed over", limited_by],
+            [refused, self.takeover, limited_by != ""],
+            [refusals, "takeover", limited_by],
             default="passed",
         ).tolist()
         return actions
@@ -150,10 +150,10 @@ class Shield(Policy):
         actions = np.clip(actions, -1.0, 1.0).astype(np.float32)
         return actions, np.where(finite, "", "not finite")
 
-    def _hand_over(self, where: NDArray[np.bool_], reason: str) -> None:
-        for env_index in np.flatnonzero(where & ~self.handed_over):
+    def _take_over(self, where: NDArray[np.bool_], reason: str) -> None:
+        for env_index in np.flatnonzero(where & ~self.takeover):
             LOG.warning("environment %d: the operator takes over: %s", env_index, reason)
-        self.handed_over |= where
+        self.takeover |= where
 
     def _safe_actions(self, reading: Reading) -> Actions:
         """Return the actions that command the safe feed at the programmed speed."""
@@ -221,7 +221,7 @@ class Shield(Policy):
     def _find_help(
         self, actions: Actions, hopeless: NDArray[np.bool_], blocked: NDArray[np.bool_]
     ) -> NDArray[np.bool_] | None:
-        """Return which edges to change, and hand over where only the operator can help.
+        """Return which edges to change; the operator takes over where no edge can help.
 
         Args:
             actions: the policy's actions, shape (num_envs, size).
@@ -240,8 +240,8 @@ class Shield(Policy):
             change_edge = (actions[:, -1] > 0.0) | stuck | blocked
             stuck &= hopeless_time >= 2.0 * HOPELESS
             blocked = np.zeros_like(blocked)
-        self._hand_over(stuck, "no speed and feed keep the limits")
-        self._hand_over(blocked, "no speed and feed would keep the limits in the next cut")
+        self._take_over(stuck, "no speed and feed keep the limits")
+        self._take_over(blocked, "no speed and feed would keep the limits in the next cut")
         return change_edge
 
     def _lead_of_drive(self, bound: Values, feed: Values) -> Values:

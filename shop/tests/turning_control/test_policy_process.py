@@ -82,7 +82,7 @@ def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(modul
     assert time.monotonic() - begun < 10.0
     for _ in range(PATIENCE):
         shield.act(observed())
-    assert shield.handed_over.all()
+    assert shield.takeover.all()
 
 
 @pytest.mark.slow

@@ -52,9 +52,9 @@ def test_wrong_answers_command_the_safe_feed_and_then_the_operator(answer: Any) 
         actions = shield.act(observations)
         assert np.isfinite(actions).all()
         np.testing.assert_allclose(actions[:, 1], max(expected, -1.0))
-    assert shield.handed_over.all()
+    assert shield.takeover.all()
     shield.reset(np.array([True, False]))
-    assert shield.handed_over.tolist() == [False, True]
+    assert shield.takeover.tolist() == [False, True]
 
 
 def test_a_wrong_row_leaves_the_others_alone_and_a_late_answer_none() -> None:
