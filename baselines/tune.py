@@ -37,7 +37,7 @@ from baselines import tuned
 from baselines.catalogue import RULES, names, playable
 from baselines.rule import Parameters, Range, Rule
 from turning_env import MODEL_VERSION, Scenario, presets
-from turning_env.console import described, exits
+from turning_env.console import described, exits, positive
 from turning_env.files import file_lock, folder_lock, replace_file
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.seeds import tuning_seeds
@@ -359,11 +359,14 @@ def _parser() -> argparse.ArgumentParser:
         help=f"tune for about a minute: {quick}, and only {worth_tuning}",
     )
     parser.add_argument(
-        "--trials", type=int, metavar="N", help="parameter sets to try for each rule (default: 64)"
+        "--trials",
+        type=positive,
+        metavar="N",
+        help="parameter sets to try for each rule (default: 64)",
     )
     parser.add_argument(
         "--seeds",
-        type=int,
+        type=positive,
         metavar="N",
         help="tuning seeds on which each trial plays (default: 32)",
     )
@@ -380,7 +383,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--jobs",
-        type=int,
+        type=positive,
         default=1,
         metavar="N",
         help="number of processes, one rule each (default: 1)",
@@ -390,10 +393,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def _budget(parsed: argparse.Namespace) -> dict[str, int]:
     """Return the budget that a command line asks for."""
-    for option in ("trials", "seeds", "jobs"):
-        number = getattr(parsed, option)
-        if number is not None and number < 1:
-            raise ValueError(f"{number} {option} asked for, but there must be 1 or more")
     budget = dict(QUICK if parsed.quick else BUDGET)
     if parsed.trials is not None:
         budget["trials"] = parsed.trials

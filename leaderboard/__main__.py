@@ -26,7 +26,7 @@ from leaderboard.result import (
 )
 from train.agents.agent_file import NAME
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario, ScenarioError
-from turning_env.console import DONE, FAILED, described, exits, print_json, printable
+from turning_env.console import DONE, FAILED, described, exits, positive, print_json, printable
 from turning_env.files import digest_of
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds
@@ -664,13 +664,6 @@ def _like(pattern: str, meaning: str) -> Callable[[str], str]:
         return text
 
     return checked
-
-
-def positive(text: str) -> int:
-    """Return a whole number above 0, as an argparse type."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return int(text)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,12 @@ from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from leaderboard.__main__ import positive
 from leaderboard.family import FamilyPlay, family_task
 from leaderboard.policies import agents, named
 from leaderboard.result import ResultError, Task
 from train.agents.agent_file import ONNX_SUFFIX
 from turning_env import FAMILY_ID, IDS, Scenario
-from turning_env.console import DONE, described, exits
+from turning_env.console import DONE, described, exits, positive
 from turning_env.files import replace_file
 from turning_env.scoring.policy import PolicySpec
 

@@ -44,7 +44,7 @@ from train import ppo, tune
 from train.run import Run
 from train.training import train
 from turning_env import RoughTurningEnv, RoughTurningVectorEnv, Scenario
-from turning_env.console import described, exits
+from turning_env.console import described, exits, positive
 
 Program = Callable[
     [Path], int
@@ -54,6 +54,7 @@ SCENARIO = Scenario.model_validate(
     {"name": "short", "tool": {"wear_criterion": 0.1}, "control": {"time_limit": 2.0}}
 )
 LOG = ".log"  # output of a program, in its folder
+MIN_STEPS = 10_000  # of a batch: memory counts from a tenth of them on, at least one call of step
 MAX_GROWTH = 8_000_000  # growth of memory that is tolerated [bytes]
 MAX_SECONDS = 600.0  # time after which a program counts as hung [s]
 MAX_ORPHAN_SECONDS = 30.0  # time within which the processes of a killed program must end [s]
@@ -341,7 +342,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", choices=("kills", "steps"), help="run this part alone")
     parser.add_argument(
         "--kills",
-        type=int,
+        type=positive,
         default=20,
         metavar="N",
         help="kills of each program (default: %(default)s)",
@@ -354,9 +355,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="steps of a batch (default: %(default)s)",
     )
     parsed = parser.parse_args(arguments)
-    for name, least in (("kills", 1), ("steps", 10_000)):
-        if (value := getattr(parsed, name)) < least:
-            parser.error(f"--{name} is {value}, but must be at least {least}")
+    if parsed.steps < MIN_STEPS:
+        parser.error(f"--steps is {parsed.steps}, but must be at least {MIN_STEPS}")
     held = True
     if parsed.only != "steps":
         held &= _kill_all(parsed.kills, Random(0))

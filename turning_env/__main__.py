@@ -9,7 +9,7 @@ from pathlib import Path
 import gymnasium
 
 from turning_env import FAMILY_ID, IDS, score
-from turning_env.console import UserError, described, exits, print_json
+from turning_env.console import UserError, described, exits, positive, print_json
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scoring.sandbox import LIMITS
@@ -66,13 +66,13 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seeds",
-        type=int,
+        type=positive,
         metavar="N",
         help="number of held-out seeds (default: those of the leaderboard)",
     )
     parser.add_argument(
         "--agent-time",
-        type=int,
+        type=positive,
         default=LIMITS.computing,
         metavar="SECONDS",
         help="processor time that an ONNX file may use for all episodes (default: %(default)s)",

@@ -88,6 +88,13 @@ def number_within(low: float, high: float, unit: str) -> Callable[[str], float]:
     return number
 
 
+def positive(text: str) -> int:
+    """Return a whole number above 0, as an argparse type."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
 def picture_path(text: str) -> Path:
     """Return the path of a picture, as an argparse type: its suffix must name a format."""
     path = Path(text)
