@@ -1,11 +1,12 @@
 """Part programs to try: grammatical ones with odd numbers, and valid ones that are damaged."""
 
+from collections.abc import Sequence
 from random import Random
 
 from shop.examples.adapt_programs import COLLECTION, path_of
 from shop.tests.turning_nc.programs import EVERYDAY, ISO, SIEMENS
 
-NUMBERS: tuple[str, ...] = (
+NUMBERS = (
     "0",
     "-0",
     "0.",
@@ -21,49 +22,54 @@ NUMBERS: tuple[str, ...] = (
     "35.",
     "60.",
     "62.",
+    "-150.",
+    "1000",
+    "99999",
+    "0.0001",
+    "-0.0000001",
+    "123456789.",
+    "1e300",
+    "-1e5",
+    "9" * 400,
+    "." + "0" * 400 + "1",
+    "0x1F",
+    "1.2.3",
+    "--5",
+    "+",
+    "inf",
 )
-NUMBERS += ("-150.", "1000", "99999", "0.0001", "-0.0000001", "123456789.")
-NUMBERS += ("1e300", "-1e5", "9" * 400, "." + "0" * 400 + "1", "0x1F", "1.2.3", "--5", "+", "inf")
 EXPRESSIONS = (
-    *(
-        "#1",
-        "#1-#1",
-        "1/0",
-        "#1/#2",
-        "5 MOD 0",
-        "ABS[]",
-        "SQRT[-1]",
-        "LN[0]",
-        "LN[-1]",
-        "EXP[1000]",
-        "TAN[90]",
-        "ACOS[2]",
-    ),
-    *(
-        "SIN[#1]",
-        "1,2",
-        "ROUND[0.5]",
-        "FIX[1/0]",
-        "#999999",
-        "#0",
-        "1 GT 2",
-        "1 EQ 1 AND 2",
-        "#1*#1",
-        "9" * 400,
-    ),
-    *(
-        "9*" * 40 + "9",
-        "[" * 60 + "1" + "]" * 60,
-        "-" * 50 + "1",
-        "FUP[" + "9" * 320 + "]",
-        "0*9" + "9" * 310,
-    ),
+    "#1",
+    "#1-#1",
+    "1/0",
+    "#1/#2",
+    "5 MOD 0",
+    "ABS[]",
+    "SQRT[-1]",
+    "LN[0]",
+    "LN[-1]",
+    "EXP[1000]",
+    "TAN[90]",
+    "ACOS[2]",
+    "SIN[#1]",
+    "1,2",
+    "ROUND[0.5]",
+    "FIX[1/0]",
+    "#999999",
+    "#0",
+    "1 GT 2",
+    "1 EQ 1 AND 2",
+    "#1*#1",
+    "9" * 400,
+    "9*" * 40 + "9",
+    "[" * 60 + "1" + "]" * 60,
+    "-" * 50 + "1",
+    "FUP[" + "9" * 320 + "]",
+    "0*9" + "9" * 310,
 )
 PLAIN = ("10.", "-5.", "20.", "#1", "2*3", "40.-#1", "[#1+1.]*2.")
-LENGTHS, INTEGERS = (
-    ("X", "Z", "U", "W", "I", "K", "R", "F", ",C", ",R", "A", ",A"),
-    ("M", "S", "T", "P", "Q", "L", "D", "N", "G", "O"),
-)
+LENGTHS = ("X", "Z", "U", "W", "I", "K", "R", "F", ",C", ",R", "A", ",A")
+INTEGERS = ("M", "S", "T", "P", "Q", "L", "D", "N", "G", "O")
 MOTIONS = (
     "G0",
     "G1",
@@ -123,90 +129,32 @@ TOOLS = (
     "drill:8",
     None,
 )
-_NOISE = (*"();[]#=/%-.09,\0\ufeff\r\n\t\u2028é", '"', "N1", "M99")
+NOISE = (*"();[]#=/%-.09,\0\ufeff\r\n\t\u2028é", '"', "N1", "M99")
+
+FANUC_HEAD = "G21 G99 T0101\nG50 S3000\nG96 S150 M3\n#1=5.\nG0 X62. Z2.\nF0.2\n"
+FANUC_TAIL = "M30\nO2\nG1 U-1. Z-5.\nG0 Z2.\nM99\n"
+SINUMERIK_HEAD = (
+    "%_N_T_MPF\nG90 G95 G71 DIAMON T1 D1\nG96 S150 LIMS=2500 F0.2 M4\nR1=5 R2=1\nG0 X62 Z2\n"
+)
+SINUMERIK_TAIL = (
+    "M30\n%_N_C_SPF\nG1 X30 Z0\nZ-20\nX50 Z-30\nM17\n%_N_L5_SPF\nG1 X40 Z-5\nG0 X62\nRET\n"
+)
+
+
+def any_program(random: Random) -> str:
+    """Return a grammatical program, or a damaged one."""
+    if random.random() < 0.6:
+        return program(random)
+    return damaged(valid(random), random)
 
 
 def program(random: Random) -> str:
-    """Return a program of some lines, in either dialect."""
+    """Return a program of some lines, in either dialect, sometimes damaged."""
     if random.random() < 0.35:
-        head = (
-            "%_N_T_MPF\nG90 G95 G71 DIAMON T1 D1\nG96 S150 LIMS=2500 F0.2 M4\n"
-            "R1=5 R2=1\nG0 X62 Z2\n"
-        )
-        tail = (
-            "M30\n%_N_C_SPF\nG1 X30 Z0\nZ-20\nX50 Z-30\nM17\n%_N_L5_SPF\nG1 X40 Z-5\nG0 X62\nRET\n"
-        )
-        cycles: tuple[str, ...] = SINUMERIK_CYCLES
+        text = SINUMERIK_HEAD + _lines(SINUMERIK_CYCLES, random) + SINUMERIK_TAIL
     else:
-        head, tail = (
-            "G21 G99 T0101\nG50 S3000\nG96 S150 M3\n#1=5.\nG0 X62. Z2.\nF0.2\n",
-            "M30\nO2\nG1 U-1. Z-5.\nG0 Z2.\nM99\n",
-        )
-        cycles = CYCLES
-    lines = []
-    for _ in range(random.randint(1, 8)):
-        lines.append(
-            _with_odd_number(random.choice(cycles), random)
-            if random.random() < 0.35
-            else _block(random)
-        )
-    text = head + "\n".join(lines) + "\n" + tail
+        text = FANUC_HEAD + _lines(CYCLES, random) + FANUC_TAIL
     return damaged(text, random) if random.random() < 0.3 else text
-
-
-def _block(random: Random) -> str:
-    words = [random.choice(MOTIONS)] if random.random() < 0.8 else []
-    for _ in range(random.randint(0, 4)):
-        address = random.choice(LENGTHS if random.random() < 0.8 else INTEGERS)
-        words.append(address + _value(random))
-    return " ".join(words)
-
-
-def _value(random: Random) -> str:
-    kind = random.random()
-    if kind < 0.6:
-        return (
-            f"{random.uniform(-70.0, 70.0):.3f}"
-            if random.random() < 0.7
-            else str(random.randint(0, 300))
-        )
-    if kind < 0.75:
-        return random.choice(NUMBERS)
-    return f"[{random.choice(EXPRESSIONS if random.random() < 0.6 else PLAIN)}]"
-
-
-def _with_odd_number(text: str, random: Random) -> str:
-    """Return a text with one of its numbers replaced, or as it is."""
-    places = [place for place, letter in enumerate(text) if letter.isdigit()]
-    if random.random() < 0.4 or not places:
-        return text
-    first = last = random.choice(places)
-    while last < len(text) and (text[last].isdigit() or text[last] == "."):
-        last += 1
-    return (
-        text[:first]
-        + (random.choice(NUMBERS) if random.random() < 0.7 else f"{random.uniform(-99, 99):.2f}")
-        + text[last:]
-    )
-
-
-def damaged(text: str, random: Random) -> str:
-    """Return a text with some places changed, repeated or cut out."""
-    for _ in range(random.randint(1, 4)):
-        place = random.randrange(len(text) + 1)
-        kind = random.randrange(5)
-        if kind == 0:
-            text = text[:place] + random.choice(_NOISE) + text[place:]
-        elif kind == 1:
-            text = text[:place] + text[place + random.choice((1, 1, 3, 30)) :]
-        elif kind == 2:
-            other = random.randrange(len(text) + 1)
-            text = text[:place] + text[other : other + random.choice((2, 10, 60))] + text[place:]
-        elif kind == 3:
-            text = text[:place] + random.choice(NUMBERS) + text[place:]
-        else:
-            text = text[:place] + f"[{random.choice(EXPRESSIONS)}]" + text[place:]
-    return text
 
 
 def valid(random: Random) -> str:
@@ -217,6 +165,72 @@ def valid(random: Random) -> str:
     return random.choice([*everyday, ISO, SIEMENS])
 
 
-def any_program(random: Random) -> str:
-    """Return a grammatical program, or a damaged one."""
-    return program(random) if random.random() < 0.6 else damaged(valid(random), random)
+def damaged(text: str, random: Random) -> str:
+    """Return a text with some places changed, repeated or cut out."""
+    for _ in range(random.randint(1, 4)):
+        place = random.randrange(len(text) + 1)
+        before = text[:place]
+        after = text[place:]
+        kind = random.choice(("noise", "gap", "repetition", "number", "expression"))
+        if kind == "noise":
+            text = before + random.choice(NOISE) + after
+        elif kind == "gap":
+            text = before + after[random.choice((1, 1, 3, 30)) :]
+        elif kind == "repetition":
+            start = random.randrange(len(text) + 1)
+            length = random.choice((2, 10, 60))
+            text = before + text[start : start + length] + after
+        elif kind == "number":
+            text = before + random.choice(NUMBERS) + after
+        else:
+            text = before + f"[{random.choice(EXPRESSIONS)}]" + after
+    return text
+
+
+def _lines(cycles: Sequence[str], random: Random) -> str:
+    """Return some blocks and cycles."""
+    lines = []
+    for _ in range(random.randint(1, 8)):
+        if random.random() < 0.35:
+            lines.append(_with_odd_number(random.choice(cycles), random))
+        else:
+            lines.append(_block(random))
+    return "\n".join(lines) + "\n"
+
+
+def _block(random: Random) -> str:
+    """Return a block of up to five words."""
+    words = []
+    if random.random() < 0.8:
+        words.append(random.choice(MOTIONS))
+    for _ in range(random.randint(0, 4)):
+        addresses = LENGTHS if random.random() < 0.8 else INTEGERS
+        words.append(random.choice(addresses) + _value(random))
+    return " ".join(words)
+
+
+def _value(random: Random) -> str:
+    """Return the value of a word: mostly a number that a machine can reach."""
+    kind = random.random()
+    if kind < 0.6:
+        if random.random() < 0.7:
+            return f"{random.uniform(-70.0, 70.0):.3f}"
+        return str(random.randint(0, 300))
+    if kind < 0.75:
+        return random.choice(NUMBERS)
+    expressions = EXPRESSIONS if random.random() < 0.6 else PLAIN
+    return f"[{random.choice(expressions)}]"
+
+
+def _with_odd_number(text: str, random: Random) -> str:
+    """Return a text with one of its numbers replaced, or as it is."""
+    places = [place for place, letter in enumerate(text) if letter.isdigit()]
+    if random.random() < 0.4 or not places:
+        return text
+    first = random.choice(places)
+    last = first
+    while last < len(text) and (text[last].isdigit() or text[last] == "."):
+        last += 1
+    is_odd = random.random() < 0.7
+    number = random.choice(NUMBERS) if is_odd else f"{random.uniform(-99, 99):.2f}"
+    return text[:first] + number + text[last:]
