@@ -26,6 +26,7 @@ from baselines.optimiser import plays
 from baselines.rule import Array, Mask
 from turning_env import FamilyEnv, FamilyVectorEnv, Reading, Scenario
 from turning_env.numerics.functions import log
+from turning_env.numerics.wear_term import log_wear_term, term_over_criterion
 from turning_env.observation import read
 from turning_env.physics.quantities import layout
 from turning_env.scenario.scenario import flat
@@ -189,11 +190,16 @@ class Belief:
         loads = []
         for law, limit in ((FORCE, limits.thrust_force), (POWER, limits.power)):
             log_coefficient = parameters["log_coefficients"][:, law]
-            at_criterion = log_coefficient + parameters["wear_exponents"][:, law] * log_criterion
+            growth = parameters["wear_growths"][:, law]
+            term_at_criterion = log_wear_term(growth, log_criterion)
+            at_criterion = (
+                log_coefficient + parameters["wear_exponents"][:, law] * term_at_criterion
+            )
+            term = term_over_criterion(growth * parameters["wear_criterion"], log_wear)
             by_place = (
                 exponents.speed[law] * log_speed
                 + exponents.feed[law] * log_feed
-                + exponents.wear[law] * log_wear
+                + exponents.wear[law] * term
             )
             loads.append(at_criterion - log(limit) + by_place)
         return loads[FORCE], loads[POWER]

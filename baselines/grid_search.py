@@ -20,7 +20,7 @@ from turning_env import Scenario, read
 from turning_env.action import sets_speed_and_feed, towards
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import real_power
-from turning_env.physics.machinability import force_and_power, log_wear_coefficient
+from turning_env.physics.machinability import loads_with_fresh_share, log_wear_coefficient
 from turning_env.physics.records import parameter_records
 from turning_env.physics.spindle import capacity, idle_power
 from turning_env.physics.wear import advance_used_life, log_wear
@@ -94,7 +94,7 @@ def predict(parameters, speed, feed, used_life, start, end):
     log_coefficient = log_wear_coefficient(parameters, 0, log_speed, log_feed, log_depth, 0.0)
     used_life = advance_used_life(parameters, 0, used_life, log_coefficient, start, end)
     wear = log_wear(parameters, 0, used_life)
-    force, power = force_and_power(parameters, 0, log_speed, log_feed, log_depth, wear, 0.0)
+    force, power = loads_with_fresh_share(parameters, 0, log_speed, log_feed, log_depth, wear, 0.0)
     return used_life, force, power + idle_power(parameters, 0, speed)
 
 

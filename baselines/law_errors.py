@@ -23,6 +23,7 @@ from turning_env import Family, ScenarioError
 from turning_env.console import described, exits
 from turning_env.files import replace_file
 from turning_env.numerics.functions import log
+from turning_env.numerics.wear_term import log_wear_term, wear_term_slope
 from turning_env.scenario.family import CHUNK, DrawnJobs
 from turning_env.scenario.power_law import log_response
 
@@ -53,9 +54,22 @@ def errors_of(jobs: DrawnJobs) -> Array:
         columns.append(_log_error(jobs, law))
         columns.append(error(law, "cutting_speed"))
         columns.append(error(law, "feed"))
-        columns.append(error(law, "wear"))
+        columns.append(_wear_error(jobs, law))
     num_jobs = len(jobs.plan.life)
     return np.stack([np.broadcast_to(column, num_jobs) for column in columns], axis=1)
+
+
+def _wear_error(jobs: DrawnJobs, name: str) -> Any:
+    """Return the error of the exponent of a nominal law's wear term.
+
+    If the laws have different terms, their slopes over log wear agree at half the criterion.
+    """
+    true = getattr(jobs.true.material, name)
+    nominal = getattr(jobs.nominal.material, name)
+    log_wear = log(0.5 * jobs.true.tool.wear_criterion)
+    true_slope = wear_term_slope(true.wear_growth, log_wear)
+    nominal_slope = wear_term_slope(nominal.wear_growth, log_wear)
+    return true.wear * (true_slope / nominal_slope) - nominal.wear
 
 
 def _log_error(jobs: DrawnJobs, law: str) -> Any:
@@ -65,13 +79,15 @@ def _log_error(jobs: DrawnJobs, law: str) -> Any:
     criterion = jobs.true.tool.wear_criterion
     responses = {}
     for name, model in (("true", jobs.true), ("nominal", jobs.nominal)):
+        power_law = getattr(model.material, law)
+        log_wear = 0.0 if law == "wear" else log(0.5 * criterion)
         responses[name] = log_response(
-            getattr(model.material, law),
+            power_law,
             log(control.initial_cutting_speed),
             log_feed=log(control.initial_feed),
             log_depth_of_cut=log(depth),
             log_time=0.0,
-            log_wear=0.0 if law == "wear" else log(0.5 * criterion),
+            log_wear_term=log_wear_term(power_law.wear_growth, log_wear),
             log_hardness=0.0,
         )
     return responses["true"] - responses["nominal"]

@@ -149,6 +149,9 @@ class Optimiser(Policy):
         laws["power_speed"] = exponents.speed[POWER]
         laws["power_feed"] = exponents.feed[POWER]
         laws["power_life"] = parameters["wear_time"] * exponents.wear[POWER]
+        growth = self._filter.worn_out_growths
+        laws["force_growth"] = growth[FORCE]
+        laws["power_growth"] = growth[POWER]
         prices = np.empty(len(used_life), PRICES)
         price_life(parameters, laws, used_life, prices)
         return prices
@@ -263,6 +266,10 @@ class Optimiser(Policy):
         environments["power_speed"] = exponents.speed[POWER]
         environments["power_feed"] = exponents.feed[POWER]
         environments["power_wear"] = exponents.wear[POWER]
+        # The wear of this edge is that of the nominal model times its wear factor.
+        growth = self._filter.worn_out_growths * exp(self._filter.log_wear_factor)
+        environments["force_growth"] = growth[FORCE]
+        environments["power_growth"] = growth[POWER]
         return environments
 
     def _max_speed(self, used_life: Array) -> Any:

@@ -367,13 +367,16 @@ class _Law:
         log_wear: Any,
         log_hardness: Tensor,
     ) -> Tensor:
+        growth = self._law.wear_growth
+        # U = W, or 1 + b W (``turning_env/numerics/wear_term.py``).
+        term = (1.0 + growth * log_wear.exp()).log() if growth > 0.0 else log_wear
         response: Tensor = log_response(
             self._law,
             log_cutting_speed=log_speed,
             log_feed=log_feed,
             log_depth_of_cut=log_depth,
             log_time=0.0,
-            log_wear=log_wear,
+            log_wear_term=term,
             log_hardness=log_hardness,
         )
         return response

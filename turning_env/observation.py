@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from turning_env.numerics.compilation import compiled, env_range
 from turning_env.numerics.functions import exp, expm1, log
 from turning_env.physics.drives import force_from_current, steady_current
-from turning_env.physics.machinability import force_and_power
+from turning_env.physics.machinability import force_and_power, loads_with_fresh_share
 from turning_env.physics.quantities import (
     DEVIATION_SCALE,
     MAX_LOG_TIME,
@@ -70,8 +70,12 @@ def observe(state, work, first, last, p):
     """
     for i in env_range(first, last):
         observe_process(state, work, i, p)
-    for i in env_range(first, last):
-        compare_with_nominal_model(state, work, i, p)
+    if p.fresh_edges_load:
+        for i in env_range(first, last):
+            compare_with_nominal_model(state, work, i, p, loads_with_fresh_share)
+    else:
+        for i in env_range(first, last):
+            compare_with_nominal_model(state, work, i, p, force_and_power)
     if p.reads_torque:
         for i in env_range(first, last):
             observe_torque(state, work, i, p)
@@ -127,21 +131,22 @@ def observe_process(state, work, i, p):
 
 
 @compiled
-def compare_with_nominal_model(state, work, i, p):
+def compare_with_nominal_model(state, work, i, p, laws):
     """Observe nominal wear, and measured over predicted power and force.
 
-    Before the edge has cut, the laws predict neither force nor power; wear and ratios are 0 then.
+    ``laws``: function of ``machinability.py``. Before the edge has cut, nothing is predicted; wear
+    and ratios are 0 then.
     """
     entries = work.observation
     wear = log_wear(p.nominal, i, state.nominal_used_life[i])
-    force, power = force_and_power(
+    force, power = laws(
         p.nominal,
         i,
-        log_cutting_speed=work.log_cutting_speed[i],
-        log_feed=work.log_feed[i],
-        log_depth_of_cut=state.log_nominal_depth[i],
-        log_wear=wear,
-        log_hardness=0.0,
+        work.log_cutting_speed[i],
+        work.log_feed[i],
+        state.log_nominal_depth[i],
+        wear,
+        0.0,
     )
     power += idle_power(p.nominal, i, state.cutting_speed[i])
     work.predicted_force[i] = force

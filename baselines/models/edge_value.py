@@ -29,6 +29,7 @@ import numpy as np
 from turning_env import PowerLaw, Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, hypotenuse, log
+from turning_env.numerics.wear_term import term_over_criterion
 from turning_env.physics.spindle import idle_power_at
 
 PRICED_SPREAD = 0.6
@@ -53,15 +54,18 @@ EXPECTED_LAWS = np.dtype(
             ("life_speed", np.float64),
             ("life_feed", np.float64),
             # Log force over its limit at 1 m/min, 1 mm/rev and the end of life; its exponents of
-            # speed, feed and used life. Then likewise of power.
+            # speed and feed, and of used life if its wear term has no growth; that growth, over the
+            # whole life. Then likewise of power.
             ("log_force", np.float64),
             ("force_speed", np.float64),
             ("force_feed", np.float64),
             ("force_life", np.float64),
+            ("force_growth", np.float64),
             ("log_power", np.float64),
             ("power_speed", np.float64),
             ("power_feed", np.float64),
             ("power_life", np.float64),
+            ("power_growth", np.float64),
         ],
     )
 )
@@ -173,14 +177,27 @@ def compare_speeds(p, law, used_life, earned, lasts):
         power = law.log_power + law.power_speed * speed - log(max(capacity, MIN_CAPACITY))
         for j in range(LIVES + 1):
             log_used = log(used_life if j == LIVES else (j + 0.5) / LIVES)
-            force_feed = -(force + law.force_life * log_used) / max(law.force_feed, MIN_EXPONENT)
-            power_feed = -(power + law.power_life * log_used) / max(law.power_feed, MIN_EXPONENT)
+            force_term = life_term(law.force_growth, p.wear_time, log_used)
+            power_term = life_term(law.power_growth, p.wear_time, log_used)
+            force_feed = -(force + law.force_life * force_term) / max(law.force_feed, MIN_EXPONENT)
+            power_feed = -(power + law.power_life * power_term) / max(law.power_feed, MIN_EXPONENT)
             highest = min(force_feed, power_feed)
             feed = min(max(highest, p.min_log_feed), p.max_log_feed)
             lasts[j, k] = exp(-(law.log_life_rate + law.life_speed * speed + law.life_feed * feed))
             # Above the highest feed, loads exceed their limits in about the same proportion.
             rate = p.metal_value * exp(speed + feed) - p.overload_price * max(feed - highest, 0.0)
             earned[j, k] = rate * lasts[j, k]
+
+
+@compiled
+def life_term(growth, wear_time, log_used):
+    """Return the log of the wear term over a worn-out edge's, over n, at the log of the used life.
+
+    The wear is W_max D^n, with n the ``wear_time``, so the term of a power law is log D.
+    """
+    if growth > 0.0:
+        return term_over_criterion(growth, wear_time * log_used) / wear_time
+    return log_used
 
 
 @compiled

@@ -21,6 +21,7 @@ import numpy as np
 from baselines.models.normal import excess, probability
 from turning_env.numerics.compilation import compiled, compiled_entry, compiled_separately
 from turning_env.numerics.functions import exp, log
+from turning_env.numerics.wear_term import term_over_criterion, wear_term_slope
 
 MAX_STEPS = 30  # steps that are tried
 MIN_RISE = 1e-6  # expected rise of the mean gain [-] below which the search ends
@@ -56,6 +57,9 @@ ENVIRONMENT = np.dtype(
             ("power_speed", np.float64),
             ("power_feed", np.float64),
             ("power_wear", np.float64),
+            # Growth of their wear terms at the edge's wear criterion (``numerics/wear_term.py``).
+            ("force_growth", np.float64),
+            ("power_growth", np.float64),
         ],
     )
 )
@@ -250,14 +254,15 @@ def try_set_point(p, times, env, ahead, log_speed, log_feed):
 @compiled
 def force_at(p, env, point, state):
     """Return the log force over its limit."""
+    by_wear = env.force_wear * wear_term_slope(env.force_growth, state.wear)
     return Load(
         value=p.log_force_coefficient
         + env.force_speed * state.speed
         + env.force_feed * state.feed
-        + env.force_wear * state.wear
+        + env.force_wear * term_over_criterion(env.force_growth, state.wear)
         + point.log_force,
-        by_speed=env.force_speed * state.speed_by_speed + env.force_wear * state.wear_by_speed,
-        by_feed=env.force_feed * state.feed_by_feed + env.force_wear * state.wear_by_feed,
+        by_speed=env.force_speed * state.speed_by_speed + by_wear * state.wear_by_speed,
+        by_feed=env.force_feed * state.feed_by_feed + by_wear * state.wear_by_feed,
     )
 
 
@@ -290,17 +295,18 @@ def charge_power(p, gain, env, point, state):
         p.log_power_coefficient
         + env.power_speed * state.speed
         + env.power_feed * state.feed
-        + env.power_wear * state.wear
+        + env.power_wear * term_over_criterion(env.power_growth, state.wear)
         + point.log_power
     )
     value += 0.5 * (root - above)
     if value <= -NEGLIGIBLE * point.power_spread:
         return gain
     speed_exponent = env.power_speed + 0.5 * (above / root - 1.0)
+    by_wear = env.power_wear * wear_term_slope(env.power_growth, state.wear)
     power = Load(
         value=value,
-        by_speed=speed_exponent * state.speed_by_speed + env.power_wear * state.wear_by_speed,
-        by_feed=env.power_feed * state.feed_by_feed + env.power_wear * state.wear_by_feed,
+        by_speed=speed_exponent * state.speed_by_speed + by_wear * state.wear_by_speed,
+        by_feed=env.power_feed * state.feed_by_feed + by_wear * state.wear_by_feed,
     )
     price = -p.overload_price
     over = excess(power.value, point.power_spread)

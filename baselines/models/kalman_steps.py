@@ -16,6 +16,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
+from turning_env.numerics.wear_term import log_wear_term, term_of_factor, wear_term_slope
 
 # Places of the states in the estimate. The fields along the bar come first, each before its slope.
 DEPTH = 0  # relative deviation of the depth of cut [-]
@@ -97,11 +98,11 @@ MEMORY = np.dtype(
 
 
 class Place(NamedTuple):
-    """A point at which laws are taken: logarithms over the references [-]."""
+    """A point at which laws are taken: logarithms of speed and feed over the references [-]."""
 
     log_speed: float
     log_feed: float
-    log_wear: float  # nominal
+    log_wear: float  # nominal [log mm]
 
 
 class Transition(NamedTuple):
@@ -409,17 +410,24 @@ def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
     other states do not depend on them. ``load_filter.py`` gives the equation.
     """
     first = LAWS + ERRORS * law
-    factor = wear_factor(memory, mean)
     depth_ratio = max(1.0 + depth, MIN_DEPTH)
     exponent = model.wear_exponents[law] + mean[first + WEAR_ERROR]
+    # Log of the nominal wear term over that at the reference, and what the wear factor adds to it.
+    growth = model.wear_growths[law]
+    nominal_term = log_wear_term(growth, place.log_wear) - log_wear_term(
+        growth, model.reference_log_wear
+    )
+    log_factor = wear_factor(memory, mean)
+    factor = term_of_factor(growth, place.log_wear, log_factor)
     derivatives[:] = 0.0
     derivatives[DEPTH] = model.depth_exponents[law] / depth_ratio
     derivatives[HARDNESS] = model.hardness_exponents[law]
-    set_wear_factor(memory, derivatives, exponent)
+    slope = wear_term_slope(growth, place.log_wear + log_factor)
+    set_wear_factor(memory, derivatives, exponent * slope)
     derivatives[first + BIAS] = 1.0
     derivatives[first + SPEED_ERROR] = place.log_speed
     derivatives[first + FEED_ERROR] = place.log_feed
-    derivatives[first + WEAR_ERROR] = place.log_wear + factor
+    derivatives[first + WEAR_ERROR] = nominal_term + factor
     by_bar = (
         model.depth_exponents[law] * log(depth_ratio) + model.hardness_exponents[law] * hardness
     )
@@ -427,7 +435,7 @@ def log_load(model, memory, mean, law, depth, hardness, place, derivatives):
         mean[first + BIAS]
         + mean[first + SPEED_ERROR] * place.log_speed
         + mean[first + FEED_ERROR] * place.log_feed
-        + mean[first + WEAR_ERROR] * place.log_wear
+        + mean[first + WEAR_ERROR] * nominal_term
     )
     return by_bar + exponent * factor + by_errors
 
@@ -468,7 +476,7 @@ def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
             model.log_coefficients[law]
             + model.speed_exponents[law] * log_speed
             + model.feed_exponents[law] * log_feed
-            + model.wear_exponents[law] * log_wear
+            + model.wear_exponents[law] * log_wear_term(model.wear_growths[law], log_wear)
         )
     load = reading.power if law == POWER else reading.thrust_force
     if law == POWER and cutting:
@@ -493,7 +501,7 @@ def compare_load(model, memory, mean, law, reading, time_in_metal, scratch):
         place = Place(
             log_speed=log_speed - model.reference_log_speed,
             log_feed=log_feed - model.reference_log_feed,
-            log_wear=log_wear - model.reference_log_wear,
+            log_wear=log_wear,
         )
         derivatives = scratch.derivatives[law]
         depth = mean[DEPTH]
@@ -598,9 +606,9 @@ def load_of_edge(model, memory, mean, law, derivatives):
     The ratio is that at 1 m/min, 1 mm/rev and the wear criterion: it scales the nominal law with
     the expected exponents. The derivatives are those at the present speed and feed.
     """
-    log_wear = 0.0
+    log_wear = model.reference_log_wear
     if memory.nominal_wear > 0.0:
-        log_wear = log(memory.nominal_wear) - model.reference_log_wear
+        log_wear = log(memory.nominal_wear)
     here = Place(
         log_speed=log(memory.speed) - model.reference_log_speed,
         log_feed=log(memory.feed) - model.reference_log_feed,
@@ -609,7 +617,7 @@ def load_of_edge(model, memory, mean, law, derivatives):
     origin = Place(
         log_speed=-model.reference_log_speed,
         log_feed=-model.reference_log_feed,
-        log_wear=log(model.wear_criterion) - model.reference_log_wear,
+        log_wear=log(model.wear_criterion),
     )
     load = log_load(model, memory, mean, law, 0.0, 0.0, origin, derivatives)
     load_here = log_load(model, memory, mean, law, 0.0, 0.0, here, derivatives)

@@ -3,8 +3,8 @@
 Each environment has a nominal model. Force and power are power laws, so their log ratios to the
 nominal model are nearly linear in the states:
 
-    log ratio = c log(depth / nominal) + h log(hardness) + e w
-              + b + v log(V / V0) + s log(f / f0) + g log(W / W0) + noise
+    log ratio = c log(depth / nominal) + h log(hardness) + e log(U(W) / U(nominal wear))
+              + b + v log(V / V0) + s log(f / f0) + g log(U(W) / U(W0)) + noise
     w = insert + history + lot,   W = nominal wear * exp(w)
 
 Depth and hardness vary along the bar and from bar to bar, as stationary processes with a slope
@@ -13,7 +13,8 @@ scenario's variances; the rate follows from the mean square slope along a bar. `
 wear factor of the edge, ``history`` that of the bars that it has cut, ``lot`` that of all edges of
 the job. Each law has a bias b and errors v, s and g of its exponents of speed, feed and wear,
 constant for a job (dual estimation). They count from the initial speed V0 and feed f0, and from
-half the wear criterion, W0. Without ``LawErrors``, laws and lot are known.
+half the wear criterion, W0. U is the laws' wear term, W or 1 + wear_growth W. Without
+``LawErrors``, laws and lot are known.
 
 If edges are inspected, the wear of a removed edge measures its log wear factor. Observations do not
 contain the position, so the filter integrates the travelled distance to know when the next bar
@@ -51,6 +52,7 @@ from baselines.models.kalman_steps import (
 from baselines.rule import Array, Mask
 from turning_env import Reading, Scenario
 from turning_env.numerics.functions import hypotenuse, log
+from turning_env.numerics.wear_term import log_wear_term
 from turning_env.physics.spindle import idle_power_at
 
 SLOPE = 1.603
@@ -252,8 +254,9 @@ class LoadFilter:
         errors = self._law_errors
         log_speed = self.parameters["reference_log_speed"]
         log_feed = self.parameters["reference_log_feed"]
-        log_wear = self.parameters["reference_log_wear"]
-        wear_deviation = log(self.parameters["wear_criterion"]) - log_wear
+        growth = self.parameters["wear_growths"].T
+        worn_out = log_wear_term(growth, log(self.parameters["wear_criterion"]))
+        wear_deviation = worn_out - log_wear_term(growth, self.parameters["reference_log_wear"])
         by_exponents = (
             errors[SPEED_ERROR] * -log_speed
             + errors[FEED_ERROR] * -log_feed
@@ -270,6 +273,15 @@ class LoadFilter:
             feed=self.parameters["feed_exponents"].T + errors[FEED_ERROR],
             wear=self.parameters["wear_exponents"].T + errors[WEAR_ERROR],
         )
+
+    @property
+    def worn_out_growths(self) -> Array:
+        """Growth of the wear terms of force and power at the wear criterion: shape (2, num_envs).
+
+        It is 0 for a power law (``numerics/wear_term.py``).
+        """
+        growths = self.parameters["wear_growths"] * self.parameters["wear_criterion"][:, np.newaxis]
+        return np.broadcast_to(growths.T, (2, len(self.mean)))
 
     @property
     def _law_errors(self) -> Array:
@@ -362,11 +374,16 @@ def numbers_of(scenario: Scenario, errors: bool) -> dict[str, Any]:
         "wear_time": wear.time,  # exponent of time in the law of wear
         # 1 if the idling spindle's power is told from that of the cut, else 0.
         "separates_idle": float(errors),
-        # Of force [N] and power [kW]: logarithm at 1 m/min, 1 mm/rev and 1 mm of wear; exponents.
-        "log_coefficients": [log(law(1.0, 1.0, work.depth_of_cut)) for law in laws],
+        # Of force [N] and power [kW]: logarithm at 1 m/min, 1 mm/rev and a wear term of 1;
+        # exponents. The wear term is 1 at 1 mm or, with a growth, of a fresh edge.
+        "log_coefficients": [
+            log(law(1.0, 1.0, work.depth_of_cut, wear=float(law.wear_growth == 0.0)))
+            for law in laws
+        ],
         "speed_exponents": [law.cutting_speed for law in laws],
         "feed_exponents": [law.feed for law in laws],
         "wear_exponents": [law.wear for law in laws],
+        "wear_growths": [law.wear_growth for law in laws],  # [1/mm]
         "depth_exponents": [law.depth_of_cut for law in laws],
         "hardness_exponents": [law.hardness for law in laws],
         # Speed, feed and wear from which the errors of exponents count.

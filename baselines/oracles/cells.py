@@ -9,6 +9,7 @@ import numpy as np
 
 from turning_env.numerics.compilation import compiled, compiled_entry
 from turning_env.numerics.functions import exp, log
+from turning_env.numerics.wear_term import log_wear_term
 from turning_env.physics.lathe import start_episode
 from turning_env.physics.workpiece import look_up_fields
 
@@ -218,7 +219,7 @@ def log_load(law, cell, log_wear, log_limit):
         + law.depth_of_cut[0] * cell.log_depth
         + law.hardness[0] * cell.log_hardness
     )
-    return sharp + (law.wear[0] * log_wear - log_limit)
+    return sharp + (law.wear[0] * log_wear_term(law.wear_growth[0], log_wear) - log_limit)
 
 
 @compiled

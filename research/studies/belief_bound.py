@@ -25,6 +25,7 @@ from baselines.models.normal import excess
 from baselines.oracles.cells import between, start_episode_of, survey
 from turning_env import Scenario
 from turning_env.numerics.compilation import compiled, compiled_entry
+from turning_env.numerics.wear_term import log_wear_term
 from turning_env.physics.records import block_records
 
 Array = NDArray[np.float64]
@@ -242,7 +243,8 @@ def expected_excess(log_mean, spread):
 @compiled
 def _log_load(law, log_depth, log_wear, log_limit):
     """Return the part of the log ratio of a load to its limit that speed and feed do not change."""
-    load = law.log_coefficient[0] + law.depth_of_cut[0] * log_depth + law.wear[0] * log_wear
+    wear_term = log_wear_term(law.wear_growth[0], log_wear)
+    load = law.log_coefficient[0] + law.depth_of_cut[0] * log_depth + law.wear[0] * wear_term
     return load - log_limit
 
 

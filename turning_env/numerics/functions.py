@@ -46,11 +46,12 @@ def _clipped_compiled(x):
     return lambda x: min(max(x, -_MAX), _MAX)
 
 
-def _where(condition: Any, x: Any, y: Any) -> Any:
+def where(condition: Any, x: Any, y: Any) -> Any:
+    """Return ``x`` where a condition holds, else ``y``: arrays, or numbers in compiled code."""
     return np.where(condition, x, y)[()]
 
 
-@overload(_where, jit_options=INLINED)
+@overload(where, jit_options=INLINED)
 def _where_compiled(condition, x, y):
     return lambda condition, x, y: x if condition else y
 
@@ -119,7 +120,7 @@ def real_power(base, exponent):
     The relative error is about 1e-15 times the logarithm of the result.
     """
     power = exp(exponent * log(base))
-    return _where(base > 0.0, power, 0.0)
+    return where(base > 0.0, power, 0.0)
 
 
 @compiled
@@ -156,10 +157,10 @@ def sine_and_cosine(turns):
     cosine = 1.0 + z * (low + z4 * high)
     # Every quarter of a turn swaps sine and cosine and changes a sign.
     swapped = (quarter == 1.0) | (quarter == 3.0)
-    rotated_sine = _where(swapped, cosine, sine)
-    rotated_cosine = _where(swapped, sine, cosine)
+    rotated_sine = where(swapped, cosine, sine)
+    rotated_cosine = where(swapped, sine, cosine)
     sine_negative = quarter >= 2.0
     cosine_negative = (quarter == 1.0) | (quarter == 2.0)
-    signed_sine = _where(sine_negative, -rotated_sine, rotated_sine)
-    signed_cosine = _where(cosine_negative, -rotated_cosine, rotated_cosine)
+    signed_sine = where(sine_negative, -rotated_sine, rotated_sine)
+    signed_cosine = where(cosine_negative, -rotated_cosine, rotated_cosine)
     return signed_sine, signed_cosine

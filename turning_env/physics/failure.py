@@ -33,7 +33,7 @@ def collapse(state, work, i, p):
         log_cutting_speed=work.log_cutting_speed[i],
         log_feed=work.log_feed[i],
         log_depth_of_cut=work.log_depth[i],
-        log_wear=work.log_wear[i],
+        wear_term=work.log_wear[i],
         log_hardness=state.log_hardness[i],
     )
     too_hot = log_temperature > p.log_collapse_temperature[i]

@@ -23,6 +23,7 @@ from turning_env.physics.failure import break_failing_edges
 from turning_env.physics.machinability import (
     excess_over_further_limit,
     force_and_power,
+    loads_with_fresh_share,
     log_wear_coefficient,
 )
 from turning_env.physics.parts import end_pass, start_part, start_pass
@@ -348,26 +349,31 @@ def load_edges(state, work, count, p):
     if p.chatters:
         for i in range(count):
             chatter(state, work, i, p)
-    for i in range(count):
-        set_force_and_power(state, work, i, p)
+    # Two loops: with a branch in one loop, it is not vectorised.
+    if p.fresh_edges_load:
+        for i in range(count):
+            set_loads(state, work, i, p, loads_with_fresh_share)
+    else:
+        for i in range(count):
+            set_loads(state, work, i, p, force_and_power)
 
 
 @compiled
-def set_force_and_power(state, work, i, p):
+def set_loads(state, work, i, p, laws):
     """Set thrust force and power by their laws, behind the lag of a chip that thickens.
 
-    An edge in air keeps the values of its last cut.
+    ``laws``: function of ``machinability.py``. An edge in air keeps the values of its last cut.
     """
     state.cutting_time[i] += work.engaged[i]
     work.log_wear[i] = log_wear(p, i, max(state.used_life[i], _MIN_LIFE))
-    force, power = force_and_power(
+    force, power = laws(
         p,
         i,
-        log_cutting_speed=work.log_cutting_speed[i],
-        log_feed=work.log_feed[i],
-        log_depth_of_cut=work.log_depth[i],
-        log_wear=work.log_wear[i],
-        log_hardness=state.log_hardness[i],
+        work.log_cutting_speed[i],
+        work.log_feed[i],
+        work.log_depth[i],
+        work.log_wear[i],
+        state.log_hardness[i],
     )
     force *= 1.0 + work.chatter[i]
     remains = work.chip_remains[i]

@@ -7,20 +7,22 @@ to (8), recovered from their tables (``scenario/power_law.py``).
 
 from turning_env.numerics.compilation import compiled
 from turning_env.numerics.functions import exp
+from turning_env.numerics.wear_term import log_wear_term
 
 
 @compiled
-def log_response(law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness):
+def log_response(law, i, log_cutting_speed, log_feed, log_depth_of_cut, wear_term, log_hardness):
     """Return the logarithm of environment i's response by a law that does not depend on time.
 
-    log response = log k + a log V + b log f + c log d + e log W + h log H (``PowerLaw``).
+    log response = log k + a log V + b log f + c log d + e log U + h log H (``PowerLaw``), where
+    ``wear_term`` is log U: the logarithm of the flank wear, except in ``loads_with_fresh_share``.
     """
     return (
         law.log_coefficient[i]
         + law.cutting_speed[i] * log_cutting_speed
         + law.feed[i] * log_feed
         + law.depth_of_cut[i] * log_depth_of_cut
-        + law.wear[i] * log_wear
+        + law.wear[i] * wear_term
         + law.hardness[i] * log_hardness
     )
 
@@ -34,7 +36,7 @@ def log_wear_coefficient(p, i, log_cutting_speed, log_feed, log_depth_of_cut, lo
         log_cutting_speed=log_cutting_speed,
         log_feed=log_feed,
         log_depth_of_cut=log_depth_of_cut,
-        log_wear=0.0,
+        wear_term=0.0,
         log_hardness=log_hardness,
     )
 
@@ -47,6 +49,25 @@ def force_and_power(p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wea
     )
     log_power = log_response(
         p.power_law, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness
+    )
+    return exp(log_force), exp(log_power)
+
+
+@compiled
+def loads_with_fresh_share(
+    p, i, log_cutting_speed, log_feed, log_depth_of_cut, log_wear, log_hardness
+):
+    """Return thrust force [N] and spindle power [kW] by laws that may have a fresh edge's share.
+
+    A law without one gives the bits of ``force_and_power``, which needs fewer logarithms.
+    """
+    force_term = log_wear_term(p.force_law.wear_growth[i], log_wear)
+    power_term = log_wear_term(p.power_law.wear_growth[i], log_wear)
+    log_force = log_response(
+        p.force_law, i, log_cutting_speed, log_feed, log_depth_of_cut, force_term, log_hardness
+    )
+    log_power = log_response(
+        p.power_law, i, log_cutting_speed, log_feed, log_depth_of_cut, power_term, log_hardness
     )
     return exp(log_force), exp(log_power)
 

@@ -197,6 +197,12 @@ PARAMETERS = (
         dtype=POWER_LAW_RECORD,
     ),
     P("power_law", "kW", "power", value=lambda s: s.material.power, dtype=POWER_LAW_RECORD),
+    _any(
+        "fresh_edges_load",
+        "a fresh edge has a share of force or power, by the true laws or the nominal ones",
+        "material.thrust_force.wear_growth",
+        "material.power.wear_growth",
+    ),
     P("life_exponent", "-", "1/n of W = K t^n", value=lambda s: 1.0 / s.material.wear.time),
     # Edges and their wear.
     P(

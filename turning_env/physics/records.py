@@ -111,6 +111,8 @@ def parameter_records(
     for name in parameters.NOMINAL:
         parameter = _BY_NAME[name]
         _fill(records["nominal"][name], parameter, parameter.value(nominal))
+    # One flag serves both models.
+    records["fresh_edges_load"] |= _BY_NAME["fresh_edges_load"].value(nominal)
     return records
 
 

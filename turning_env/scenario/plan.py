@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from turning_env.numerics.functions import exp, hypotenuse, log
+from turning_env.numerics.wear_term import log_wear_term, wear_term_slope
 from turning_env.scenario.power_law import log_response
 from turning_env.scenario.scenario_batch import ScenarioBatch
 
@@ -122,13 +123,14 @@ def log_response_at(
     log_wear = 0.0
     if used_life > 0.0:
         log_wear = log(s.tool.wear_criterion) + s.material.wear.time * log(used_life)
+    law = getattr(s.material, law_name)
     return log_response(
-        getattr(s.material, law_name),
+        law,
         log_cutting_speed=0.0,
         log_feed=0.0,
         log_depth_of_cut=log(depth),
         log_time=0.0,
-        log_wear=log_wear,
+        log_wear_term=log_wear_term(law.wear_growth, log_wear),
         log_hardness=log_hardness,
     )
 
@@ -219,12 +221,19 @@ def features(s: ScenarioBatch, plan: Plan) -> dict[str, Array]:
 
 
 def _exponents(s: ScenarioBatch) -> dict[str, Any]:
-    """Return the exponents of the laws [-]."""
+    """Return the exponents of the laws [-]; of wear, those at half the wear criterion."""
     material = s.material
+    log_wear = log(0.5 * s.tool.wear_criterion)
     exponents = {}
-    for law, last in (("thrust_force", "wear"), ("power", "wear"), ("wear", "time")):
-        for factor in ("cutting_speed", "feed", "depth_of_cut", last):
-            exponents[f"{law}_{factor}_exponent"] = getattr(getattr(material, law), factor)
+    for name in ("thrust_force", "power", "wear"):
+        law = getattr(material, name)
+        for factor in ("cutting_speed", "feed", "depth_of_cut"):
+            exponents[f"{name}_{factor}_exponent"] = getattr(law, factor)
+        if name == "wear":
+            exponents["wear_time_exponent"] = law.time
+        else:
+            slope = wear_term_slope(law.wear_growth, log_wear)
+            exponents[f"{name}_wear_exponent"] = law.wear * slope
     exponents["taylor_exponent"] = material.wear.time / material.wear.cutting_speed
     return exponents
 

@@ -1,18 +1,20 @@
 """The power law, the form of all machinability models.
 
-    response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
+    response = coefficient * V^a * f^b * (d / d0)^c * t^g * U^e * H^h
+    U = W, or 1 + wear_growth * W
 
 with V the cutting speed [m/min], f the feed [mm/rev], d the depth of cut [mm], t the cutting time
 of the edge [min], W the flank wear [mm] and H the hardness relative to nominal [-]. A factor that a
 response does not depend on has exponent 0. (Form: Alaskari and Oraby 2018, equations (1)-(8),
-recovered from their tables.)
+recovered from their tables. The second form of U, with a fresh edge's share: measured data, see
+``numerics/wear_term.py``.)
 """
 
 from typing import Any
 
 import numpy as np
 
-from turning_env.numerics.functions import exp, log
+from turning_env.numerics.functions import exp, log, where
 from turning_env.scenario.section import Section, quantity
 
 POWER_LAW_RECORD = np.dtype(
@@ -23,6 +25,7 @@ POWER_LAW_RECORD = np.dtype(
         ("depth_of_cut", np.float64),
         ("time", np.float64),
         ("wear", np.float64),
+        ("wear_growth", np.float64),
         ("hardness", np.float64),
     ]
 )
@@ -35,10 +38,12 @@ def log_response(
     log_feed: Any,
     log_depth_of_cut: Any,
     log_time: Any,
-    log_wear: Any,
+    log_wear_term: Any,
     log_hardness: Any,
 ) -> Any:
     """Return the natural logarithm of a response by those of its factors.
+
+    ``log_wear_term``: log U (``numerics/wear_term.py``).
 
     ``law`` has the fields of ``POWER_LAW_RECORD``, as a ``PowerLaw`` has. Factors are scalars,
     arrays, or tensors of PyTorch.
@@ -49,7 +54,7 @@ def log_response(
         + law.feed * log_feed
         + law.depth_of_cut * log_depth_of_cut
         + law.time * log_time
-        + law.wear * log_wear
+        + law.wear * log_wear_term
         + law.hardness * log_hardness
     )
 
@@ -77,13 +82,26 @@ class PowerLaw(Section):
         2.5, 0.01, 100, "mm", "depth of cut at which the law was measured"
     )
     time: float = quantity(0.0, -10, 10, "-", "exponent of the edge's cutting time in min")
-    wear: float = quantity(0.0, -10, 10, "-", "exponent of the flank wear in mm")
+    wear: float = quantity(
+        0.0, -10, 10, "-", "exponent of the flank wear in mm, or of 1 + wear_growth * wear"
+    )
+    wear_growth: float = quantity(
+        0.0,
+        0,
+        1000,
+        "1/mm",
+        "growth of a force or power with the wear, over that of a fresh edge; 0: power of the wear",
+    )
     hardness: float = quantity(0.0, -10, 10, "-", "exponent of the relative hardness")
 
     @property
     def log_coefficient(self) -> Any:
         """Natural logarithm of the coefficient, with the reference depth folded in."""
         return log_coefficient(self)
+
+    def wear_term(self, wear: Any) -> Any:
+        """Return U [-] at a flank wear [mm]."""
+        return where(self.wear_growth > 0.0, 1.0 + self.wear_growth * wear, wear)
 
     def __call__(
         self,
@@ -95,6 +113,8 @@ class PowerLaw(Section):
         hardness: Any = 1.0,
     ) -> Any:
         """Return the response to positive scalars or broadcastable arrays.
+
+        The wear may be 0 if the law has a ``wear_growth``.
 
         Args:
             cutting_speed: cutting speed [m/min].
@@ -110,7 +130,7 @@ class PowerLaw(Section):
             log_feed=log(feed),
             log_depth_of_cut=log(depth_of_cut),
             log_time=log(time),
-            log_wear=log(wear),
+            log_wear_term=log(self.wear_term(wear)),
             log_hardness=log(hardness),
         )
         return exp(response)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
+from turning_env.numerics.wear_term import log_wear_term
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.sections import MAX_DELAY
 
@@ -46,14 +47,15 @@ class _Absent(NamedTuple):
 
 
 _ABSENT_EXPONENTS = (
-    _Absent("material.wear", ("wear",), "is that of a fresh edge"),
+    _Absent("material.wear", ("wear", "wear_growth"), "is that of a fresh edge"),
     _Absent("material.thrust_force", ("time",), "has time through wear"),
     _Absent("material.power", ("time",), "has time through wear"),
     _Absent("edge_failure.temperature", ("time",), "has time through wear"),
+    _Absent("edge_failure.temperature", ("wear_growth",), "is a power of the wear"),
     *(
         _Absent(
             law,
-            ("cutting_speed", "time", "wear"),
+            ("cutting_speed", "time", "wear", "wear_growth"),
             "depends on feed, depth of cut and hardness",
         )
         for law in _FURTHER_LIMITS
@@ -187,6 +189,13 @@ def _law_complaints(scenario: "Scenario") -> Iterator[str]:
             exponent = attrgetter(name)(scenario)
             if exponent != 0:
                 yield f"{name} is {exponent}, but this law {absent.reason} alone: only 0"
+    for name in ("material.thrust_force", "material.power"):
+        law = attrgetter(name)(scenario)
+        if law.wear_growth > 0.0 and law.wear == 0.0:
+            yield (
+                f"{name}.wear_growth is {law.wear_growth}, but {name}.wear, the exponent of "
+                "1 + wear_growth * wear, is 0: usual is 1"
+            )
     for name in _FURTHER_LIMITS:
         limit = attrgetter(name)(scenario)
         if limit.bounds and limit.feed <= 0:
@@ -292,6 +301,8 @@ def _log_span(law: PowerLaw, factors: dict[str, Span]) -> Span:
     high = low
     for name, factor in factors.items():
         exponent = getattr(law, name)
+        if name == "wear":
+            factor = Span(*(float(log_wear_term(law.wear_growth, end)) for end in factor))
         ends = sorted((exponent * factor.low, exponent * factor.high))
         low += ends[0]
         high += ends[1]
