@@ -22,6 +22,13 @@ from turning_env import Scenario
 
 BASE = Scenario()
 KINKED = changed(BASE, machine={"rated_power": 6.0}, spindle={"base_speed": 1500.0})
+FRESH_SHARE = changed(
+    BASE,
+    material={
+        "thrust_force": BASE.material.thrust_force.model_dump()
+        | {"coefficient": 14000.0, "wear": 1.0, "wear_growth": 6.0},
+    },
+)
 POINTS = 3
 NUM_ENVS = 12
 
@@ -78,6 +85,7 @@ def random_task(scenario: Scenario, seed: int, **of_points: float) -> Task:
         environments[f"{name}_speed"] = law.cutting_speed
         environments[f"{name}_feed"] = law.feed
         environments[f"{name}_wear"] = law.wear
+        environments[f"{name}_growth"] = law.wear_growth * scenario.tool.wear_criterion
 
     points = np.empty((NUM_ENVS, POINTS), POINT)
     points["log_force"] = log_force[:, np.newaxis]
@@ -101,11 +109,27 @@ def best_set_points(task: Task) -> NDArray[Any]:
     return best
 
 
+@pytest.mark.parametrize("scenario", [BASE, KINKED, FRESH_SHARE], ids=["power", "base", "fresh"])
+def test_the_slope_of_the_gain_leads_uphill(scenario: Scenario) -> None:
+    """A small part of the step from a set point raises the gain."""
+    task = random_task(scenario, seed=1)
+    for i in range(NUM_ENVS):
+        env = task.environments[i]
+        start = (env.log_speed, env.log_feed)
+        trial = try_set_point(task.parameters[0], task.moments[0], env, task.points[i], *start)
+        share = 1e-4
+        gain = task.gain(
+            i, start[0] + share * trial.step.log_speed, start[1] + share * trial.step.log_feed
+        )
+        assert gain >= trial.gain
+
+
 @pytest.mark.parametrize(
     ("scenario", "of_points"),
     [
         pytest.param(BASE, {}, id="metal"),
         pytest.param(KINKED, {}, id="base speed"),
+        pytest.param(FRESH_SHARE, {}, id="fresh edge's share"),
         pytest.param(BASE, {"unmeasured": 1.0}, id="unmeasured bar"),
         pytest.param(BASE, {"cutting": 0.0, "log_force": 9.0}, id="air"),
     ],

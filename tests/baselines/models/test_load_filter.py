@@ -53,6 +53,17 @@ def test_it_finds_by_how_much_the_loads_differ(factor: float) -> None:
     assert outlook.log_power == pytest.approx(expected, abs=0.03)
 
 
+def test_it_finds_the_wear_of_an_edge_by_a_law_with_a_fresh_edges_share() -> None:
+    """The nominal model is that of the lathe, but for the edge, which wears faster."""
+    force = QUIET.material.thrust_force.model_dump()
+    force |= {"coefficient": 17000.0, "wear": 1.0, "wear_growth": 6.0}
+    nominal = changed(QUIET, material={"thrust_force": force}, tool={"wear_factor_spread": 0.3})
+    played = changed(nominal, mismatch={"wear_factor": 1.4}, tool={"wear_factor_spread": 0.0})
+    estimate, reading = follow(played, nominal, steps=60)
+    assert (reading.nominal_wear > 0.05).all()
+    assert estimate.log_wear_factor == pytest.approx(np.full(NUM_ENVS, np.log(1.4)), abs=0.08)
+
+
 def test_it_learns_the_lot_from_the_wear_of_removed_edges() -> None:
     nominal = changed(
         QUIET, sensors={"inspects_edges": True}, control={"edge_changes": "commanded"}

@@ -1,0 +1,77 @@
+"""Laws of force and power with a fresh edge's share: F = F_0 (1 + b W)."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.turning_env.playing import UNDISTURBED, changed, play
+from turning_env import PowerLaw, RoughTurningEnv, RoughTurningVectorEnv, Scenario, ScenarioError
+from turning_env.physics.quantities import layout
+
+FORCE = PowerLaw(coefficient=6000.0, cutting_speed=-0.3, feed=0.6, depth_of_cut=0.8).model_dump()
+FORCE |= {"wear": 1.0, "wear_growth": 4.0}
+MEASURED = changed(UNDISTURBED, material={"thrust_force": FORCE})
+# The nominal model has another form than the lathe.
+MISTAKEN = Scenario.model_validate(
+    MEASURED.model_dump()
+    | {"nominal_model": {"material": {"thrust_force": Scenario().material.thrust_force}}}
+)
+ACTIONS = np.zeros((8, 2), np.float32)
+
+
+def test_a_fresh_edge_has_the_force_of_the_other_factors() -> None:
+    law = MEASURED.material.thrust_force
+    fresh = law(100.0, 0.2, 2.5, wear=0.0)
+    assert fresh == pytest.approx(6000.0 * 100.0**-0.3 * 0.2**0.6)
+    assert law(100.0, 0.2, 2.5, wear=0.25) == pytest.approx(2.0 * fresh)
+
+
+def test_the_lathe_follows_the_law() -> None:
+    record = play(RoughTurningEnv(MEASURED), 0, ACTIONS)
+    # The first row is that of the reset, before the edge has cut.
+    speed, feed, wear, force = (
+        record[name][1:] for name in ("cutting_speed", "feed", "wear", "thrust_force")
+    )
+    expected = MEASURED.material.thrust_force(speed, feed, 2.5, wear=wear)
+    assert force == pytest.approx(expected, rel=1e-9)
+    assert record["wear"][0] < record["wear"][-1]
+
+
+@pytest.mark.parametrize("scenario", [MEASURED, MISTAKEN], ids=["nominal", "another form"])
+def test_single_and_batch_agree_bit_for_bit(scenario: Scenario) -> None:
+    env = RoughTurningEnv(scenario)
+    single = [env.reset(seed=5)[0]]
+    batch = RoughTurningVectorEnv(3, scenario)
+    many = [batch.reset(seed=[5, 6, 7])[0]]
+    for action in ACTIONS:
+        single.append(env.step(action)[0])
+        many.append(batch.step(np.tile(action, (3, 1)))[0])
+    assert np.array_equal(np.stack(single), np.stack(many)[:, 0])
+
+
+def test_the_observed_ratio_is_that_to_the_nominal_law() -> None:
+    """A nominal power law expects less force of a sharp edge than it has."""
+    place = layout(MEASURED).index("force_ratio")
+    ratios = {}
+    for name, scenario in {"right": MEASURED, "mistaken": MISTAKEN}.items():
+        env = RoughTurningEnv(scenario)
+        env.reset(seed=0)
+        ratios[name] = float(env.step(ACTIONS[0])[0][place])
+    assert ratios["right"] == pytest.approx(0.0, abs=1e-6)
+    assert ratios["mistaken"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("material", "named"),
+    [
+        ({"thrust_force": FORCE | {"wear": 0.0}}, "material.thrust_force.wear_growth"),
+        ({"wear": Scenario().material.wear.model_dump() | {"wear_growth": 1.0}}, "material.wear"),
+        ({"power": Scenario().material.power.model_dump() | {"wear_growth": -1.0}}, "wear_growth"),
+    ],
+)
+def test_a_growth_without_meaning_is_refused(material: dict[str, Any], named: str) -> None:
+    values = Scenario().model_dump()
+    values["material"] |= material
+    with pytest.raises(ScenarioError, match=named):
+        Scenario.load(values)
