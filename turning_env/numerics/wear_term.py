@@ -6,8 +6,8 @@ With W the flank wear [mm] and b the growth of the load with it [1/mm], the term
     U = 1 + b W    if b > 0: a fresh edge has the load of the other factors alone
 
 and the law is proportional to U^e. Measured loads follow the second form, with e = 1, better than
-the first (``docs/measured_loads.md``). As b grows, U(W) / U(W_0) of the second form tends to that
-of the first.
+the first (``docs/models.md``). As b grows, U(W) / U(W_0) of the second form tends to that of the
+first.
 """
 
 from turning_env.numerics.compilation import compiled
