@@ -1,7 +1,11 @@
-"""The page of ``advise --page`` in a browser: its numbers are Python's, it asks for nothing, and it fits phones."""
+"""The page of ``advise --page`` in a browser.
+
+Its numbers are Python's, it asks for nothing, and it fits phones.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -30,16 +34,22 @@ machine_rate = 60.0
 operator_rate = 25.0
 insert_price = 12.0
 """
-SETTINGS: list[dict[str, float]] = [
-    {"cutting_speed": 61.3, "feed": 0.55, "wear": 0.11, "hardness": 1.22, "edges_per_insert": 8},
-    {
+SETTINGS: dict[str, dict[str, float]] = {
+    "slow": {
+        "cutting_speed": 61.3,
+        "feed": 0.55,
+        "wear": 0.11,
+        "hardness": 1.22,
+        "edges_per_insert": 8,
+    },
+    "fast": {
         "cutting_speed": 187.0,
         "feed": 0.2,
         "depth_of_cut": 1.3,
         "machine_rate": 95.5,
         "edge_change_time": 0.7,
     },
-    {
+    "deep": {
         "cutting_speed": 90.0,
         "depth_of_cut": 4.7,
         "hardness": 0.8,
@@ -47,114 +57,124 @@ SETTINGS: list[dict[str, float]] = [
         "operator_rate": 0,
         "insert_price": 21,
     },
-]
+}
+CUT_VALUES = (
+    "thrust_force",
+    "thrust_force_share",
+    "power",
+    "power_share",
+    "tool_life",
+    "removal_rate",
+    "spindle_speed",
+)
+PLAN_VALUES = ("parts", "minutes", "cycle_time", "mean_removal_rate", "cost")
 
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
-    """Fitted, with warnings, an idling spindle that is weak at low speed, and prices in a hostile currency."""
+    """Return a fitted scenario with warnings, and with prices in a hostile currency.
+
+    Its spindle idles, and is weak at low speed.
+    """
     folder = tmp_path_factory.mktemp("tool")
-    (folder / "machine.toml").write_text(MACHINE)
+    base = folder / "machine.toml"
+    base.write_text(MACHINE)
     sheet = str(ROOT / "shop" / "examples" / "cuts.csv")
-    assert (
-        main(
-            [
-                "calibrate",
-                sheet,
-                "--base",
-                str(folder / "machine.toml"),
-                "--out",
-                str(folder / "tool.toml"),
-            ]
-        )
-        == 0
-    )
-    return load(folder / "tool.toml")[0]
+    out = folder / "tool.toml"
+    assert main(["calibrate", sheet, "--base", str(base), "--out", str(out)]) == 0
+    scenario, _ = load(out)
+    return scenario
 
 
 @pytest.fixture
 def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
+    """Return a function that opens the page of a scenario."""
+
     def show(scenario: Scenario, width: int = 1280) -> Page:
-        evidence, path = load(scenario.file or "rough_turning")[1], tmp_path / "page.html"
+        _, evidence = load(scenario.file or "rough_turning")
+        path = tmp_path / "page.html"
         path.write_text(render(scenario, evidence, advise(scenario, evidence)), "utf-8")
         return opened(path.as_uri(), width)
 
     return show
 
 
-def of_python(
-    scenario: Scenario, at: dict[str, float]
-) -> tuple[dict[str, float], dict[str, tuple[float, float]], bool]:
-    """Return the values, intervals and mark of extrapolation that belong to settings of the page."""
+class Results(NamedTuple):
+    """The numbers that belong to settings."""
+
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    extrapolated: bool
+
+
+def of_python(scenario: Scenario, settings: dict[str, float]) -> Results:
+    """Return the results of settings of the page, by Python."""
+    _, evidence = load(scenario.file or "rough_turning")
     values = scenario.model_dump()
-    values["economics"] |= {name: at[name] for name in values["economics"] if name in at}
-    values["workpiece"]["depth_of_cut"] = at["depth_of_cut"]
-    evidence, scenario = load(scenario.file or "rough_turning")[1], Scenario.model_validate(values)
-    found = plan(scenario, evidence, at["cutting_speed"], at["feed"], at["wear"], at["hardness"])
-    names = (
-        "thrust_force",
-        "thrust_force_share",
-        "power",
-        "power_share",
-        "tool_life",
-        "removal_rate",
-        "spindle_speed",
+    for name in values["economics"]:
+        if name in settings:
+            values["economics"][name] = settings[name]
+    values["workpiece"]["depth_of_cut"] = settings["depth_of_cut"]
+    planned = plan(
+        Scenario.model_validate(values),
+        evidence,
+        cutting_speed=settings["cutting_speed"],
+        feed=settings["feed"],
+        wear=settings["wear"],
+        hardness=settings["hardness"],
     )
-    numbers = {name: float(getattr(found.cuts, name)) for name in names}
-    numbers |= {
-        name: float(getattr(found, name))
-        for name in ("parts", "minutes", "cycle_time", "mean_removal_rate", "cost")
-    }
-    known = found.prediction
-    intervals = {
-        name: (float(known.low[name]), float(known.high[name]))
-        for name in ("thrust_force", "power", "tool_life")
-    }
-    intervals["cost"] = float(found.cost_low), float(found.cost_high)
-    return numbers, intervals, bool(known.extrapolated)
+    numbers = {name: float(getattr(planned.cuts, name)) for name in CUT_VALUES}
+    for name in PLAN_VALUES:
+        numbers[name] = float(getattr(planned, name))
+    prediction = planned.prediction
+    intervals = {"cost": (float(planned.cost_low), float(planned.cost_high))}
+    for name in ("thrust_force", "power", "tool_life"):
+        intervals[name] = (float(prediction.low[name]), float(prediction.high[name]))
+    return Results(numbers, intervals, extrapolated=bool(prediction.extrapolated))
 
 
-@pytest.mark.parametrize("settings", SETTINGS)
-def test_the_numbers_are_those_of_python(
-    settings: dict[str, float], scenario: Scenario, show: Show
-) -> None:
+@pytest.mark.parametrize("name", SETTINGS)
+def test_the_numbers_are_those_of_python(name: str, scenario: Scenario, show: Show) -> None:
     page = show(scenario)
-    for name, value in settings.items():
-        page.locator(f"#{name}").fill(str(value))
-    at, found = page.evaluate("settings"), page.evaluate("results(settings)")
-    assert at.items() >= settings.items()
-    values, intervals, extrapolated = of_python(scenario, at)
-    assert {name: found["values"][name] for name in values} == pytest.approx(values, rel=1e-6)
-    assert set(found["intervals"]) == set(intervals)
-    for name, ends in intervals.items():
-        assert found["intervals"][name] == pytest.approx(ends, rel=1e-6), name
-    assert found["extrapolated"] == extrapolated
-    assert page.get_by_role("status").inner_text().endswith("not measured there") == extrapolated
-    for name in ("thrust_force", "tool_life", "cost"):
-        shown = page.evaluate("name => shown(results(settings).values[name])", name)
-        expect(page.locator(f"[data-name={name}]")).to_contain_text(shown)
+    for setting, value in SETTINGS[name].items():
+        page.locator(f"#{setting}").fill(str(value))
+    settings = page.evaluate("settings")
+    results = page.evaluate("results(settings)")
+    expected = of_python(scenario, settings)
+    assert settings.items() >= SETTINGS[name].items()
+    values = {value: results["values"][value] for value in expected.values}
+    assert values == pytest.approx(expected.values, rel=1e-6)
+    assert set(results["intervals"]) == set(expected.intervals)
+    for value, ends in expected.intervals.items():
+        assert results["intervals"][value] == pytest.approx(ends, rel=1e-6), value
+    assert results["extrapolated"] == expected.extrapolated
+    status = page.get_by_role("status").inner_text()
+    assert status.endswith("not measured there") == expected.extrapolated
+    for value in ("thrust_force", "tool_life", "cost"):
+        shown = page.evaluate("name => shown(results(settings).values[name])", value)
+        expect(page.locator(f"[data-name={value}]")).to_contain_text(shown)
 
 
-def test_it_begins_with_the_cheapest_as_advised(scenario: Scenario, show: Show) -> None:
+def test_the_page_begins_with_the_cheapest_as_advised(scenario: Scenario, show: Show) -> None:
     page = show(scenario)
-    least, *_, metal = (each.plan for each in advise(*load(scenario.file or "")))
-    assert page.evaluate("cheapest().cost") == pytest.approx(least.cost, rel=1e-6)
-    assert page.evaluate("results(settings).values.cost") == pytest.approx(least.cost, rel=1e-6)
+    advice = advise(*load(scenario.file or ""))
+    cheapest = advice[0].plan
+    most_metal = advice[-1].plan
+    assert page.evaluate("cheapest().cost") == pytest.approx(cheapest.cost, rel=1e-6)
+    cost = page.evaluate("results(settings).values.cost")
+    assert cost == pytest.approx(cheapest.cost, rel=1e-6)
     page.get_by_role("button", name="most metal").click()
-    assert page.evaluate("results(settings).values.minutes") == pytest.approx(
-        metal.minutes, rel=1e-6
-    )
+    minutes = page.evaluate("results(settings).values.minutes")
+    assert minutes == pytest.approx(most_metal.minutes, rel=1e-6)
     page.get_by_role("button", name="choose it").click()
     assert page.evaluate("settings.feed - cheapest().feed") == 0
 
 
 def test_warnings_are_shown_and_texts_are_texts(scenario: Scenario, show: Show) -> None:
     page = show(scenario.model_copy(update={"name": "<i>plain</i>"}))
-    assert (
-        page.get_by_role("listitem").all_inner_texts()
-        == list(load(scenario.file or "")[1].warnings)
-        != []
-    )
+    _, evidence = load(scenario.file or "")
+    assert evidence.warnings
+    assert page.get_by_role("listitem").all_inner_texts() == list(evidence.warnings)
     expect(page.get_by_role("status")).to_contain_text("</b>$ a part")
     expect(page.get_by_role("heading", level=1)).to_have_text("<i>plain</i>")
 
@@ -168,7 +188,7 @@ def test_without_prices_costs_are_minutes(show: Show) -> None:
     expect(page.locator("[data-name=cost]")).to_have_count(0)
 
 
-def test_it_fits_phones(scenario: Scenario, show: Show) -> None:
+def test_the_page_fits_phones(scenario: Scenario, show: Show) -> None:
     page = show(scenario, width=360)
     expect(page.locator("#map path")).not_to_have_count(0)
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") == 0
