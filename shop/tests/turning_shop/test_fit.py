@@ -58,17 +58,17 @@ def example() -> Calibration:
 
 @pytest.mark.parametrize("response", FACTORS)
 def test_papers_tables_give_the_known_coefficients(response: str, example: Calibration) -> None:
-    found = example.fits[response]
+    fitted = example.fits[response]
     known = getattr(BASE.material, response)
-    for name, estimate in found.estimates.items():
+    for name, estimate in fitted.estimates.items():
         value = getattr(known, name)
         assert estimate.value == pytest.approx(value, rel=1e-3), name
         assert estimate.low <= value <= estimate.high, name
-    assert set(found.assumed) == {"depth_of_cut", "hardness"}
-    assert "depth_of_cut never varies: 2.5 mm" in found.assumed["depth_of_cut"]
-    assert found.law.depth_of_cut == known.depth_of_cut
-    assert found.r_squared == pytest.approx(1.0, abs=1e-5)
-    assert len(found.lines) == (48 if response == "wear" else 32)
+    assert set(fitted.assumed) == {"depth_of_cut", "hardness"}
+    assert "depth_of_cut never varies: 2.5 mm" in fitted.assumed["depth_of_cut"]
+    assert fitted.law.depth_of_cut == known.depth_of_cut
+    assert fitted.r_squared == pytest.approx(1.0, abs=1e-5)
+    assert len(fitted.lines) == (48 if response == "wear" else 32)
 
 
 exponents = st.floats(-2, 2)
@@ -88,9 +88,9 @@ def test_any_law_is_recovered(
     coefficient = float(np.exp(log_coefficient))
     law = PowerLaw(coefficient=coefficient, reference_depth_of_cut=reference, **values)
     base = PowerLaw(coefficient=1.0, reference_depth_of_cut=reference)
-    found = fit("power", cuts(law, 12, seed=seed), base)
-    assert not found.assumed
-    for name, estimate in found.estimates.items():
+    fitted = fit("power", cuts(law, 12, seed=seed), base)
+    assert not fitted.assumed
+    for name, estimate in fitted.estimates.items():
         assert estimate.value == pytest.approx(getattr(law, name), rel=1e-6, abs=1e-6)
 
 
@@ -106,24 +106,24 @@ def test_of_factors_that_vary_together_one_is_assumed(
     measured = cuts(LAW, 30)
     measured.columns["depth_of_cut"] = (measured.columns[first] / 10) ** slope
     measured.columns["power"] = LAW(**{name: measured.columns[name] for name in FACTORS["power"]})
-    found = fit("power", measured, PowerLaw(coefficient=1.0, depth_of_cut=assumed))
-    assert found.assumed == {"depth_of_cut": f"depth_of_cut varies only together with {first}"}
+    fitted = fit("power", measured, PowerLaw(coefficient=1.0, depth_of_cut=assumed))
+    assert fitted.assumed == {"depth_of_cut": f"depth_of_cut varies only together with {first}"}
     # An error of the assumption goes to the exponent of the other factor.
     # The law still reproduces the rows.
     exponent = getattr(LAW, first) + slope * (LAW.depth_of_cut - assumed)
-    assert getattr(found.law, first) == pytest.approx(exponent, abs=1e-6)
-    assert found.predicted == pytest.approx(found.measured, rel=1e-6)
+    assert getattr(fitted.law, first) == pytest.approx(exponent, abs=1e-6)
+    assert fitted.predicted == pytest.approx(fitted.measured, rel=1e-6)
 
 
 @pytest.mark.parametrize(("count", "needed"), [(1, 2), (2, 7), (6, 7)])
 def test_too_few_rows_are_refused_with_the_number_needed(count: int, needed: int) -> None:
     message = rf"^power: {count} rows? with .* but {needed} are needed"
     with pytest.raises(WorkshopError, match=message):
-        fit("power", cuts(LAW, count, 0.1), LAW)
+        fit("power", cuts(LAW, count, scatter=0.1), LAW)
 
 
 def test_as_many_rows_as_needed_leave_one_degree_of_freedom() -> None:
-    assert fit("power", cuts(LAW, 7, 0.1), LAW).degrees == 1
+    assert fit("power", cuts(LAW, 7, scatter=0.1), LAW).degrees == 1
 
 
 def with_edges(spread: float, seed: int) -> Measurements:
@@ -168,10 +168,10 @@ def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
     covered = dict.fromkeys(("coefficient", *FACTORS["wear"]), 0)
     spreads = []
     for seed in range(TRIALS):
-        found = fit("wear", with_edges(spread, seed), BASE.material.wear)
-        assert found.edges is not None
-        spreads.append(found.edges.spread)
-        for name, estimate in found.estimates.items():
+        fitted = fit("wear", with_edges(spread, seed), BASE.material.wear)
+        assert fitted.edges is not None
+        spreads.append(fitted.edges.spread)
+        for name, estimate in fitted.estimates.items():
             covered[name] += estimate.low <= getattr(BASE.material.wear, name) <= estimate.high
     for name, times in covered.items():
         # If edges do not differ, intervals still allow for it, and are wider than they need be.
@@ -181,10 +181,10 @@ def test_intervals_cover_the_truth_with_named_edges(spread: float) -> None:
 
 def test_law_without_rows_stays_the_bases() -> None:
     measured = cuts(BASE.material.power)
-    found = calibrate(measured, BASE)
-    assert found.material.power.hardness == pytest.approx(0.75)
-    assert found.material.wear == BASE.material.wear
-    assert found.kept == {
+    calibration = calibrate(measured, BASE)
+    assert calibration.material.power.hardness == pytest.approx(0.75)
+    assert calibration.material.wear == BASE.material.wear
+    assert calibration.kept == {
         "wear": "there is no column time",
         "thrust_force": "there is no column thrust_force",
     }
@@ -204,15 +204,17 @@ def test_empty_cells_exclude_rows_and_mean_nominal_hardness() -> None:
     measured = cuts(BASE.material.power, 40)
     measured.columns["power"][:10] = np.nan
     measured.columns["hardness"][10:15] = np.nan
-    found = calibrate(measured, BASE)
-    assert found.fits["power"].lines.tolist() == list(range(12, 42))
-    assert "10 rows have too many empty cells for any law, the first in line 2" in found.warnings
-    assert "hardness is empty in 5 rows, where it was taken as nominal, 1" in found.warnings
+    calibration = calibrate(measured, BASE)
+    assert calibration.fits["power"].lines.tolist() == list(range(12, 42))
+    assert (
+        "10 rows have too many empty cells for any law, the first in line 2" in calibration.warnings
+    )
+    assert "hardness is empty in 5 rows, where it was taken as nominal, 1" in calibration.warnings
 
 
 def test_wide_intervals_are_warned_of(example: Calibration) -> None:
     assert example.warnings == ()
-    measured = cuts(PowerLaw(coefficient=0.3, cutting_speed=0.8), 12, 0.05)
+    measured = cuts(PowerLaw(coefficient=0.3, cutting_speed=0.8), 12, scatter=0.05)
     measured.columns["feed"] = np.where(np.arange(12) < 6, 0.3, 0.305)
     warnings = calibrate(measured, BASE, force=True).warnings
     assert any("power: the exponent of feed is hardly known" in warning for warning in warnings)

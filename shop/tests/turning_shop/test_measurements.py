@@ -83,17 +83,17 @@ def test_many_mistakes_are_counted(tmp_path: Path) -> None:
 def test_spreadsheets_are_read(tmp_path: Path) -> None:
     header = '\ufeff cutting_speed , feed,depth_of_cut,"note, of mine",wear\r\n'
     content = header + '100,0.3,"2.5","a ""b""\nc", \r\n,,,,\r\n1.2e2,+.4,3.,,0.2'
-    found = read_measurements(reading(tmp_path, content))
-    assert found.ignored == ("note, of mine",)
-    assert found.columns["cutting_speed"].tolist() == [100, 120]
-    assert found.columns["feed"].tolist() == [0.3, 0.4]
-    assert np.isnan(found.columns["wear"]).tolist() == [True, False]
-    assert found.lines.tolist() == [3, 5]
+    measurements = read_measurements(reading(tmp_path, content))
+    assert measurements.ignored == ("note, of mine",)
+    assert measurements.columns["cutting_speed"].tolist() == [100, 120]
+    assert measurements.columns["feed"].tolist() == [0.3, 0.4]
+    assert np.isnan(measurements.columns["wear"]).tolist() == [True, False]
+    assert measurements.lines.tolist() == [3, 5]
 
 
 def test_old_line_ends_are_read(tmp_path: Path) -> None:
-    found = read_measurements(reading(tmp_path, GOOD.replace("\n", "\r")))
-    assert found.lines.tolist() == [2]
+    measurements = read_measurements(reading(tmp_path, GOOD.replace("\n", "\r")))
+    assert measurements.lines.tolist() == [2]
 
 
 GERMAN = (
@@ -106,8 +106,8 @@ GERMAN = (
 def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separator: str) -> None:
     rows = ["A;100;0,3;2,5;90;200;4500;1,1;gut", "A;1,2e2;,4;3;120;250;5e3;1,0;"]
     text = "\n".join([GERMAN, *rows, ""]).replace(";", separator)
-    found = read_measurements(reading(tmp_path, text.encode(encoding)))
-    assert {name: column.tolist() for name, column in found.columns.items()} == {
+    measurements = read_measurements(reading(tmp_path, text.encode(encoding)))
+    assert {name: column.tolist() for name, column in measurements.columns.items()} == {
         "cutting_speed": [100.0, pytest.approx(120)],
         "feed": [0.3, 0.4],
         "depth_of_cut": [2.5, 3.0],
@@ -116,10 +116,10 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
         "power": [4.5, 5.0],
         "hardness": [1.1, 1.0],
     }
-    assert found.edges is not None
-    assert found.ignored == ("Bemerkung",)
-    assert len(found.readings) == 9
-    assert "times 0.001" in next(line for line in found.readings if "Leistung" in line)
+    assert measurements.edges is not None
+    assert measurements.ignored == ("Bemerkung",)
+    assert len(measurements.readings) == 9
+    assert "times 0.001" in next(line for line in measurements.readings if "Leistung" in line)
 
 
 @pytest.mark.parametrize(
@@ -184,10 +184,10 @@ def test_workbooks_are_read(tmp_path: Path) -> None:
     book.active.append([None] * 5)
     book.active.append([120, "0.4", 3, None, None])
     book.save(path)
-    found = read_measurements(path)
-    assert found.columns["feed"].tolist() == [0.3, 0.4]
-    assert found.columns["power"][0] == 4.5
-    assert found.lines.tolist() == [2, 4]
+    measurements = read_measurements(path)
+    assert measurements.columns["feed"].tolist() == [0.3, 0.4]
+    assert measurements.columns["power"][0] == 4.5
+    assert measurements.lines.tolist() == [2, 4]
 
 
 LOG = """Versuch 3, Halle 2
@@ -204,23 +204,23 @@ Measured by: J. Smith, 2024-05-01,,,,,,
 
 
 def test_titles_units_means_and_forces_of_a_shops_sheet_are_read(tmp_path: Path) -> None:
-    found = read_measurements(reading(tmp_path, LOG))
-    assert found.columns["cutting_speed"] == pytest.approx([152.4, 167.64, 182.88])
-    assert found.columns["feed"] == pytest.approx([0.3048, 0.3048, 0.4064])
-    assert found.columns["wear"] == pytest.approx([0.1, np.nan, 0.2], nan_ok=True)
-    assert found.columns["thrust_force"] == pytest.approx(
+    measurements = read_measurements(reading(tmp_path, LOG))
+    assert measurements.columns["cutting_speed"] == pytest.approx([152.4, 167.64, 182.88])
+    assert measurements.columns["feed"] == pytest.approx([0.3048, 0.3048, 0.4064])
+    assert measurements.columns["wear"] == pytest.approx([0.1, np.nan, 0.2], nan_ok=True)
+    assert measurements.columns["thrust_force"] == pytest.approx(
         [50 * 4.4482216, np.nan, 100 * 4.4482216], nan_ok=True
     )
     # Power is main force times cutting speed.
     power = np.array([300, 350]) * 4.4482216 * np.array([152.4, 182.88]) / 60e3
-    assert found.columns["power"][[0, 2]] == pytest.approx(power)
+    assert measurements.columns["power"][[0, 2]] == pytest.approx(power)
     for note in (
         "header in line 3",
         "units in line 4",
         "without 3 rows of means",
         "resultant of feed_force and back_force",
     ):
-        assert any(note in reading for reading in found.readings), note
+        assert any(note in reading for reading in measurements.readings), note
 
 
 def test_one_component_makes_no_thrust_force(tmp_path: Path) -> None:
@@ -277,12 +277,12 @@ FORCES = "150;0.2;2;0.1;900;300;400;1030\n200;0.3;2;0.2;1300;450;600;1500\n"
 
 
 def test_letters_tell_a_feed_from_a_force(tmp_path: Path) -> None:
-    found = read_measurements(reading(tmp_path, "vc;f;ap;VB;Fc;Fp;Ff;F\n" + FORCES))
-    assert found.columns["feed"].tolist() == [0.2, 0.3]
-    assert found.columns["thrust_force"] == pytest.approx([500, 750])
+    measurements = read_measurements(reading(tmp_path, "vc;f;ap;VB;Fc;Fp;Ff;F\n" + FORCES))
+    assert measurements.columns["feed"].tolist() == [0.2, 0.3]
+    assert measurements.columns["thrust_force"] == pytest.approx([500, 750])
     capitals = read_measurements(reading(tmp_path, "VC;F;AP;vb;FC;FP;FF;F res\n" + FORCES))
-    assert list(capitals.columns) == list(found.columns)
-    for name, values in found.columns.items():
+    assert list(capitals.columns) == list(measurements.columns)
+    for name, values in measurements.columns.items():
         assert capitals.columns[name].tolist() == values.tolist(), name
 
 
@@ -290,9 +290,11 @@ def test_forces_along_axes_are_asked_for(tmp_path: Path) -> None:
     sheet = reading(tmp_path, "vc;f;ap;VB;Fx;Fy;Fz [N];F\n" + FORCES)
     with pytest.raises(WorkshopError, match=r"'Fx', 'Fy', 'Fz \[N\]'.* --columns Fc=Fx"):
         read_measurements(sheet)
-    found = read_measurements(sheet, {"main_force": "Fx", "back_force": "Fy", "feed_force": "Fz"})
-    assert found.columns["thrust_force"] == pytest.approx([500, 750])
-    assert found.columns["power"] == pytest.approx([900 * 150 / 60e3, 1300 * 200 / 60e3])
+    measurements = read_measurements(
+        sheet, {"main_force": "Fx", "back_force": "Fy", "feed_force": "Fz"}
+    )
+    assert measurements.columns["thrust_force"] == pytest.approx([500, 750])
+    assert measurements.columns["power"] == pytest.approx([900 * 150 / 60e3, 1300 * 200 / 60e3])
     with pytest.raises(WorkshopError, match="no column is headed 'Fq'"):
         read_measurements(sheet, {"main_force": "Fq"})
 
@@ -331,5 +333,5 @@ def test_of_two_columns_of_one_name_the_user_says_which(tmp_path: Path) -> None:
         WorkshopError, match=r"more than one column cutting_speed.*--columns cutting_speed="
     ):
         read_measurements(sheet)
-    found = read_measurements(sheet, {"cutting_speed": "vc"})
-    assert found.columns["cutting_speed"].tolist() == [150, 160]
+    measurements = read_measurements(sheet, {"cutting_speed": "vc"})
+    assert measurements.columns["cutting_speed"].tolist() == [150, 160]
