@@ -1,20 +1,30 @@
 """Make sheets of cuts by known formulas, with a little scatter, as a shop might write them."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+
+class Setting(NamedTuple):
+    """The setting of an edge."""
+
+    speed: float  # [m/min]
+    feed: float  # [mm/rev]
+    depth: float  # [mm]
+
+
 SETTINGS = (
-    (150, 0.2, 2),
-    (150, 0.35, 3),
-    (190, 0.25, 1.5),
-    (190, 0.4, 2),
-    (230, 0.2, 3),
-    (230, 0.3, 2.5),
-    (270, 0.3, 1.5),
-    (270, 0.4, 2),
+    Setting(150, 0.2, 2),
+    Setting(150, 0.35, 3),
+    Setting(190, 0.25, 1.5),
+    Setting(190, 0.4, 2),
+    Setting(230, 0.2, 3),
+    Setting(230, 0.3, 2.5),
+    Setting(270, 0.3, 1.5),
+    Setting(270, 0.4, 2),
 )
-"""Cutting speed [m/min], feed [mm/rev] and depth of cut [mm] of each edge."""
+"""Settings of the edges of all sheets."""
 
 
 def forces(
@@ -27,14 +37,17 @@ def forces(
     rng = np.random.default_rng(3)
     slope = (1.0 / fresh_share - 1.0) / 0.3
     rows = [header]
-    for edge, (speed, feed, depth) in enumerate(SETTINGS, 1):
+    for edge, setting in enumerate(SETTINGS, 1):
+        fresh_main = 1800 * setting.feed**0.74 * setting.depth
+        fresh_thrust = 900 * setting.feed**0.6 * setting.depth
         for wear in wears:
-            main = 1800 * feed**0.74 * depth * (1 + 0.4 * wear)
-            thrust = 900 * feed**0.6 * depth * (1 + slope * wear)
-            scatter = np.exp(0.01 * rng.standard_normal(3))
-            numbers = np.array([main, 0.8 * thrust, 0.6 * thrust]) * scatter
-            cells = [f"{edge};{speed};{feed};{depth};{wear:g}"]
-            cells += [f"{number:.1f}" for number in numbers]
+            main = fresh_main * (1 + 0.4 * wear)
+            thrust = fresh_thrust * (1 + slope * wear)
+            # Feed force and back force are sides of a right triangle.
+            measured = np.array([main, 0.8 * thrust, 0.6 * thrust])
+            measured *= np.exp(0.01 * rng.standard_normal(3))
+            cells = [*_first_cells(edge, setting), f"{wear:g}"]
+            cells += [f"{force:.1f}" for force in measured]
             rows.append(";".join(cells))
     return "\n".join(rows) + "\n"
 
@@ -43,15 +56,21 @@ def wear_curves(scatter: float = 0.03) -> str:
     """Return a sheet with wear, thrust force and power of edges at several times."""
     rng = np.random.default_rng(4)
     rows = ["edge;vc;f;ap;time;VB;thrust force;P [kW]"]
-    for edge, (speed, feed, depth) in enumerate(SETTINGS, 1):
-        life = 18.0 * (200 / speed) ** 4 * (0.3 / feed) ** 1.2
+    for edge, setting in enumerate(SETTINGS, 1):
+        life = 18.0 * (200 / setting.speed) ** 4 * (0.3 / setting.feed) ** 1.2
         for share in (0.15, 0.4, 0.7, 1.0):
-            wear = 0.3 * share**0.55 * np.exp(scatter * rng.standard_normal())
-            thrust = 3400 * feed**0.72 * depth * wear**0.45
+            wear = 0.3 * share**0.55
+            wear *= np.exp(scatter * rng.standard_normal())
+            thrust = 3400 * setting.feed**0.72 * setting.depth * wear**0.45
             thrust *= np.exp(scatter * rng.standard_normal())
-            power = 0.045 * speed * feed**0.74 * depth * wear**0.13
+            power = 0.045 * setting.speed * setting.feed**0.74 * setting.depth * wear**0.13
             power *= np.exp(0.3 * scatter * rng.standard_normal())
-            settings = f"{edge};{speed};{feed};{depth}"
-            readings = f"{share * life:.2f};{wear:.3f};{thrust:.0f};{power:.2f}"
-            rows.append(f"{settings};{readings}")
+            cells = [*_first_cells(edge, setting), f"{share * life:.2f}"]
+            cells += [f"{wear:.3f}", f"{thrust:.0f}", f"{power:.2f}"]
+            rows.append(";".join(cells))
     return "\n".join(rows) + "\n"
+
+
+def _first_cells(edge: int, setting: Setting) -> list[str]:
+    """Return the cells of an edge and its setting."""
+    return [str(edge), str(setting.speed), str(setting.feed), str(setting.depth)]
