@@ -197,7 +197,10 @@ def test_a_dwell_of_years_and_a_slow_feed_have_finite_times() -> None:
     situation = Situation(SCENARIO, Machine(), made, removal)
     played = play(situation, change_wear(situation))
     assert math.isfinite(played.time.sum())
-    assert all(math.isfinite(row.used_life) for row in rows(situation, played))
+    blocks = rows(situation, played)
+    assert blocks
+    for block in blocks:
+        assert math.isfinite(block.used_life)
 
 
 BLANKS = " " * (MAX_CHARACTERS - 50)
