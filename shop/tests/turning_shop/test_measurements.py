@@ -26,47 +26,75 @@ def reading(folder: Path, content: str | bytes) -> Path:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "is empty: a header and rows"),
-        (HEADER, "has a header but no rows"),
-        (
+        pytest.param("", "is empty: a header and rows", id="empty"),
+        pytest.param(HEADER, "has a header but no rows", id="header alone"),
+        pytest.param(
             "feed,power\n1,2\n",
             "no column cutting_speed, depth_of_cut; "
             "it has 'feed', 'power', and the columns understood are",
+            id="missing columns",
         ),
-        ("a;b;c\n1;2;3\n", "no column cutting_speed, feed, depth_of_cut; it has 'a;b;c'"),
-        (
+        pytest.param(
+            "a;b;c\n1;2;3\n",
+            "no column cutting_speed, feed, depth_of_cut; it has 'a;b;c'",
+            id="no known column",
+        ),
+        pytest.param(
             GOOD.replace("feed", "f [mm/min]"),
             "f .mm/min.*: feed in 'mm/min' is not understood: allowed are mm/rev",
+            id="unit",
         ),
-        (GOOD.replace("wear", "ap"), "more than one column depth_of_cut: 'depth_of_cut' and 'ap'"),
-        (
+        pytest.param(
+            GOOD.replace("wear", "ap"),
+            "more than one column depth_of_cut: 'depth_of_cut' and 'ap'",
+            id="two columns of one quantity",
+        ),
+        pytest.param(
             GOOD.replace(",", ";") + "100;0,3;2.5;0,2;4,5\n",
             "line 2, column feed: '0.3' has a point, but other cells have decimal commas",
+            id="points and commas",
         ),
-        (
+        pytest.param(
             GOOD.replace("power", "P [W]") + "100,0.3,2.5,0.2,2e7\n",
             r"P .W.: 2e7, which is 2e\+04 kW, is outside",
+            id="out of range in a unit",
         ),
-        (
+        pytest.param(
             GOOD + "fast,0.3,2.5,0.2,4.5\n",
             "line 3, column cutting_speed: 'fast' is not a number; allowed is 0.1 to 5000 m/min",
+            id="word",
         ),
-        (
+        pytest.param(
             GOOD + '100,"0,3",2.5,0.2,4.5\n',
             "line 3, column feed: '0,3' has a comma: write decimals with a point",
+            id="comma",
         ),
-        (
+        pytest.param(
             GOOD + "100,-0.3,2.5,0.2,4.5\n",
             "line 3, column feed: -0.3 is outside the allowed range 0.001 to 10 mm/rev",
+            id="negative",
         ),
-        (GOOD + "100,0.3,2.5,inf,4.5\n", "line 3, column wear: 'inf' is not a number"),
-        (GOOD + "\n\n100,0.3,2.5,0.2\n", "line 5 has 4 cells, but the header has 5"),
-        (
+        pytest.param(
+            GOOD + "100,0.3,2.5,inf,4.5\n",
+            "line 3, column wear: 'inf' is not a number",
+            id="infinite",
+        ),
+        pytest.param(
+            GOOD + "\n\n100,0.3,2.5,0.2\n",
+            "line 5 has 4 cells, but the header has 5",
+            id="missing cell",
+        ),
+        pytest.param(
             "cutting_speed,feed,depth_of_cut,hardness\n100,0.3,2.5,260\n",
             "hardness: 260 is outside .*: 1 is nominal",
+            id="hardness in HB",
         ),
-        (b"\xff\0" + GOOD.encode(), "is not text: save the sheet as CSV, in UTF-8"),
-        (HEADER + '"100', "is not CSV"),
+        pytest.param(
+            b"\xff\0" + GOOD.encode(),
+            "is not text: save the sheet as CSV, in UTF-8",
+            id="bytes",
+        ),
+        pytest.param(HEADER + '"100', "is not CSV", id="open quote"),
     ],
 )
 def test_mistake_is_named(tmp_path: Path, content: str | bytes, message: str) -> None:
@@ -299,32 +327,40 @@ def test_forces_along_axes_are_asked_for(tmp_path: Path) -> None:
         read_measurements(sheet, {"main_force": "Fq"})
 
 
+def with_column(header: str, first: float, second: float) -> str:
+    """Return a sheet of two cuts with a column of its own."""
+    return f"vc;f;ap;VB;{header}\n150;0.2;2;0.1;{first}\n150;0.3;2;0.2;{second}\n"
+
+
 @pytest.mark.parametrize(
-    ("header", "numbers", "column"),
+    ("sheet", "column"),
     [
-        ("P", (3.1, 5.2), "power"),
-        ("P [N]", (300, 450), "back_force"),
-        ("P [W]", (3100, 5200), "power"),
-        ("P", (300, 450), None),
-        ("T", (5, 9), "time"),
-        ("T [min]", (5, 9), "time"),
-        ("T", (620, 840), None),
-        ("T [\N{DEGREE SIGN}C]", (620, 840), "ignored"),
-        ("F [N]", (1030, 1500), "ignored"),
+        pytest.param(with_column("P", 3.1, 5.2), "power", id="P of a few kW"),
+        pytest.param(with_column("P [N]", 300, 450), "back_force", id="P in N"),
+        pytest.param(with_column("P [W]", 3100, 5200), "power", id="P in W"),
+        pytest.param(with_column("T", 5, 9), "time", id="T of some minutes"),
+        pytest.param(with_column("T [min]", 5, 9), "time", id="T in min"),
     ],
 )
-def test_symbols_of_several_quantities(
-    tmp_path: Path, header: str, numbers: tuple[float, float], column: str | None
+def test_symbols_of_several_quantities_are_read_by_unit_and_size(
+    tmp_path: Path, sheet: str, column: str
 ) -> None:
-    rows = "".join(f"150;0.{k + 2};2;0.{k + 1};{number}\n" for k, number in enumerate(numbers))
-    sheet = reading(tmp_path, f"vc;f;ap;VB;{header}\n{rows}")
-    if column is None:
-        with pytest.raises(WorkshopError, match=f"column '{header}' .*--columns"):
-            read_measurements(sheet)
-    elif column == "ignored":
-        assert read_measurements(sheet).ignored == (header,)
-    else:
-        assert column in read_measurements(sheet).columns
+    assert column in read_measurements(reading(tmp_path, sheet)).columns
+
+
+@pytest.mark.parametrize("symbol", ["P", "T"])
+def test_symbols_with_numbers_of_another_quantity_are_asked_for(
+    tmp_path: Path, symbol: str
+) -> None:
+    sheet = reading(tmp_path, with_column(symbol, 620, 840))
+    with pytest.raises(WorkshopError, match=f"column '{symbol}' .*--columns"):
+        read_measurements(sheet)
+
+
+@pytest.mark.parametrize("header", ["T [\N{DEGREE SIGN}C]", "F [N]"])
+def test_symbols_of_quantities_that_are_not_read_are_ignored(tmp_path: Path, header: str) -> None:
+    sheet = reading(tmp_path, with_column(header, 620, 840))
+    assert read_measurements(sheet).ignored == (header,)
 
 
 def test_of_two_columns_of_one_name_the_user_says_which(tmp_path: Path) -> None:
