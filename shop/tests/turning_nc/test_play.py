@@ -579,11 +579,12 @@ def test_the_cycles_of_the_slides_divide_the_measured_blank_and_cut_by_the_rule(
     situation = Situation(scenario, Machine(), made, removal)
     assert implausible(situation, play(situation, process.mean_wear)) == {}
 
-    # Cylinders of the part by length and radius, and a groove.
-    part = 90.0 * (0.5 * diameter) ** 2 + 20.0 * 45.0**2 + 34.0 * 40.0**2 + 6.0 * 30.0**2
-    part -= 17.0 * (40.0**2 - 36.0**2)
+    # Lengths and radii of the part's cylinders [mm].
+    cylinders = [(90.0, 0.5 * diameter), (20.0, 45.0), (34.0, 40.0), (6.0, 30.0)]
+    part = sum(math.pi * length * radius**2 for length, radius in cylinders)
+    groove = math.pi * 17.0 * (40.0**2 - 36.0**2)
     # Edges of 85 degrees leave ridges.
-    assert volume(removal.part) == pytest.approx(math.pi * part, rel=2e-4)
+    assert volume(removal.part) == pytest.approx(part - groove, rel=2e-4)
 
     cuts = []
     for move in made.moves:
