@@ -76,48 +76,48 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_what_the_files_do_not_state_is_off_and_said(folder: Path) -> None:
+def test_values_that_the_files_do_not_state_are_off_and_named(folder: Path) -> None:
     scenario, evidence = load(folder / "tool.toml")
     assert scenario.limits.power == NO_LIMIT["power"]
     assert scenario.limits.thrust_force == NO_LIMIT["thrust_force"]
     assert scenario.tool.edge_strength == NO_STRENGTH
-    said = "\n".join(evidence.warnings)
+    warnings = "\n".join(evidence.warnings)
     for name in BARS_VARY:
         section, field = name.split(".")
         assert getattr(getattr(scenario, section), field) == 0.0
-        assert name in said
+        assert name in warnings
     for name in (
         "limits.power",
         "tool.edge_strength",
         "machine.return_time 0.1 min",
         "workpiece.approach 3 mm",
     ):
-        assert name in said
+        assert name in warnings
     for stated in ("diameter", "cutting_speed", "insert_price", "currency", "wear_factor_spread"):
-        assert stated not in said
+        assert stated not in warnings
 
 
-def test_what_the_files_state_stays(folder: Path) -> None:
+def test_values_that_the_files_state_stay(folder: Path) -> None:
     scenario, evidence = load(folder / "varied.toml")
     assert scenario.tool.edge_strength == 3000.0
     assert scenario.workpiece.depth_along_spread == 0.25
     assert scenario.limits.power == 6.0
-    said = "\n".join(evidence.warnings)
-    assert "edge_strength is off" not in said
+    warnings = "\n".join(evidence.warnings)
+    assert "edge_strength is off" not in warnings
     for assumed in (
         "tool.edge_strength_spread 0.12",
         "economics.breakage_downtime 10 min",
         "limits.overload_allowance 0.05",
     ):
-        assert assumed in said
+        assert assumed in warnings
 
 
 @pytest.mark.parametrize(
     "preset", ["practitioner", "harder_lot", "override_torque", "small_diameter"]
 )
 def test_effects_of_a_preset_are_off_in_a_file_on_it(tmp_path: Path, preset: str) -> None:
-    (tmp_path / "own.toml").write_text(f'base = "{preset}"\n')
-    scenario, _ = load(tmp_path / "own.toml")
+    (tmp_path / "changed.toml").write_text(f'base = "{preset}"\n')
+    scenario, _ = load(tmp_path / "changed.toml")
     neutral = Scenario()
     for section in ("edge_failure", "swarf", "mismatch", "spindle"):
         switched_off = getattr(scenario, section)
@@ -126,10 +126,10 @@ def test_effects_of_a_preset_are_off_in_a_file_on_it(tmp_path: Path, preset: str
 
 
 def test_effects_that_advice_does_not_know_are_named(tmp_path: Path) -> None:
-    (tmp_path / "own.toml").write_text(
+    (tmp_path / "changed.toml").write_text(
         "[edge_failure]\ncollapse_temperature = 900.0\n[swarf]\ntangle_rate = 0.5\n"
     )
-    warnings = "\n".join(load(tmp_path / "own.toml")[1].warnings)
+    warnings = "\n".join(load(tmp_path / "changed.toml")[1].warnings)
     assert "only the simulation" in warnings
     assert "edge_failure.collapse_temperature" in warnings
     assert "swarf.chip_feed_min 0.15 mm/rev" in warnings
@@ -171,11 +171,11 @@ def test_a_broken_edge_is_on_sheet_and_page(tmp_path: Path) -> None:
     changes = {"edge_failure": {"collapse_temperature": 300.0}, "control": {"time_limit": 2.0}}
     scenario = Scenario.load({"tool": {"edge_strength": 1e6}} | changes)
     advice = advise(scenario, Evidence())
-    said = list(play_all(scenario, advice[0].plan, [], 2).headline())
-    assert "2 of 2 simulated edges broke" in said[1]
-    sheet = draw_sheet(scenario, Evidence(), advice, said)
+    sentences = list(play_all(scenario, advice[0].plan, [], 2).headline())
+    assert "2 of 2 simulated edges broke" in sentences[1]
+    sheet = draw_sheet(scenario, Evidence(), advice, sentences)
     drawn = "\n".join(text.get_text() for text in sheet.findobj(Text))
-    assert said[1] in drawn
+    assert sentences[1] in drawn
 
 
 def test_a_strength_that_is_stated_bounds_the_thrust(folder: Path) -> None:
