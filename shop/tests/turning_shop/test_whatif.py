@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from turning_shop.whatif import what_if
 from tests.turning_env.playing import infos
 from turning_env import Scenario
 from turning_env.__main__ import main
+from turning_env.action import set_point_action
 
 BASE = Scenario()
 
@@ -23,11 +25,10 @@ BASE = Scenario()
 def test_the_environment_says_the_same() -> None:
     scenario = Scenario.load("paper")
     machine = scenario.machine
-    # An action of -1 to 1 spans the machine's range.
-    speed_range = machine.cutting_speed_max - machine.cutting_speed_min
-    speed_action = 2 * (150 - machine.cutting_speed_min) / speed_range - 1
-    feed_action = 2 * (0.3 - machine.feed_min) / (machine.feed_max - machine.feed_min) - 1
-    action = np.array([speed_action, feed_action], np.float32)
+    speed = set_point_action(150, machine.cutting_speed_min, high=machine.cutting_speed_max)
+    feed = set_point_action(0.3, machine.feed_min, high=machine.feed_max)
+    action = np.array([speed, feed], np.float32)
+    # A step of this scenario takes a minute.
     for minutes, info in enumerate(infos(scenario, [action] * 3), 1):
         cuts = what_if(scenario, 150, 0.3, time=minutes)
         assert cuts.wear == pytest.approx(info["wear"], rel=1e-4)
@@ -47,12 +48,12 @@ def test_the_environment_says_the_same() -> None:
 def test_time_and_wear_are_two_sides_of_one_law(
     speed: float, feed: float, depth: float, hardness: float
 ) -> None:
-    worn = what_if(BASE, speed, feed, depth, hardness, wear=0.2)
-    again = what_if(BASE, speed, feed, depth, hardness, time=worn.time)
+    predict = partial(what_if, BASE, speed, feed, depth_of_cut=depth, hardness=hardness)
+    worn = predict(wear=0.2)
+    again = predict(time=worn.time)
     for name, value in worn._asdict().items():
         assert getattr(again, name) == pytest.approx(value, rel=1e-9), name
-    finished = what_if(BASE, speed, feed, depth, hardness, time=worn.tool_life)
-    assert finished.wear_share == pytest.approx(1.0)
+    assert predict(time=worn.tool_life).wear_share == pytest.approx(1.0)
 
 
 SPEEDS = ["--cutting-speed", "120", "150", "165", "180"]
@@ -83,31 +84,49 @@ def test_text_names_the_limits_that_are_exceeded(capsys: pytest.CaptureFixture[s
     assert lines[3].endswith("wear, thrust, power")
 
 
-def test_the_map_marks_where_most_metal_is_removed_and_labels_rates() -> None:
-    left, right = draw_map(BASE, Evidence(), 0.2).axes
-    (mark,) = [line for line in left.lines if line.get_marker() == "o"]
+def test_the_map_marks_where_most_metal_is_removed() -> None:
+    axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
+    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
     speed = float(mark.get_xdata()[0])
     feed = float(mark.get_ydata()[0])
     cuts = what_if(BASE, speed, feed, wear=0.2)
     assert cuts.within_limits
     assert max(cuts.power_share, cuts.thrust_force_share) > 0.99
-    texts = [text.get_text() for text in left.texts]
-    assert any(text.startswith(f"{speed:.0f} m/min, {feed:.3g} mm/rev:") for text in texts)
-    rates = [float(label.get_text()) for label in right.get_yticklabels()]
-    edge = what_if(BASE, BASE.machine.cutting_speed_max, right.get_yticks(), wear=0.2)
-    assert edge.removal_rate == pytest.approx(rates, rel=1e-3)
-    # A star marks a cut below the lowest speed at which wear was measured.
-    for lowest, ending in ((speed, "min"), (1.1 * speed, "min *")):
-        law = LawEvidence(
-            coefficient=1.0,
-            terms=(),
-            covariance=((0.01,),),
-            degrees=5,
-            scatter=0.1,
-            measured={"cutting_speed": (lowest, 300.0)},
-        )
-        axes = draw_map(BASE, Evidence(laws={"wear": law}), 0.2).axes[0]
-        assert any(text.get_text().endswith(ending) for text in axes.texts)
+    labels = [text.get_text() for text in axes.texts]
+    start = f"{speed:.0f} m/min, {feed:.3g} mm/rev:"
+    assert [label for label in labels if label.startswith(start)] != []
+
+
+def test_the_map_labels_removal_rates_at_the_highest_speed() -> None:
+    _, axes = draw_map(BASE, Evidence(), wear=0.2).axes
+    rates = [float(label.get_text()) for label in axes.get_yticklabels()]
+    feeds = axes.get_yticks()
+    cuts = what_if(BASE, BASE.machine.cutting_speed_max, feeds, wear=0.2)
+    assert cuts.removal_rate == pytest.approx(rates, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lowest_speed", "ending"),
+    [
+        pytest.param(1.0, "min", id="measured"),
+        pytest.param(1.1, "min *", id="below the lowest measured speed"),
+    ],
+)
+def test_a_star_marks_a_cut_that_extrapolates(lowest_speed: float, ending: str) -> None:
+    axes, _ = draw_map(BASE, Evidence(), wear=0.2).axes
+    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    speed = float(mark.get_xdata()[0])
+    law = LawEvidence(
+        coefficient=1.0,
+        terms=(),
+        covariance=((0.01,),),
+        degrees=5,
+        scatter=0.1,
+        measured={"cutting_speed": (lowest_speed * speed, 300.0)},
+    )
+    axes, _ = draw_map(BASE, Evidence(laws={"wear": law}), wear=0.2).axes
+    labels = [text.get_text() for text in axes.texts]
+    assert [label for label in labels if label.endswith(ending)] != []
 
 
 @pytest.mark.slow
