@@ -1,6 +1,6 @@
-"""The five papers: their claims checked (``research.papers.reproduce``) and their figures drawn anew (``research.papers.figures``).
+"""The five papers: ``reproduce`` checks their claims, ``figures`` draws their figures anew.
 
-The papers' controllers belong in ``baselines``; their equations belong in ``turning_env/physics``.
+Their controllers belong in ``baselines``, and their equations in ``turning_env/physics``.
 """
 
 import csv
@@ -29,32 +29,44 @@ def rows(name: str) -> list[dict[str, str]]:
 
 
 def changed(preset: Source, **sections: dict[str, Any]) -> Scenario:
-    """Return a preset with some values of its sections replaced, validated anew."""
+    """Return a preset with some values of its sections replaced, and validate it.
+
+    Raises:
+        ValueError: A value is not valid.
+    """
     values = Scenario.load(preset).model_dump()
-    for section, replaced in sections.items():
-        values[section] |= replaced
+    for section, new_values in sections.items():
+        values[section].update(new_values)
     return Scenario.model_validate(values)
 
 
 def record(
     policy: Policy, scenario: Scenario, seeds: Sequence[int], seconds: float | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Play an episode of each seed, for some seconds or until all have ended.
+    """Play an episode of each seed, for some seconds or until all end in the same step.
 
     Returns:
-        ``info`` and ``observation`` after each step, arrays of shape (steps, seeds) and (steps, seeds, entries).
+        ``info`` and ``observation`` after each step, arrays of shape (steps, seeds) and
+        (steps, seeds, entries).
     """
     env = RoughTurningVectorEnv(len(seeds), scenario)
     observations, _ = env.reset(seed=list(seeds))
     policy.reset(np.ones(len(seeds), np.bool_))
-    steps = None if seconds is None else round(seconds / scenario.control.interval)
-    kept: list[dict[str, Any]] = []
-    ended = False
-    while not ended if steps is None else len(kept) < steps:
+
+    num_steps = None
+    if seconds is not None:
+        num_steps = round(seconds / scenario.control.interval)
+    steps: list[dict[str, Any]] = []
+    finished = False
+    while not finished:
         observations, _, terminated, truncated, infos = env.step(policy.act(observations))
-        kept.append(infos | {"observation": observations.copy()})
-        ended = bool((terminated | truncated).all())
-    return {
-        name: np.array([each[name] for each in kept])
-        for name in (*(quantity.name for quantity in INFO), "observation")
-    }
+        # The environment overwrites its observations in the next step.
+        steps.append(infos | {"observation": observations.copy()})
+        if num_steps is None:
+            finished = bool((terminated | truncated).all())
+        else:
+            finished = len(steps) >= num_steps
+
+    names = [quantity.name for quantity in INFO]
+    names.append("observation")
+    return {name: np.array([step[name] for step in steps]) for name in names}

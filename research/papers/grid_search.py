@@ -1,6 +1,7 @@
-"""The grid search of Alaskari and Oraby (2018) in every minute of its edge's life, with the paper's grid and limits.
+"""The grid search of Alaskari and Oraby (2018) in each minute of its edge's life.
 
-The paper calls a minute a time interval.
+Grid and limits are the paper's, which calls a minute a time interval. ``baselines/grid_search.py``
+holds the controller, ``reproduce/alaskari_oraby.py`` the comparison with the paper's numbers.
 """
 
 import math
@@ -16,14 +17,17 @@ from turning_env import Scenario
 from turning_env.physics.records import parameter_records
 
 Array = NDArray[np.float64]
-FINE = (
-    76,
-    109,
-)  # cutting speeds and feeds of the plane: two to a step of the search's grid, and the search's own
 
+# The plane has two cutting speeds to a step of the search's grid, and the search's own feeds.
+PLANE_SPEEDS = 76
+PLANE_FEEDS = 109
 
 SCENARIO = Scenario.load("paper")
-LIMITS = Limits(SCENARIO.limits.thrust_force, SCENARIO.limits.power, used_life=1.0)
+LIMITS = Limits(
+    force=SCENARIO.limits.thrust_force,
+    power=SCENARIO.limits.power,
+    used_life=1.0,
+)
 SPEEDS, FEEDS = grid(SCENARIO)
 _PARAMETERS = parameter_records(SCENARIO)[0]
 
@@ -45,71 +49,106 @@ class Responses(NamedTuple):
     @property
     def within(self) -> NDArray[np.bool_]:
         """Whether wear, force and power are all within their limits."""
-        force, power, _ = LIMITS
         return (
-            (self.thrust_force <= force)
-            & (self.power <= power)
+            (self.thrust_force <= LIMITS.force)
+            & (self.power <= LIMITS.power)
             & (self.wear <= SCENARIO.tool.wear_criterion)
         )
 
 
-def _now(wear: float, start: float) -> tuple[float, float, float]:
-    """Return the used share of life [-] at a wear [mm], and the cutting times [min] at which a minute begins and ends."""
-    return (
-        float((wear / SCENARIO.tool.wear_criterion) ** (1.0 / SCENARIO.material.wear.time)),
-        start,
-        start + 1.0,
-    )
+class SpeedAndFeed(NamedTuple):
+    """A pair of the grid."""
+
+    cutting_speed: float  # [m/min]
+    feed: float  # [mm/rev]
 
 
-def chosen(wear: float, start: float) -> tuple[float, float] | None:
-    """Return (cutting speed [m/min], feed [mm/rev]) for the next minute, or None if none is feasible.
+def used_life(wear: float) -> float:
+    """Return the share of an edge's life that is used at a wear [mm]."""
+    # At constant speed and feed, wear is W_max (t/T)^n. So t/T = (W / W_max)^(1/n).
+    relative_wear = wear / SCENARIO.tool.wear_criterion
+    return float(relative_wear ** (1.0 / SCENARIO.material.wear.time))
+
+
+def chosen(wear: float, start: float) -> SpeedAndFeed | None:
+    """Return the pair that the search chooses for the next minute, or None if none is feasible.
 
     Args:
-        wear: of the edge [mm].
+        wear: wear of the edge [mm].
         start: cutting time of the edge [min].
     """
-    speed, feed = best_pair(_PARAMETERS, SPEEDS, FEEDS, *_now(wear, start), LIMITS)
-    return None if speed < 0 else (float(SPEEDS[speed]), float(FEEDS[feed]))
+    pair = best_pair(
+        _PARAMETERS,
+        SPEEDS,
+        feeds=FEEDS,
+        used_life=used_life(wear),
+        start=start,
+        end=start + 1.0,
+        limits=LIMITS,
+    )
+    if pair.speed < 0:
+        return None
+    return SpeedAndFeed(float(SPEEDS[pair.speed]), float(FEEDS[pair.feed]))
 
 
 def responses(wear: float, start: float, speed: Array, feed: Array) -> Responses:
-    """Return the responses if the next minute is cut with pairs, arrays of one shape: see ``chosen``."""
-    used, force, power = predict(_PARAMETERS, speed, feed, *_now(wear, start))
+    """Return the responses if the next minute is cut at given speeds and feeds.
+
+    Args:
+        wear: wear of the edge [mm].
+        start: cutting time of the edge [min].
+        speed: cutting speeds [m/min].
+        feed: feeds [mm/rev], of the same shape.
+    """
+    life, force, power = predict(
+        _PARAMETERS, speed, feed, used_life=used_life(wear), start=start, end=start + 1.0
+    )
     return Responses(
-        speed, feed, SCENARIO.tool.wear_criterion * used**SCENARIO.material.wear.time, force, power
+        speed=speed,
+        feed=feed,
+        wear=SCENARIO.tool.wear_criterion * life**SCENARIO.material.wear.time,
+        thrust_force=force,
+        power=power,
     )
 
 
 def best_at_each_speed(wear: float, start: float) -> Responses:
-    """Return the responses at each of the grid's cutting speeds with the highest feed that keeps all limits.
+    """Return the responses at each cutting speed of the grid with its best feed.
 
-    Where wear allows none, the highest feed that keeps force and power; where they allow none either, the lowest.
+    The best feed is the highest that keeps all limits. Where wear allows none, it is the highest
+    that keeps force and power. Where these allow none either, it is the lowest.
     """
-    now, (force, power, _) = _now(wear, start), LIMITS
-    feeds = []
-    for speed in SPEEDS:
-        found = (
-            highest_feed(_PARAMETERS, speed, FEEDS, *now, Limits(force, power, life))
-            for life in (1.0, math.inf)
-        )
-        feeds.append(FEEDS[next((index for index in found if index >= 0), 0)])
-    return responses(wear, start, SPEEDS, np.array(feeds))
+    limits_without_wear = Limits(LIMITS.force, LIMITS.power, used_life=math.inf)
+    feeds = np.empty(len(SPEEDS))
+    for index, speed in enumerate(SPEEDS):
+        for limits in (LIMITS, limits_without_wear):
+            highest = highest_feed(
+                _PARAMETERS,
+                speed,
+                feeds=FEEDS,
+                used_life=used_life(wear),
+                start=start,
+                end=start + 1.0,
+                limits=limits,
+            )
+            if highest >= 0:
+                break
+        feeds[index] = FEEDS[max(highest, 0)]
+    return responses(wear, start, speed=SPEEDS, feed=feeds)
 
 
 def plane(wear: float, start: float) -> Responses:
     """Return the responses on the whole plane, arrays of shape (feeds, cutting speeds)."""
-    axes = (
-        np.linspace(values[0], values[-1], count)
-        for values, count in zip((SPEEDS, FEEDS), FINE, strict=True)
-    )
-    return responses(wear, start, *np.meshgrid(*axes))
+    speeds = np.linspace(SPEEDS[0], SPEEDS[-1], num=PLANE_SPEEDS)
+    feeds = np.linspace(FEEDS[0], FEEDS[-1], num=PLANE_FEEDS)
+    speed, feed = np.meshgrid(speeds, feeds)
+    return responses(wear, start, speed=speed, feed=feed)
 
 
 class Minute(NamedTuple):
     """One minute of the edge's life: the environment's response to the controller's action."""
 
-    pair: tuple[float, float]  # pair of cutting speed [m/min] and feed [mm/rev]
+    pair: SpeedAndFeed
     removed: float  # [cm3]
     wear: float  # [mm]
     thrust_force: float  # [N]
@@ -120,37 +159,62 @@ class Minute(NamedTuple):
 @cache
 def whole_life() -> tuple[Minute, ...]:
     """Return the edge's whole life, played on the environment until no pair is feasible."""
-    minutes = []
-    kept = record(GridSearch(SCENARIO, 1), SCENARIO, [0])
+    recorded = record(GridSearch(SCENARIO, 1), SCENARIO, [0])
+    minutes: list[Minute] = []
     wear = 0.0
-    for step in range(len(kept["wear"])):
+    for step in range(len(recorded["wear"])):
         if chosen(wear, step) is None:
             break
-        now = {
-            name: values[step, 0].item() for name, values in kept.items() if name != "observation"
-        }
-        wear = now["wear"]
-        state = now["removed"], wear, now["thrust_force"], now["power"], now["finished"]
-        minutes.append(Minute((now["cutting_speed"], now["feed"]), *state))
+        info = {name: values[step, 0] for name, values in recorded.items()}
+        wear = float(info["wear"])
+        minutes.append(
+            Minute(
+                pair=SpeedAndFeed(float(info["cutting_speed"]), float(info["feed"])),
+                removed=float(info["removed"]),
+                wear=wear,
+                thrust_force=float(info["thrust_force"]),
+                power=float(info["power"]),
+                finished=bool(info["finished"]),
+            )
+        )
     return tuple(minutes)
 
 
 def before(minute: int) -> tuple[float, float]:
-    """Return wear [mm] and cutting time [min] of the grid search's edge at the start of a minute, 1 to 15, of its life."""
-    return (0.0 if minute == 1 else whole_life()[minute - 2].wear), minute - 1.0
+    """Return wear [mm] and cutting time [min] of the edge at the start of a minute, 1 to 15."""
+    wear = 0.0
+    if minute > 1:
+        wear = whole_life()[minute - 2].wear
+    return wear, minute - 1.0
 
 
 def sides(minute: int) -> int:
-    """Return how many sides, and so corners, the feasible region of the plane has; 0 if nothing is feasible."""
-    found = plane(*before(minute))
-    columns = np.flatnonzero(found.within.any(axis=0))
+    """Return how many sides, and so corners, the feasible region of the plane has.
+
+    It has 0 if nothing is feasible.
+    """
+    wear, start = before(minute)
+    at_plane = plane(wear, start)
+    columns = np.flatnonzero(at_plane.within.any(axis=0))
     if not columns.size:
         return 0
-    last = found.within.shape[0] - 1
-    tops = (last - np.argmax(found.within[::-1], axis=0))[columns]
-    force, power = (
-        values[np.minimum(tops + 1, last), columns] for values in (found.thrust_force, found.power)
+
+    # The highest feasible feed at each cutting speed, and the responses one feed higher.
+    last = at_plane.within.shape[0] - 1
+    tops = (last - np.argmax(at_plane.within[::-1], axis=0))[columns]
+    above_tops = np.minimum(tops + 1, last)
+    force = at_plane.thrust_force[above_tops, columns]
+    power = at_plane.power[above_tops, columns]
+
+    # What ends the region upwards at each cutting speed: range of feeds, force, power or wear.
+    ends = np.select(
+        [tops == last, force > LIMITS.force, power > LIMITS.power], [0, 1, 2], default=3
     )
-    # What ends the region upwards, in every column: the range of feeds, force, power or wear.
-    above = np.select([tops == last, force > LIMITS[0], power > LIMITS[1]], [0, 1, 2], 3)
-    return int(2 + np.count_nonzero(np.diff(above)) + (tops[0] > 0) + (tops[-1] > 0))
+
+    # The upper side changes its direction where another limit ends the region.
+    upper_sides = 1 + np.count_nonzero(np.diff(ends))
+    # A region that is higher than one feed at its first or last speed ends there in a side.
+    left_sides = tops[0] > 0
+    right_sides = tops[-1] > 0
+    lower_sides = 1
+    return int(lower_sides + upper_sides + left_sides + right_sides)

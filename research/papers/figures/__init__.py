@@ -1,4 +1,7 @@
-"""The figures of the papers, drawn with the project's own models and controllers: ``python -m research.papers.figures``."""
+"""The figures of the papers, drawn with the project's own models and controllers.
+
+Run ``python -m research.papers.figures``.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,9 +18,13 @@ with needed():
 def lettered(
     size: tuple[float, float], rows: int, columns: int, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a size [inch] with panels a, b, ..., row by row; for options see ``Figure.subplots``."""
+    """Return a figure of a size [inch], and its panels a, b, ..., row by row.
+
+    For the options see ``Figure.subplots``.
+    """
     figure = Figure(figsize=size, layout="constrained")
-    panels = list(figure.subplots(rows, columns, squeeze=False, **options).flat)
+    grid = figure.subplots(rows, columns, squeeze=False, **options)
+    panels = list(grid.flat)
     for axes, letter in zip(panels, "abcd", strict=False):
         axes.set_title(letter, loc="left", fontweight="bold")
     return figure, panels
@@ -26,9 +33,16 @@ def lettered(
 def legend(
     figure: Figure, looks: Mapping[str, dict[str, Any]], columns: int, **options: Any
 ) -> None:
-    """Explain looks by their labels below a figure: areas by their face colour, lines and markers otherwise."""
-    handles = [
-        Patch(**look, label=label) if "facecolor" in look else Line2D([], [], **look, label=label)
-        for label, look in looks.items()
-    ]
-    figure.legend(handles=handles, **{"loc": "outside lower center"} | options, ncols=columns)
+    """Explain looks by their labels, below a figure unless the options say otherwise.
+
+    A look with a face colour is an area, any other a line or markers. For the options see
+    ``Figure.legend``.
+    """
+    handles: list[Line2D | Patch] = []
+    for label, look in looks.items():
+        if "facecolor" in look:
+            handles.append(Patch(**look, label=label))
+        else:
+            handles.append(Line2D([], [], **look, label=label))
+    options.setdefault("loc", "outside lower center")
+    figure.legend(handles=handles, ncols=columns, **options)

@@ -1,10 +1,11 @@
 """Draw every figure of the papers with the project's own models and controllers.
 
     python -m research.papers.figures
-    python -m research.papers.figures --only grid_search_03 grid_search_12 --format svg --out build/figures
+    python -m research.papers.figures --only grid_search_03 grid_search_12 --format svg
 
-Without --only it also writes an index, README.md, with captions and comparisons with the papers. With --only it prints the
-captions and comparisons of the figures that it draws. All figures take about a minute.
+Without --only it also writes an index, README.md, with captions and comparisons with the papers.
+With --only it prints the captions and comparisons of the figures that it draws. All figures take
+about a minute.
 """
 
 import argparse
@@ -45,7 +46,7 @@ DRAW: dict[str, Callable[[], Figure]] = {
     "servo_current": servo.draw_current,
     "servo_estimate": servo.draw_estimate,
 }
-"""Functions that draw the figures of ``research/papers/data/figures.toml``, called within ``style.for_print``."""
+"""Functions that draw the figures of ``data/figures.toml``, to be called in ``style.for_print``."""
 INDEX = "README.md"
 HEAD = """# Figures of the papers
 
@@ -54,10 +55,10 @@ are values that a paper prints or states.
 
 The copies of the papers used lack their figures. Captions, tables and text say what each figure showed. The lines below each
 figure count these numbers and claims by [verdict](../papers/index.md). `python -m research.papers.reproduce` lists every comparison.
-"""
+"""  # noqa: E501, the page's text, wrapped as in docs
 
 
-all_checks = cache(Paper.checks)
+all_checks = cache(Paper.checks)  # several figures of a paper need them, and they take a while
 
 
 @exits(ValueError, interrupted="interrupted: the figures drawn so far are complete")
@@ -85,15 +86,20 @@ def main(arguments: list[str] | None = None) -> int:
         help="file formats (default: png)",
     )
     options = parser.parse_args(arguments)
-    if unknown := [name for name in options.only or () if name not in FIGURES]:
+    wanted = options.only or list(FIGURES)
+    unknown = [name for name in wanted if name not in FIGURES]
+    if unknown:
         raise ValueError(f"there is no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")
-    chosen = [name for name in FIGURES if name in (options.only or FIGURES)]
-    for name in (bar := tqdm(chosen, unit="figure", disable=None)):
+    chosen = [name for name in FIGURES if name in wanted]
+
+    bar = tqdm(chosen, unit="figure", disable=None)
+    for name in bar:
         bar.set_postfix_str(name)
         with style.for_print():
             drawn = DRAW[name]()
             for kind in options.format:
                 style.save(drawn, options.out / f"{name}.{kind}")
+
     descriptions = {name: description(name) for name in chosen}
     if options.only is None:
         text = index(descriptions, options.format)
@@ -108,15 +114,26 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def description(name: str) -> list[str]:
-    """Return the lines below a figure: its caption, and how the numbers and claims of the paper agree."""
-    paper, item = next(
-        (paper, item) for paper in PAPERS for item in paper.items if item.figure == name
-    )
-    return item.description(all_checks(paper) if item.pattern else [])
+    """Return the lines below a figure: its caption, and whether the paper's claims agree.
+
+    Raises:
+        KeyError: No item of a paper has this figure.
+    """
+    for paper in PAPERS:
+        for item in paper.items:
+            if item.figure == name:
+                checks = all_checks(paper) if item.pattern else []
+                return item.description(checks)
+    raise KeyError(name)
 
 
 def index(descriptions: Mapping[str, Sequence[str]], formats: Sequence[str]) -> str:
-    """Return a page that shows figures, by name and description, whose files in the first of the formats lie beside it."""
+    """Return a page that shows figures, whose files lie beside it.
+
+    Args:
+        descriptions: lines below each figure, by its name.
+        formats: file formats; the page shows the first.
+    """
     text = HEAD
     for name, (caption, *lines) in descriptions.items():
         text += f"\n## {name}\n\n![{name}]({name}.{formats[0]})\n\n{caption}\n"

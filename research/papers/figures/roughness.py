@@ -23,30 +23,26 @@ def draw_control() -> Figure:
     """Draw Ra, force and feed over time while the reference changes."""
     scenario = Scenario.load("surface")
     control = scenario.control
-    programmed = FixedParameters(scenario, control.initial_cutting_speed, control.initial_feed)
+    programmed = FixedParameters(scenario, control.initial_cutting_speed, feed=control.initial_feed)
     constant_force = ConstantForce(PartProgram(scenario, {}), 1)
-    free, held = (
-        record(policy, scenario, tuning_seeds(1)) for policy in (programmed, constant_force)
-    )
+    free = record(programmed, scenario, tuning_seeds(1))
+    held = record(constant_force, scenario, tuning_seeds(1))
     time = control.interval * np.arange(1, len(free["feed"]) + 1)
-    subjects = (("roughness", "Ra [µm]"), ("thrust_force", "force [N]"), ("feed", "feed [mm/rev]"))
-    figure, panels = lettered((style.DOUBLE, 4.8), 3, 1, sharex=True)
-    for axes, (name, label) in zip(panels, subjects, strict=True):
+
+    labels = {"roughness": "Ra [µm]", "thrust_force": "force [N]", "feed": "feed [mm/rev]"}
+    figure, panels = lettered((style.DOUBLE, 4.8), rows=3, columns=1, sharex=True)
+    for axes, (name, label) in zip(panels, labels.items(), strict=True):
         axes.plot(time, free[name], **_FREE)
         axes.plot(time, held[name], **_HELD)
         if name == "roughness":
-            # A step's report tells the reference for the next step.
-            axes.plot(
-                time[:-1], held["roughness_reference"][:-1], drawstyle="steps-post", **_REFERENCE
-            )
+            # The info of a step holds the reference for the next one.
+            reference = held["roughness_reference"][:-1]
+            axes.plot(time[:-1], reference, drawstyle="steps-post", **_REFERENCE)
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0.0)
         axes.set_xlim(0.0, time[-1])
-    axes.set_xlabel("time [s]")
+    panels[-1].set_xlabel("time [s]")
     figure.align_ylabels()
-    legend(
-        figure,
-        {"feed as programmed": _FREE, "constant force": _HELD, "reference of Ra": _REFERENCE},
-        3,
-    )
+    looks = {"feed as programmed": _FREE, "constant force": _HELD, "reference of Ra": _REFERENCE}
+    legend(figure, looks, columns=len(looks))
     return figure

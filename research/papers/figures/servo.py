@@ -1,4 +1,7 @@
-"""Figures 7 and 10 to 12 of the servo current paper: the feed motor's current and the force calculated from it."""
+"""Figures 7 and 10 to 12 of the servo current paper.
+
+They show the feed motor's current, and the force calculated from it.
+"""
 
 from typing import Any
 
@@ -24,15 +27,14 @@ _FILTERED: dict[str, Any] = {"color": style.VERMILLION, "linewidth": 1.2, "lines
 def draw_current() -> Figure:
     """Draw current over force, and idle current over feed velocity."""
     forces, currents = currents_of_depths()
-    figure, (left, right) = lettered((style.DOUBLE, 2.5), 1, 2)
-    left.plot(
-        forces,
-        currents,
-        **style.OURS | {"linestyle": "none", "markersize": 4.0},
-        label="mean measured current",
-    )
+    figure, (left, right) = lettered((style.DOUBLE, 2.5), rows=1, columns=2)
+    markers = style.OURS | {"markersize": 4.0}
+    points = markers | {"linestyle": "none"}
+    left.plot(forces, currents, **points, label="mean measured current")
+
+    # Equations (3) and (8): the current is linear in the force.
     ends = np.array([0.0, forces[-1]])
-    fitted = np.polyval(np.polyfit(forces, currents, 1), ends)
+    fitted = np.polyval(np.polyfit(forces, currents, deg=1), ends)
     left.plot(
         ends,
         fitted,
@@ -45,7 +47,8 @@ def draw_current() -> Figure:
     left.set_xlabel("thrust force [N]")
     left.set_ylabel("current [A]")
     left.legend(loc="upper left")
-    right.plot(FEED_VELOCITIES, no_load_currents(), **style.OURS | {"markersize": 4.0})
+
+    right.plot(FEED_VELOCITIES, no_load_currents(), **markers)
     right.set_xlabel("feed velocity [mm/min]")
     right.set_ylabel("current at no load [A]")
     for axes in (left, right):
@@ -55,13 +58,17 @@ def draw_current() -> Figure:
 
 
 def draw_estimate() -> Figure:
-    """Draw the measured current on the stepped bar, and the force calculated from it, beside the true one."""
-    kept, interval = stepped(), Scenario.load("override_current").control.interval
+    """Draw the measured current on the stepped bar, and the force calculated from it.
+
+    The true force is beside it.
+    """
+    kept = stepped()
+    interval = Scenario.load("override_current").control.interval
     time = interval * np.arange(1, len(kept.force) + 1)
-    cutoff, window = SETTINGS[0]
     figure, (upper, lower) = lettered(
-        (style.DOUBLE, 4.0), 2, 1, sharex=True, height_ratios=(1.0, 1.5)
+        (style.DOUBLE, 4.0), rows=2, columns=1, sharex=True, height_ratios=(1.0, 1.5)
     )
+    # The first of the seeds, and the first of the settings.
     upper.plot(time, kept.current[:, 0], **_PLAIN)
     upper.set_ylabel("current [A]")
     upper.set_ylim(bottom=0.0)
@@ -73,6 +80,8 @@ def draw_estimate() -> Figure:
     lower.set_xlim(0.0, time[-1])
     lower.set_ylim(bottom=0.0)
     figure.align_ylabels()
-    filtered = f"filtered, cut-off {cutoff}, {window} samples"
-    legend(figure, {"every sample": _PLAIN, filtered: _FILTERED, "true force": _TRUE}, 3)
+    setting = SETTINGS[0]
+    filtered = f"filtered, cut-off {setting.cutoff}, {setting.window} samples"
+    looks = {"every sample": _PLAIN, filtered: _FILTERED, "true force": _TRUE}
+    legend(figure, looks, columns=len(looks))
     return figure

@@ -1,1 +1,4 @@
-"""Comparison of the papers' numbers and claims with the project's: ``python -m research.papers.reproduce``. One file per paper."""
+"""Comparison of the papers' numbers and claims with the project's, one file per paper.
+
+Run ``python -m research.papers.reproduce``.
+"""

@@ -8,38 +8,35 @@ from typing import Any, Literal
 import numpy as np
 
 WIDTH = 72  # columns of a check's description
-PASSED = AGREES, CONSTRUCTED, NOT_REPRODUCED = (
-    "agrees",
-    "consistent by construction",
-    "not reproduced",
-)
-VERDICTS = (
-    *PASSED,
-    "MISMATCH",
-    "REASON OUT OF DATE",
-)  # verdicts in words; the last two mean that something no longer holds
+
+AGREES = "agrees"
+CONSTRUCTED = "consistent by construction"
+NOT_REPRODUCED = "not reproduced"
+MISMATCH = "MISMATCH"
+OUT_OF_DATE = "REASON OUT OF DATE"
+PASSED = (AGREES, CONSTRUCTED, NOT_REPRODUCED)
+VERDICTS = (*PASSED, MISMATCH, OUT_OF_DATE)  # the last two mean that something no longer holds
 
 
 @dataclass(frozen=True)
 class Check:
     """A paper's number, the project's, and the relation that should hold between them.
 
-    A check with a reason is known not to hold: it is listed with the reason and passes, unless it holds after all. A check that
-    cannot disagree, because the paper's number is an input of the project's, says from what it follows.
+    A check with a reason is known not to hold: it is listed with the reason and passes, unless it
+    holds after all. If the paper's number is an input of the project's, the check cannot disagree:
+    it says from what it follows.
     """
 
     what: str
     paper: float
     ours: float
     tolerance: float = 0.0  # absolute tolerance of the relation
+    # The project's number equals, is at least or is at most the paper's; or a claim is true (1).
     relation: Literal["=", ">=", "<=", "true"] = "="
-    """The project's number equals, is at least or is at most the paper's; or a claim is true (1) or not (0)."""
-    not_reproduced: str = (
-        ""  # reason why the project cannot reproduce this, in one line; empty where it must
-    )
-    constructed: str = (
-        ""  # the reason that it holds by construction, in one line; empty if it could disagree
-    )
+    # Reason why the project cannot reproduce the number, in one line; empty where it must.
+    not_reproduced: str = ""
+    # Reason why the check holds by construction, in one line; empty if it could disagree.
+    constructed: str = ""
 
     @property
     def holds(self) -> bool:
@@ -54,8 +51,10 @@ class Check:
     def verdict(self) -> str:
         """The verdict, one of ``VERDICTS``."""
         if self.not_reproduced:
-            return "REASON OUT OF DATE" if self.holds else NOT_REPRODUCED
-        return (CONSTRUCTED if self.constructed else AGREES) if self.holds else "MISMATCH"
+            return OUT_OF_DATE if self.holds else NOT_REPRODUCED
+        if not self.holds:
+            return MISMATCH
+        return CONSTRUCTED if self.constructed else AGREES
 
     @property
     def passed(self) -> bool:
@@ -69,45 +68,53 @@ class Check:
 
     def __str__(self) -> str:
         if self.relation == "true":
-            paper, ours = "true", "true" if self.holds else "false"
+            paper = "true"
+            ours = "true" if self.holds else "false"
         else:
-            paper, ours = f"{self.paper:.8g}", f"{self.ours:.8g}"
+            paper = f"{self.paper:.8g}"
+            ours = f"{self.ours:.8g}"
             if self.relation != "=":
                 paper = f"{self.relation} {paper}"
         line = f"{self.what:<{WIDTH}} {paper:>14} {ours:>14}  {self.verdict}"
-        return f"{line}: {self.reason}" if self.reason else line
+        if self.reason:
+            line = f"{line}: {self.reason}"
+        return line
 
 
 def counted(checks: Iterable[Check]) -> str:
-    """Return the number of checks by verdict, as text; those that no longer hold only if there are any."""
-    found = Counter(check.verdict for check in checks)
-    return ", ".join(
-        f"{verdict} {found[verdict]}" for verdict in VERDICTS if found[verdict] or verdict in PASSED
-    )
+    """Return the number of checks by verdict, as text.
+
+    Verdicts that do not pass appear only if there are any.
+    """
+    counts = Counter(check.verdict for check in checks)
+    shown = [verdict for verdict in VERDICTS if counts[verdict] or verdict in PASSED]
+    return ", ".join(f"{verdict} {counts[verdict]}" for verdict in shown)
 
 
 def at_least(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
     """Return a check that the project's number is the paper's or more."""
-    return Check(what, paper, ours, relation=">=", not_reproduced=not_reproduced)
+    return Check(what, paper, ours=ours, relation=">=", not_reproduced=not_reproduced)
 
 
 def at_most(what: str, paper: float, ours: float, not_reproduced: str = "") -> Check:
     """Return a check that the project's number is the paper's or less."""
-    return Check(what, paper, ours, relation="<=", not_reproduced=not_reproduced)
+    return Check(what, paper, ours=ours, relation="<=", not_reproduced=not_reproduced)
 
 
 def claim(what: str, holds: Any, not_reproduced: str = "") -> Check:
     """Return a check of a statement, or of one for each element of an array."""
-    return Check(what, 1.0, float(np.all(holds)), relation="true", not_reproduced=not_reproduced)
+    ours = float(np.all(holds))
+    return Check(what, 1.0, ours=ours, relation="true", not_reproduced=not_reproduced)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table: the first column to the left, the others to the right, as wide as their widest cell."""
-    cells = [heads, *rows]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for first, *others in cells:
-        line = [
-            first.ljust(widths[0]),
-            *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)),
-        ]
-        yield "  ".join(line).rstrip()
+    """Yield the lines of a table whose columns are as wide as their widest cell.
+
+    The first column is aligned to the left, the others to the right.
+    """
+    lines = [heads, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        cells = [cell.rjust(width) for cell, width in zip(line, widths, strict=True)]
+        cells[0] = line[0].ljust(widths[0])
+        yield "  ".join(cells).rstrip()
