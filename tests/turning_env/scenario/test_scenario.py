@@ -244,3 +244,22 @@ def test_unknown_presets_are_refused(make):
         make("forgings")
     with pytest.raises(TypeError, match="not int"):
         make(3)
+
+
+@pytest.mark.parametrize("preset", ["h13_romi", "vicomtech"])
+def test_presets_of_measured_sets_need_force_from_a_fresh_edge(preset):
+    material = Scenario.load(preset).material
+    for law in (material.thrust_force, material.power):
+        fresh = law(350.0, feed=0.1, depth_of_cut=0.5, wear=0.0)
+        worn = law(350.0, feed=0.1, depth_of_cut=0.5, wear=0.3)
+        assert 0.3 * worn < fresh < worn
+
+
+@pytest.mark.parametrize(
+    ("preset", "cutting_speed", "depth", "measured_life"),
+    [("h13_romi", 350.0, 0.5, 39.8), ("vicomtech", 450.0, 1.7, 2.8)],
+)
+def test_presets_of_measured_sets_wear_as_their_edges(preset, cutting_speed, depth, measured_life):
+    wear = Scenario.load(preset).material.wear
+    at_the_end = wear(cutting_speed, feed=0.1, depth_of_cut=depth, time=measured_life)
+    assert at_the_end == pytest.approx(0.3, rel=0.01)
