@@ -34,6 +34,13 @@ _TEACHER = {
     "batch_envs": 4,
     "cells": 8,
 }
+_STRATEGY = {
+    "total_timesteps": 2048,
+    "num_envs": 8,
+    "population_size": 4,
+    "episode_steps": 64,
+    "sigma": 0.05,
+}
 PARAMETERS: dict[str, dict[str, Any]] = {
     "ppo": _ON_POLICY,
     "sac": _OFF_POLICY,
@@ -41,6 +48,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "recurrent_ppo": _ON_POLICY | {"lstm_hidden_size": 4},
     "lagrangian_ppo": _ON_POLICY,
     "analytic_gradient": _TEACHER,
+    "linear_cma_es": _STRATEGY,
 }
 """Small trainings by algorithm; ``guided_ppo``, for families alone, has tests of its own."""
 

@@ -101,7 +101,10 @@ def _assert_acts_as(run: Run, algorithm: Algorithm, model: Any) -> None:
         np.ones(NUM_ENVS, np.bool_),
     )
     ends = 0
-    for _ in range(120):
+    # Some agents cut slowly.
+    for step in range(1000):
+        if step >= 120 and ends > 1:
+            break
         ends += starts.any()
         policy.reset(starts)
         actions = policy.act(observations)
