@@ -17,7 +17,17 @@ from turning_env.physics.quantities import OBS
 from turning_env.scoring.policy import Policy
 
 SCENARIOS = {name: Scenario.load(name).nominal() for name in presets()}
-SHOWN = ("rough_turning", "shift", "paper", "override", "surface", "batch_casting")
+# Force and power grow from that of a fresh edge, which needs no wear.
+SCENARIOS["fresh_share"] = Scenario.load(
+    {
+        "base": "rough_turning",
+        "material": {
+            "thrust_force": {"coefficient": 5962.0, "wear": 1.0, "wear_growth": 4.2},
+            "power": {"coefficient": 0.1275, "wear": 1.0, "wear_growth": 0.83},
+        },
+    }
+)
+SHOWN = ("rough_turning", "fresh_share", "shift", "paper", "override", "surface", "batch_casting")
 # Edges live on in these observations.
 CUTTING_TIMES = np.linspace(0.0, 3.0, 12, dtype=np.float32)
 

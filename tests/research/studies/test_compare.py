@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from research.studies.compare import STUDIES, Played, Study, main, table
+from research.studies.compare import STUDIES, Played, Study, main, table, with_changes
 from tests.train.small import PARAMETERS
+from turning_env import Scenario
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.statistics import Floats
 
@@ -36,6 +37,43 @@ def cells(line: str) -> list[str]:
 
 def test_every_study_asks_for_what_there_is() -> None:
     assert all(Study.read(name).question for name in STUDIES)
+
+
+def assumed_scenarios() -> dict[str, Scenario]:
+    study = Study.read("assumptions")
+    scenarios = {}
+    for name, changes in study.scenarios.items():
+        scenarios[name] = with_changes(study.task, changes, name)
+    return scenarios
+
+
+def test_other_laws_keep_the_loads_at_one_wear_and_the_life_at_the_start() -> None:
+    """Otherwise a study of the form of a law would compare lathes of other sizes."""
+    papers = Scenario().material
+    start = {"cutting_speed": 125.0, "feed": 0.25, "depth_of_cut": 2.5}
+    compared = set()
+    for name, scenario in assumed_scenarios().items():
+        material = scenario.material
+        life = (0.3 / material.wear(**start)) ** (1.0 / material.wear.time)
+        assert life == pytest.approx(38.236, rel=1e-4)
+        wear = 0.25 if name.endswith("-at_0.25") else 0.1
+        for law in ("thrust_force", "power"):
+            expected = getattr(papers, law)(**start, wear=wear)
+            assert getattr(material, law)(**start, wear=wear) == pytest.approx(expected, rel=1e-6)
+            if getattr(material, law) != getattr(papers, law):
+                compared.add(name)
+    assert {"loads_wear-0.68-0.22", "loads_affine-4.2-0.83", "measured_laws"} <= compared
+
+
+def test_laws_that_are_unknown_are_those_of_the_papers() -> None:
+    scenarios = assumed_scenarios()
+    unknown = [name for name in scenarios if name.endswith("-unknown")]
+    assert len(unknown) == 2
+    for name in unknown:
+        known = scenarios[name.removesuffix("-unknown")]
+        assert scenarios[name].material == known.material
+        assert scenarios[name].sensors == known.sensors
+        assert scenarios[name].nominal().material == Scenario().material
 
 
 @pytest.mark.slow
