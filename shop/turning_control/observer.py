@@ -1,17 +1,22 @@
-"""The shield's load observer: estimates of a bar and an edge beyond the nominal model, and the feeds that the limits allow.
+"""The shield's load observer: what it knows of a bar and an edge beyond the nominal model.
 
-It is an extended Kalman filter (assumption: the nominal exponents hold). Power P and force F follow depth, hardness and edge:
+It is an extended Kalman filter (assumption: the nominal exponents hold). Power P and force F follow
+depth, hardness and edge:
 
     log P = log P_0(vc, f, ap, VB) + c_P log(1 + d / ap) + h_P (b + m) + (w_P / w_F) s
     log F = log F_0(vc, f, ap, VB) + c_F log(1 + d / ap) + h_F (b + m) + s
 
-P_0 and F_0 are nominal, at the depth ap of the drawing. The exponents are c of depth, h of hardness and w of wear; d is the
-excess of depth [mm]. The logarithms are b of the bar's hardness, m of all bars' hardness, and s of the edge's force over
-nominal. The scenario's spreads and correlation lengths are the prior, and set how fast d and b change along the bar.
-Pairs of loads or feeds have power first and force second, along the first axis.
+P_0 and F_0 are nominal, at the depth ap of the drawing. The exponents are c of depth, h of hardness
+and w of wear; d is the excess of depth [mm]. The logarithms are b of the bar's hardness, m of all
+bars' hardness, and s of the edge's force over nominal. The scenario's spreads and correlation
+lengths are the prior, and set how fast d and b change along the bar.
+
+From the estimates follow the feeds and speeds that the limits allow. ``shield.py`` decides on them.
 """
 
 import math
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,178 +24,388 @@ from numpy.typing import NDArray
 from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
+from turning_env.scenario.power_law import PowerLaw
 
-MARGIN = 2.6  # margin of expected loads to the tolerance above their limits [standard deviations]
-ENTRY_MARGIN = 1.6  # likewise at the start of a bar, whose hardness and depth are unknown
-FIRST_MARGIN = 3.2  # likewise after a bar's first readings, whose errors the filter understates
+# Margins of expected loads to the tolerance above their limits [standard deviations].
+MARGIN = 2.6
+ENTRY_MARGIN = 1.6  # at the start of a bar, whose hardness and depth are unknown
+FIRST_MARGIN = 3.2  # after a bar's first readings, whose errors the filter understates
 FIRST_READINGS = 3  # number of readings in a bar after which its margin is ``MARGIN``
+# Margin above its noise at which a reading alone proves an overload [standard deviations].
+CERTAIN = 2.5
+
 MODEL_NOISE = 0.005  # standard deviation of readings that the sensors' noise does not explain [-]
 MODEL_SPREAD = 0.05  # standard deviation of the nominal model's errors in hardness and in force [-]
 EDGE_DRIFT = 0.001  # drift of force over nominal as the edge wears [1/sqrt(mm)]
-SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
-SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
 LAG_ERROR = 0.2  # standard deviation of a correction for a sensor's lag, over that correction [-]
-ENTRY_LEAD = (
-    3  # steps beyond those of the change itself in which a speed must fit the next section [-]
-)
+MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
+# Nominal load behind all lags over the nominal load, above which a reading is used [-].
+MIN_BUILT_UP = 0.3
+
+SPEED_CHANGE = 0.3  # largest change of the asked speed, natural logarithm [-]
+NUM_CHANGES = 41  # number of changes of the asked speed that are tried
 ENTRY_SPEEDS = 25  # number of speeds that are tried for an entry
-CERTAIN = (
-    2.5  # margin above its noise at which a reading alone proves an overload [standard deviations]
-)
+# Steps beyond those of the change itself in which a speed must fit the next section [-].
+ENTRY_LEAD = 3
+SETTLED = 0.02  # time before a deeper section at which the feed must fit it [s]
 LOWEST_GAP = 0.05  # gap over the lowest feed from which a falling feed counts as that feed [-]
 NEAR_END = 0.9  # share of a bar's length behind which the next bar may begin [-]
-MIN_WEAR = 0.05  # nominal wear over the criterion below which predictions hold it constant [-]
 
-EXCESS, SLOPE, BAR, EDGE, ALL_BARS = range(
-    5
-)  # the filter's states: d [mm], its slope along the bar [-], b, s and m
+# The filter's states.
+EXCESS = 0  # d [mm]
+SLOPE = 1  # slope of d along the bar [-]
+BAR = 2  # b
+EDGE = 3  # s
+ALL_BARS = 4  # m
+NUM_STATES = 5
 OF_A_BAR = slice(EXCESS, EDGE)
+OF_AN_EDGE = slice(EDGE, ALL_BARS)
 
 Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class ByLoad(NamedTuple):
+    """A quantity that each of the two loads has, such as the feed at its limit."""
+
+    power: Values
+    force: Values
+
+    def lower(self) -> Values:
+        """Return the lower value of both."""
+        return np.minimum(self.power, self.force)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Mean and covariance of the filter's states in each environment."""
+
+    mean: Values  # (num_envs, NUM_STATES)
+    covariance: Values  # (num_envs, NUM_STATES, NUM_STATES)
+
+    def copy(self) -> "Estimate":
+        """Return an estimate with arrays of its own."""
+        return Estimate(self.mean.copy(), self.covariance.copy())
+
+
+@dataclass(frozen=True)
+class SectionOutlook:
+    """What commands must bear in a section of the drawing."""
+
+    depth: Values  # nominal [mm]
+    loads: ByLoad  # over nominal [-]
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What commands must bear from now on."""
+
+    present: SectionOutlook
+    following: SectionOutlook  # the next section of the bar, or the first one of the next bar
+    in_air: Mask  # before the bar
+    is_last: Mask  # nothing follows
+    time_left: Values  # until the following section [s]
+    slack: Values  # gap to the lowest feed now over that in the following section [-]
+
+
+class LoadModel:
+    """A load: its nominal law, its sensor, and the nominal load behind the lags of chip and sensor.
+
+    Args:
+        law: nominal law.
+        edge_exponent: exponent of the edge's force over nominal in this load [-].
+        sensor_noise: standard deviation of the sensor's readings [-].
+        time_constant: of the sensor [s].
+        num_envs: number of environments.
+    """
+
+    def __init__(
+        self,
+        law: PowerLaw,
+        edge_exponent: float,
+        sensor_noise: float,
+        time_constant: float,
+        num_envs: int,
+    ) -> None:
+        self.law = law
+        self.noise = np.hypot(sensor_noise, MODEL_NOISE)
+        self._edge_exponent = edge_exponent
+        self._time_constant = time_constant
+        self._forming = np.zeros(num_envs)  # nominal load behind the chip's lag
+        self._lagging = np.zeros(num_envs)  # likewise behind the sensor's lag, too
+
+    def reset(self, mask: Mask) -> None:
+        """Remove the load of environments."""
+        self._forming[mask] = 0.0
+        self._lagging[mask] = 0.0
+
+    def follow(
+        self, nominal: Values, chip_remains: Values | float, cutting: Mask, time_in_metal: Values
+    ) -> Values:
+        """Move the lags on by a step; return the nominal load that the sensor shows.
+
+        Args:
+            nominal: nominal load at the end of the step.
+            chip_remains: share of a change that the chip's lag has still to complete [-].
+            cutting: whether the tool is in metal.
+            time_in_metal: in this step [s].
+        """
+        formed = nominal - chip_remains * (nominal - self._forming)
+        self._forming = np.where(cutting, formed, 0.0)
+        share: Values | float = 1.0
+        if self._time_constant > 0.0:
+            share = -np.expm1(-time_in_metal / self._time_constant)
+        self._lagging += (self._forming - self._lagging) * share
+        return self._lagging
+
+    def response(self, mean: Values, depth: Values) -> tuple[Values, Values]:
+        """Return the logarithm of the load over nominal at a nominal depth [mm], and its gradient.
+
+        The gradient has shape (num_envs, NUM_STATES).
+        """
+        # Far from any reading the estimated depth may fall below 0, where the logarithm ends.
+        actual_depth = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
+        value = (
+            self.law.depth_of_cut * np.log(actual_depth / depth)
+            + self.law.hardness * (mean[:, BAR] + mean[:, ALL_BARS])
+            + self._edge_exponent * mean[:, EDGE]
+        )
+        gradient = np.zeros((len(depth), NUM_STATES))
+        gradient[:, EXCESS] = self.law.depth_of_cut / actual_depth
+        gradient[:, BAR] = self.law.hardness
+        gradient[:, EDGE] = self._edge_exponent
+        gradient[:, ALL_BARS] = self.law.hardness
+        return value, gradient
 
 
 class Observer:
-    """An extended Kalman filter of the nominal model's errors in each environment; ``known`` tells which bars are measured."""
+    """An extended Kalman filter of the nominal model's errors in each environment.
+
+    Call ``follow`` at every step, then ``expect``; the other methods use what these two set.
+    """
 
     def __init__(self, scenario: Scenario, num_envs: int) -> None:
         self._scenario = scenario
-        work, sensors, machine = scenario.workpiece, scenario.sensors, scenario.machine
-        power, force = scenario.material.power, scenario.material.thrust_force
-        edge = (power.wear / force.wear if force.wear else 0.0), 1.0
-        self._exponents = np.array(
-            [
-                (law.depth_of_cut, law.hardness, w)
-                for law, w in zip((power, force), edge, strict=True)
-            ]
+        self._set_models(num_envs)
+        self._set_prior()
+        self._set_drawing()
+        # Time until the end of the step in which the next command holds [s].
+        self._horizon = scenario.control.interval + scenario.machine.command_delay
+
+        self._estimate = Estimate(
+            mean=np.zeros((num_envs, NUM_STATES)),
+            covariance=np.zeros((num_envs, NUM_STATES, NUM_STATES)),
         )
-        self._noise = np.hypot((sensors.power_noise, sensors.force_noise), MODEL_NOISE)
-        self._chip_lag, self._time_constants = (
-            machine.chip_lag,
-            (sensors.power_time_constant, sensors.force_time_constant),
-        )
-        slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
-        harder = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
-        self._slope_length = 0.5 * work.depth_correlation_length
-        self._hardness_drift = harder**2 * work.hardness_correlation_length  # [1/mm]
-        depth = work.depth_bar_spread**2 + work.depth_along_spread**2
-        hardness = work.hardness_bar_spread**2 + work.hardness_along_spread**2
-        sharpness = (force.wear * scenario.tool.wear_factor_spread) ** 2 + MODEL_SPREAD**2
-        self._prior = np.diag([depth, slope**2, hardness, sharpness, MODEL_SPREAD**2])
-        profile = np.array(work.depth_profile or (work.depth_of_cut,))
-        lengths = work.section_lengths or (work.bar_length / len(profile),) * len(profile)
-        self._profile = np.maximum(profile, 0.01 * profile.max())
-        self._starts = np.cumsum([0.0, *lengths])[:-1]
-        self._acts = (
-            scenario.control.interval + machine.command_delay
-        )  # [s] until the end of the next command's step
-        self._mean, self._covariance = np.zeros((num_envs, 5)), np.zeros((num_envs, 5, 5))
-        self._place, self._cutting_time = np.zeros((2, num_envs))
-        self._forming, self._lagging = np.zeros(
-            (2, 2, num_envs)
-        )  # nominal loads behind the chip's lag, and the sensors'
-        self._in_metal, self.known = np.zeros((2, num_envs), np.bool_)
+        self._outlook: Outlook
+        self._known = np.zeros(num_envs, np.bool_)  # whether the bar has been measured
         self._readings = np.zeros(num_envs, np.int64)  # in this bar
-        self._speed_before, self._feed_before = np.zeros((2, num_envs))  # at the last readings
+        self._in_metal = np.zeros(num_envs, np.bool_)
+        self._place = np.zeros(num_envs)  # tool position along the bar [mm]
+        self._cutting_time = np.zeros(num_envs)  # of the edge [min]
+        self._wear = np.zeros(num_envs)  # nominal [mm]
+        # At the last readings.
+        self._velocity = np.zeros(num_envs)  # of the feed [mm/s]
+        self._speed_before = np.zeros(num_envs)  # cutting speed [m/min]
+        self._feed_before = np.zeros(num_envs)  # [mm/rev]
+        # Feed at which the edge will wear until the next command [mm/rev].
+        self._wearing_feed = np.zeros(num_envs)
 
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        self._forget(self._mean, self._covariance, mask, slice(None))
-        self._place[mask] = self._cutting_time[mask] = self._forming[:, mask] = self._lagging[
-            :, mask
-        ] = 0.0
-        self._in_metal[mask] = self.known[mask] = False
+    def _set_models(self, num_envs: int) -> None:
+        material = self._scenario.material
+        sensors = self._scenario.sensors
+        wear_exponent_ratio = 0.0
+        if material.thrust_force.wear:
+            wear_exponent_ratio = material.power.wear / material.thrust_force.wear
+        self._power = LoadModel(
+            material.power,
+            edge_exponent=wear_exponent_ratio,
+            sensor_noise=sensors.power_noise,
+            time_constant=sensors.power_time_constant,
+            num_envs=num_envs,
+        )
+        self._force = LoadModel(
+            material.thrust_force,
+            edge_exponent=1.0,
+            sensor_noise=sensors.force_noise,
+            time_constant=sensors.force_time_constant,
+            num_envs=num_envs,
+        )
+
+    def _set_prior(self) -> None:
+        work = self._scenario.workpiece
+        # Noise along a bar blends two normal nodes, one correlation length L apart, with the cosine
+        # and sine of (pi / 2) (x / L) (physics/workpiece.py). So its slope has the standard
+        # deviation (pi / 2) (spread / L).
+        depth_slope = 0.5 * np.pi * work.depth_along_spread / work.depth_correlation_length
+        hardness_slope = 0.5 * np.pi * work.hardness_along_spread / work.hardness_correlation_length
+        # Length over which the slope of depth is forgotten [mm].
+        self._slope_length = 0.5 * work.depth_correlation_length
+        # Variance that the logarithm of hardness gains along the bar [1/mm].
+        self._hardness_drift = hardness_slope**2 * work.hardness_correlation_length
+
+        wear_exponent = self._scenario.material.thrust_force.wear
+        sharpness_spread = wear_exponent * self._scenario.tool.wear_factor_spread
+        variances = np.zeros(NUM_STATES)
+        variances[EXCESS] = work.depth_bar_spread**2 + work.depth_along_spread**2
+        variances[SLOPE] = depth_slope**2
+        variances[BAR] = work.hardness_bar_spread**2 + work.hardness_along_spread**2
+        variances[EDGE] = sharpness_spread**2 + MODEL_SPREAD**2
+        variances[ALL_BARS] = MODEL_SPREAD**2
+        self._prior = np.diag(variances)
+
+    def _set_drawing(self) -> None:
+        work = self._scenario.workpiece
+        profile = np.array(work.depth_profile or (work.depth_of_cut,))
+        equal_lengths = (work.bar_length / len(profile),) * len(profile)
+        lengths = work.section_lengths or equal_lengths
+        self._starts = np.cumsum([0.0, *lengths])[:-1]  # of sections along the bar [mm]
+        # A section without any depth has no logarithm.
+        self._profile = np.maximum(profile, 0.01 * profile.max())
+
+    def reset(self, mask: Mask) -> None:
+        """Forget everything about the environments in a mask."""
+        self._forget(self._estimate, mask, slice(None))
+        self._power.reset(mask)
+        self._force.reset(mask)
+        self._known[mask] = False
         self._readings[mask] = 0
+        self._in_metal[mask] = False
+        self._place[mask] = 0.0
+        self._cutting_time[mask] = 0.0
 
-    def _forget(
-        self, mean: Values, covariance: Values, mask: NDArray[np.bool_], states: slice
-    ) -> None:
+    def _forget(self, estimate: Estimate, mask: Mask, states: slice) -> None:
         """Set states back to their prior, independent of the others."""
-        mean[mask, states] = covariance[mask, states, :] = covariance[mask, :, states] = 0.0
-        covariance[mask, states, states] = self._prior[states, states]
+        estimate.mean[mask, states] = 0.0
+        estimate.covariance[mask, states, :] = 0.0
+        estimate.covariance[mask, :, states] = 0.0
+        estimate.covariance[mask, states, states] = self._prior[states, states]
 
     def follow(self, reading: Reading, place: Values | None) -> None:
         """Take the readings at the end of a step into the estimates.
 
-        ``place`` is the tool position along the bar [mm], below 0 before it; None: integrated over the time in metal.
+        ``place`` is the tool position along the bar [mm], below 0 before it. None: the feed is
+        integrated over the time in metal.
         """
-        scenario, interval = self._scenario, self._scenario.control.interval
-        fresh = reading.cutting_time < self._cutting_time - 1e-5
-        self._forget(self._mean, self._covariance, fresh, slice(EDGE, EDGE + 1))
-        engaged = np.clip(
-            60.0 * (reading.cutting_time - np.where(fresh, 0.0, self._cutting_time)), 0.0, interval
-        )
+        interval = self._scenario.control.interval
+
+        # The edge's time in metal falls only if the edge is changed.
+        fresh_edge = reading.cutting_time < self._cutting_time - 1e-5
+        self._forget(self._estimate, fresh_edge, OF_AN_EDGE)
+        time_before = np.where(fresh_edge, 0.0, self._cutting_time)
+        engaged = np.clip(60.0 * (reading.cutting_time - time_before), 0.0, interval)
         self._cutting_time = reading.cutting_time
+
         self._velocity = self._feed_velocity(reading.cutting_speed, reading.feed)
         moved = self._mean_velocity(reading) * engaged
-        self._speed_before, self._feed_before = reading.cutting_speed, reading.feed
-        self._feed = reading.feed
-        passed_gap = self._passed_gap(reading, place, moved, engaged)
-        entering = ~reading.cutting | ~self._in_metal | passed_gap
-        self._forget(self._mean, self._covariance, entering, OF_A_BAR)
-        self.known &= ~entering
-        self._readings[entering] = 0
+        self._speed_before = reading.cutting_speed
+        self._feed_before = reading.feed
+        self._wearing_feed = reading.feed
+
+        passed_gap = self._passed_gap(reading, place, moved, engaged=engaged)
+        new_bar = ~reading.cutting | ~self._in_metal | passed_gap
+        self._forget(self._estimate, new_bar, OF_A_BAR)
+        self._known &= ~new_bar
+        self._readings[new_bar] = 0
+
         time_in_metal = np.where(self._in_metal & ~passed_gap, interval, engaged)
-        place = self._moved_to(reading, moved, passed_gap) if place is None else place
-        self._place = np.where(
-            reading.cutting, np.maximum(place, 0.0), place
-        )  # a wrong zero must not free the feed
+        if place is None:
+            place = self._moved_to(reading, moved, passed_gap)
+        # In metal, the tool cannot be before the bar: a wrong zero must not free the feed.
+        self._place = np.where(reading.cutting, np.maximum(place, 0.0), place)
         self._in_metal = reading.cutting
-        self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * scenario.tool.wear_criterion)
-        self._mean, self._covariance = self._predicted(moved)
+        self._wear = np.maximum(reading.nominal_wear, MIN_WEAR * self._scenario.tool.wear_criterion)
+        self._estimate = self._predicted(moved)
+        self._read_loads(reading, engaged, moved, time_in_metal=time_in_metal)
+
+    def _read_loads(
+        self, reading: Reading, engaged: Values, moved: Values, time_in_metal: Values
+    ) -> None:
+        """Correct the estimate by the readings of power and force.
+
+        Args:
+            reading: readings at the end of the step.
+            engaged: time in metal by the edge's own clock [s].
+            moved: distance in metal [mm].
+            time_in_metal: time in which the sensors followed the load [s].
+        """
         depth = self._profile[np.maximum(self._section(), 0)]
-        nominal = nominal_loads(scenario, reading.cutting_speed, reading.feed, depth, self._wear)
-        cut_power = reading.power - idle_power_at(scenario, reading.cutting_speed)
-        measured = np.maximum([cut_power, reading.thrust_force], 0.01 * nominal)
-        moves = (
-            reading.feed > 0.5 * scenario.machine.feed_min
-        )  # the models do not hold at a standstill
-        remains = (
-            np.exp(-moved / reading.feed / self._chip_lag) if self._chip_lag > 0.0 else 0.0
-        )  # moved / feed: turns
-        self._forming = np.where(
-            reading.cutting, nominal - remains * (nominal - self._forming), 0.0
+        speed = reading.cutting_speed
+        power = self._power.law(speed, reading.feed, depth, wear=self._wear)
+        force = self._force.law(speed, reading.feed, depth, wear=self._wear)
+        cut_power = reading.power - idle_power_at(self._scenario, speed)
+        measured_power = np.maximum(cut_power, 0.01 * power)
+        measured_force = np.maximum(reading.thrust_force, 0.01 * force)
+
+        # The chip's lag counts revolutions, moved / feed.
+        chip_lag = self._scenario.machine.chip_lag
+        remains: Values | float = 0.0
+        if chip_lag > 0.0:
+            remains = np.exp(-moved / reading.feed / chip_lag)
+        shown_power = self._power.follow(power, remains, reading.cutting, time_in_metal)
+        shown_force = self._force.follow(force, remains, reading.cutting, time_in_metal)
+
+        # The models do not hold at a standstill.
+        moves = reading.feed > 0.5 * self._scenario.machine.feed_min
+        cuts = reading.cutting & (engaged > 0.0) & moves
+        power_readable = cuts & (shown_power > MIN_BUILT_UP * power)
+        force_readable = cuts & (shown_force > MIN_BUILT_UP * force)
+        self._known |= power_readable
+        self._readings += power_readable
+
+        # The power sensor's noise is a share of the whole power, of which idling is a part.
+        whole_over_cut = np.maximum(reading.power / measured_power, 1.0)
+        power_lag = np.log(np.maximum(shown_power, 1e-9) / power)
+        force_lag = np.log(np.maximum(shown_force, 1e-9) / force)
+        power_noise = self._power.noise * whole_over_cut
+        force_noise = self._force.noise
+        self._correct(
+            self._power,
+            np.log(measured_power / power) - power_lag,
+            variance=power_noise**2 + (LAG_ERROR * power_lag) ** 2,
+            depth=depth,
+            readable=power_readable,
         )
-        for k, tau in enumerate(self._time_constants):
-            share = -np.expm1(-time_in_metal / tau) if tau > 0.0 else 1.0
-            self._lagging[k] += (self._forming[k] - self._lagging[k]) * share
-            readable = (
-                reading.cutting & (engaged > 0.0) & moves & (self._lagging[k] > 0.3 * nominal[k])
-            )
-            lag = np.log(np.maximum(self._lagging[k], 1e-9) / nominal[k])
-            noise = self._noise[k] * (
-                np.maximum(reading.power / measured[0], 1.0) if k == 0 else 1.0
-            )
-            if k == 0:
-                self.known |= readable
-                self._readings += readable
-            self._correct(
-                k,
-                np.log(measured[k] / nominal[k]) - lag,
-                noise**2 + (LAG_ERROR * lag) ** 2,
-                depth,
-                readable,
-            )
+        self._correct(
+            self._force,
+            np.log(measured_force / force) - force_lag,
+            variance=force_noise**2 + (LAG_ERROR * force_lag) ** 2,
+            depth=depth,
+            readable=force_readable,
+        )
 
     def _feed_velocity(self, cutting_speed: Values, feed: Values) -> Values:
         """Return the feed velocity [mm/s] at a cutting speed [m/min] and a feed [mm/rev]."""
-        turns = cutting_speed * 1000.0 / (np.pi * self._scenario.workpiece.diameter)  # [1/min]
-        return turns * feed / 60.0
+        spindle_speed = cutting_speed * 1000.0 / (np.pi * self._scenario.workpiece.diameter)
+        return spindle_speed * feed / 60.0
 
     def _mean_velocity(self, reading: Reading) -> Values:
-        """Return the mean feed velocity [mm/s] since the readings before, as both drives follow with a first-order lag."""
-        machine, interval = self._scenario.machine, self._scenario.control.interval
+        """Return the mean feed velocity [mm/s] since the last readings.
+
+        Both drives follow with a first-order lag.
+        """
+        machine = self._scenario.machine
+        interval = self._scenario.control.interval
         speed = mean_of_lag(
-            self._speed_before, reading.cutting_speed, machine.spindle_time_constant, interval
+            self._speed_before,
+            reading.cutting_speed,
+            time_constant=machine.spindle_time_constant,
+            interval=interval,
         )
-        feed = mean_of_lag(self._feed_before, reading.feed, machine.feed_time_constant, interval)
+        feed = mean_of_lag(
+            self._feed_before,
+            reading.feed,
+            time_constant=machine.feed_time_constant,
+            interval=interval,
+        )
         return self._feed_velocity(speed, feed)
 
     def _passed_gap(
         self, reading: Reading, place: Values | None, moved: Values, engaged: Values
-    ) -> NDArray[np.bool_]:
+    ) -> Mask:
         """Return whether the tool has passed into another bar between two readings in metal.
 
-        The gap between two bars may be so short that no reading falls into it. Then the time in metal falls short of the
-        interval by the time that the gap takes.
+        The gap between two bars may be so short that no reading falls into it. Then the time in
+        metal falls short of the interval by the time that the gap takes.
         """
         work = self._scenario.workpiece
         stays_in_metal = reading.cutting & self._in_metal
@@ -200,8 +415,8 @@ class Observer:
         near_end = self._place + moved > NEAR_END * work.bar_length
         return stays_in_metal & near_end & (missing > 0.5 * work.approach / self._velocity)
 
-    def _moved_to(self, reading: Reading, moved: Values, passed_gap: NDArray[np.bool_]) -> Values:
-        """Return the tool position along the bar [mm] from the distances that it has moved in metal [mm]."""
+    def _moved_to(self, reading: Reading, moved: Values, passed_gap: Mask) -> Values:
+        """Return the tool position along the bar [mm] after a distance in metal [mm]."""
         place = np.where(self._in_metal, self._place, 0.0) + moved
         place = np.where(passed_gap, place - self._scenario.workpiece.bar_length, place)
         return np.where(reading.cutting, place, -1e-9)
@@ -210,12 +425,21 @@ class Observer:
         """Return the index of the drawing's section in which the tool is; -1: before the bar."""
         return np.searchsorted(self._starts, self._place, side="right") - 1
 
-    def _predicted(self, moved: Values) -> tuple[Values, Values]:
-        """Return mean and covariance after a distance [mm] in metal."""
+    def _predicted(self, moved: Values) -> Estimate:
+        """Return the estimate after a distance [mm] in metal.
+
+        The slope of depth is a process that forgets over ``_slope_length``; the excess integrates
+        it. The logarithms of hardness and of the edge's force drift at random.
+        """
+        estimate = self._estimate
         keep = np.exp(-moved / self._slope_length)
-        step = np.tile(np.eye(5), (len(moved), 1, 1))
-        step[:, EXCESS, SLOPE], step[:, SLOPE, SLOPE] = self._slope_length * (1.0 - keep), keep
-        covariance = step @ self._covariance @ step.transpose(0, 2, 1)
+        step = np.tile(np.eye(NUM_STATES), (len(moved), 1, 1))
+        step[:, EXCESS, SLOPE] = self._slope_length * (1.0 - keep)
+        step[:, SLOPE, SLOPE] = keep
+        mean = np.einsum("nij,nj->ni", step, estimate.mean)
+        covariance = step @ estimate.covariance @ step.transpose(0, 2, 1)
+
+        # The slope's new part grows along the way, and the excess integrates it.
         new = self._prior[SLOPE, SLOPE] * (1.0 - keep**2)
         covariance[:, EXCESS, EXCESS] += new * moved**2 / 3.0
         covariance[:, EXCESS, SLOPE] += new * moved / 2.0
@@ -223,224 +447,313 @@ class Observer:
         covariance[:, SLOPE, SLOPE] += new
         covariance[:, BAR, BAR] += self._hardness_drift * moved
         covariance[:, EDGE, EDGE] += EDGE_DRIFT**2 * moved
-        return np.einsum("nij,nj->ni", step, self._mean), covariance
-
-    def _response(self, k: int, mean: Values, depth: Values) -> tuple[Values, Values]:
-        """Return the logarithm of a load over nominal at a nominal depth [mm], and its gradient."""
-        by_depth, by_hardness, by_edge = self._exponents[k]
-        actual = np.maximum(depth + mean[:, EXCESS], 0.2 * depth)
-        gradient = np.tile([0.0, 0.0, by_hardness, by_edge, by_hardness], (len(depth), 1))
-        value = (
-            by_depth * np.log(actual / depth)
-            + by_hardness * (mean[:, BAR] + mean[:, ALL_BARS])
-            + by_edge * mean[:, EDGE]
-        )
-        gradient[:, EXCESS] = by_depth / actual
-        return value, gradient
+        return Estimate(mean, covariance)
 
     def _correct(
-        self, k: int, measured: Values, variance: Values, depth: Values, readable: NDArray[np.bool_]
+        self, load: LoadModel, measured: Values, variance: Values, depth: Values, readable: Mask
     ) -> None:
-        expected, gradient = self._response(k, self._mean, depth)
-        shared = np.einsum("nij,nj->ni", self._covariance, gradient)
+        """Correct the estimate by the logarithm of a measured load over nominal, where readable."""
+        mean = self._estimate.mean
+        covariance = self._estimate.covariance
+        expected, gradient = load.response(mean, depth)
+        shared = np.einsum("nij,nj->ni", covariance, gradient)
         total = np.einsum("ni,ni->n", shared, gradient) + variance
         gain = np.where(readable[:, None], shared / total[:, None], 0.0)
-        self._mean = self._mean + gain * (measured - expected)[:, None]
-        self._covariance = self._covariance - gain[:, :, None] * shared[:, None, :]
+        self._estimate = Estimate(
+            mean=mean + gain * (measured - expected)[:, None],
+            covariance=covariance - gain[:, :, None] * shared[:, None, :],
+        )
 
     def expect(self, target: float, asked_speed: Values, asked_feed: Values) -> None:
-        """Set the loads over nominal that commands must bear, in this section of the bar and in the next one or the next bar.
+        """Set the loads over nominal that commands must bear, here and in the following section.
 
-        They are those expected over ``target``, or a margin above the expected ones over the tolerated, whichever is more. The
-        uncertainty grows with the distance that the tool moves until the next command holds: at its present velocity, or at that
-        of the asked speed [m/min] and feed [mm/rev] as far as loads allow it, if that is higher.
+        A load must bear the larger of two: the expected load over ``target``, and the expected load
+        plus a margin over the tolerated one. The uncertainty grows with the distance that the tool
+        moves until the next command holds. It moves at its present velocity, or at that of the
+        asked speed [m/min] and feed [mm/rev], as far as loads allow it, if that is higher.
         """
-        self._expect_at(self._velocity, target)
-        allowed = np.minimum(self.feeds(asked_speed).min(axis=0), asked_feed)
-        self._expect_at(
-            np.maximum(self._velocity, self._feed_velocity(asked_speed, allowed)), target
-        )
+        self._outlook = self._outlook_at(self._velocity, target)
+        allowed_feed = np.minimum(self.feeds(asked_speed).lower(), asked_feed)
+        asked_velocity = self._feed_velocity(asked_speed, allowed_feed)
+        self._outlook = self._outlook_at(np.maximum(self._velocity, asked_velocity), target)
 
-    def _expect_at(self, velocity: Values, target: float) -> None:
-        """Set the loads over nominal that commands must bear if the tool moves at a velocity [mm/s]."""
-        scenario, work, machine = self._scenario, self._scenario.workpiece, self._scenario.machine
+    def _outlook_at(self, velocity: Values, target: float) -> Outlook:
+        """Return what commands must bear if the tool moves at a velocity [mm/s]."""
+        work = self._scenario.workpiece
+        machine = self._scenario.machine
         section = self._section()
-        self._in_air, new_bar = section < 0, section == len(self._starts) - 1
+        new_bar = section == len(self._starts) - 1  # a new bar follows this section
         following = np.where(new_bar, 0, section + 1)
-        self._depths = self._profile[section], self._profile[following]
-        here = self._predicted(velocity * (self._acts + machine.feed_time_constant))
-        there = here[0].copy(), here[1].copy()
-        self._forget(*there, new_bar, OF_A_BAR)
+
+        estimate = self._predicted(velocity * (self._horizon + machine.feed_time_constant))
+        present = self._section_outlook(
+            estimate, self._profile[section], unknown=~self._known, target=target
+        )
+        estimate_there = estimate.copy()
+        self._forget(estimate_there, new_bar, OF_A_BAR)
+        there = self._section_outlook(
+            estimate_there,
+            self._profile[following],
+            unknown=new_bar | ~self._known,
+            target=target,
+        )
+
+        next_start = np.where(new_bar, work.bar_length + work.approach, self._starts[following])
+        time_left = np.maximum(next_start - self._place, 0.0) / velocity
+        is_last = new_bar & (work.bars == 1)
+        return Outlook(
+            present=present,
+            following=there,
+            in_air=section < 0,
+            is_last=is_last,
+            time_left=time_left,
+            slack=self._slack(time_left, is_last),
+        )
+
+    def _slack(self, time_left: Values, is_last: Mask) -> Values:
+        """Return the gap to the lowest feed now over that in the following section [-].
+
+        From this gap the feed falls in time, exponentially as the drive does.
+        """
+        control = self._scenario.control
+        fall_time = max(self._scenario.machine.feed_time_constant, 1e-3)
+        if control.action == "incremental":
+            # Each step changes the logarithm of feed by ``feed_step`` at most.
+            fall_time = max(fall_time, control.interval / control.feed_step)
+        left = time_left - self._horizon - SETTLED
+        slack = np.exp(np.clip(left / fall_time, 0.0, 50.0))
+        slack[is_last] = np.inf
+        return slack
+
+    def _section_outlook(
+        self, estimate: Estimate, depth: Values, unknown: Mask, target: float
+    ) -> SectionOutlook:
+        """Return what commands must bear in a section of a nominal depth [mm]."""
+        return SectionOutlook(
+            depth=depth,
+            loads=ByLoad(
+                power=self._load_to_bear(self._power, estimate, depth, unknown, target),
+                force=self._load_to_bear(self._force, estimate, depth, unknown, target),
+            ),
+        )
+
+    def _load_to_bear(
+        self, load: LoadModel, estimate: Estimate, depth: Values, unknown: Mask, target: float
+    ) -> Values:
+        """Return a load over nominal that commands must bear at a nominal depth [mm]."""
+        expected, gradient = load.response(estimate.mean, depth)
+        variance = np.einsum("ni,nij,nj->n", gradient, estimate.covariance, gradient)
         margin = np.where(self._readings < FIRST_READINGS, FIRST_MARGIN, MARGIN)
-        loads = np.empty((2, 2, len(section)))
-        for j, ((mean, covariance), unknown) in enumerate(
-            ((here, ~self.known), (there, new_bar | ~self.known))
-        ):
-            for k in (0, 1):
-                value, gradient = self._response(k, mean, self._depths[j])
-                spread = np.sqrt(np.einsum("ni,nij,nj->n", gradient, covariance, gradient))
-                tolerated = value + np.where(unknown, ENTRY_MARGIN, margin) * spread
-                tolerated -= np.log1p(scenario.limits.overload_tolerance)
-                loads[j, k] = np.maximum(value - np.log(target), tolerated)
-        self._loads = np.exp(loads)
-        distance = (
-            np.where(new_bar, work.bar_length + work.approach, self._starts[following])
-            - self._place
+        margin = np.where(unknown, ENTRY_MARGIN, margin)
+        with_margin = expected + margin * np.sqrt(variance)
+        with_margin -= np.log1p(self._scenario.limits.overload_tolerance)
+        load_to_bear: Values = np.exp(np.maximum(expected - np.log(target), with_margin))
+        return load_to_bear
+
+    def feeds(self, speed: Values) -> ByLoad:
+        """Return the feeds [mm/rev] at which power and force reach their allowed values.
+
+        ``speed`` is the cutting speed [m/min], with one column per environment.
+        """
+        outlook = self._outlook
+        wear = self._wear_ahead(speed)
+        here = feeds_at_limits(self._scenario, speed, outlook.present, wear)
+        there = feeds_at_limits(self._scenario, speed, outlook.following, wear)
+        return ByLoad(
+            power=self._feed_in_time(here.power, there.power),
+            force=self._feed_in_time(here.force, there.force),
         )
-        self._time_left = np.maximum(distance, 0.0) / velocity  # until the next section or bar [s]
-        self._last_section = new_bar & (work.bars == 1)
-        left = self._time_left - self._acts - SETTLED
-        fall = max(
-            machine.feed_time_constant, 1e-3
-        )  # time constant with which the feed falls before a deeper section [s]
-        if scenario.control.action == "incremental":
-            fall = max(fall, scenario.control.interval / scenario.control.feed_step)
-        self._slack = np.exp(np.clip(left / fall, 0.0, 50.0))
-        self._slack[self._last_section] = np.inf
 
-    def feeds(self, speed: Values) -> Values:
-        """Return the feeds [mm/rev] at which power and force reach their allowed values at a speed [m/min]."""
-        law, low = self._scenario.material.wear, self._scenario.machine.feed_min
-        per_minute = law(speed, self._feed, self._scenario.workpiece.depth_of_cut)
-        minutes, n = self._acts / 60.0, law.time
-        wear = (
-            self._wear ** (1.0 / n) + per_minute ** (1.0 / n) * minutes
-        ) ** n  # at the end of the next step
-        if self._scenario.tool.wear_rule == "clock_time":  # as if the edge had always cut so
-            wear = np.maximum(wear, per_minute * (self._cutting_time + minutes) ** n)
-        here, there = (
-            feeds_of(self._scenario, speed, depth, wear, loads)
-            for depth, loads in zip(self._depths, self._loads, strict=True)
-        )
-        # The feed falls to the lowest one in time, also if that one is too high: another speed or the operator must help then.
-        later = low + np.maximum(there - low, LOWEST_GAP * low) * self._slack
-        return np.minimum(np.where(self._in_air, np.inf, here), later)
+    def _feed_in_time(self, here: Values, there: Values) -> Values:
+        """Return the feed from which it can fall in time to that of the following section."""
+        # It falls to the lowest feed also if that one is too high there: another speed or the
+        # operator must help then.
+        lowest = self._scenario.machine.feed_min
+        later = lowest + np.maximum(there - lowest, LOWEST_GAP * lowest) * self._outlook.slack
+        return np.minimum(np.where(self._outlook.in_air, np.inf, here), later)
 
-    def speed(self, asked: Values, feed: Values, free: bool) -> tuple[Values, NDArray[np.bool_]]:
-        """Return the speed [m/min] nearest to the asked one at which the removal rate can be the asked one, or else is highest.
+    def _wear_ahead(self, speed: Values) -> Values:
+        """Return the nominal flank wear [mm] at the end of the next command's step.
 
-        ``feed`` is asked [mm/rev]; ``free``: whether the speed may be changed. Also return whether no speed near and no feed
-        keep the limits.
+        The law VB = k(vc, f) t^n gives the equivalent time of the present wear, to which the
+        horizon is added.
+        """
+        law = self._scenario.material.wear
+        exponent = law.time
+        per_minute = law(speed, self._wearing_feed, self._scenario.workpiece.depth_of_cut)
+        minutes = self._horizon / 60.0
+        added = per_minute ** (1.0 / exponent) * minutes
+        wear: Values = (self._wear ** (1.0 / exponent) + added) ** exponent
+        if self._scenario.tool.wear_rule == "clock_time":
+            # Under this rule, the edge wears as if it had always cut like this.
+            as_always = per_minute * (self._cutting_time + minutes) ** exponent
+            wear = np.maximum(wear, as_always)
+        return wear
+
+    def speed(self, asked: Values, feed: Values, free: bool) -> tuple[Values, Mask]:
+        """Return the cutting speed [m/min] to command, and where nothing keeps the limits.
+
+        It is the speed nearest to the asked one at which the removal rate can be the asked one, or
+        else is highest. Nothing keeps the limits if the lowest feed exceeds them at all speeds near
+        the asked one.
+
+        Args:
+            asked: asked speed [m/min].
+            feed: asked feed [mm/rev].
+            free: whether the speed may be changed.
         """
         machine = self._scenario.machine
-        self._feed = np.maximum(self._feed, feed)
-        changes = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, 41) if free else np.zeros(1)
+        self._wearing_feed = np.maximum(self._wearing_feed, feed)
+        changes = np.zeros(1)
+        if free:
+            changes = np.linspace(-SPEED_CHANGE, SPEED_CHANGE, NUM_CHANGES)
+        # The first of equal speeds is chosen, so the smallest change comes first.
         changes = changes[np.argsort(np.abs(changes), kind="stable")]
         speeds = np.clip(
             asked * np.exp(changes)[:, None],
             machine.cutting_speed_min,
             self._scenario.cutting_speed_max,
         )
-        feeds = self.feeds(speeds).min(axis=0)
-        removal = speeds * np.where(feeds >= machine.feed_min, feeds, 1e-6 * feeds)
+        feeds = self.feeds(speeds).lower()
+
+        # Speeds at which the lowest feed is too high are chosen last.
+        fits = feeds >= machine.feed_min
+        removal = speeds * np.where(fits, feeds, 1e-6 * feeds)
         enough = removal >= asked * feed
         chosen = np.where(enough.any(axis=0), enough.argmax(axis=0), removal.argmax(axis=0))
-        return speeds[chosen, np.arange(len(asked))], self.known & (feeds < machine.feed_min).all(
-            axis=0
-        )
+        hopeless = self._known & (feeds < machine.feed_min).all(axis=0)
+        return speeds[chosen, np.arange(len(asked))], hopeless
 
-    def entry_speed(
-        self, asked: Values, commanded: Values, free: bool
-    ) -> tuple[Values, NDArray[np.bool_]]:
-        """Return the speed [m/min] nearest to the asked one at which the lowest feed keeps the limits in the next section or bar.
+    def entry_speed(self, asked: Values, commanded: Values, free: bool) -> tuple[Values, Mask]:
+        """Return the cutting speed [m/min] to command for the following section or bar.
 
-        The asked speed stays where there is time to change it later. ``free``: whether the speed may be changed from the
-        ``commanded`` one. Also return whether the tool is about to enter, and no speed will do.
+        It is the speed nearest to the asked one at which the lowest feed keeps the limits there.
+        The asked speed stays where there is time to change it later. Also return where the tool is
+        about to enter, and no speed will do.
+
+        Args:
+            asked: asked speed [m/min].
+            commanded: present command [m/min], from which the speed changes.
+            free: whether the speed may be changed.
         """
-        scenario, machine = self._scenario, self._scenario.machine
-        speed, blocked = asked.copy(), np.zeros(len(asked), np.bool_)
-        speed_step = (
-            scenario.control.cutting_speed_step
-            if scenario.control.action == "incremental"
-            else np.inf
-        )
-        longest = (
-            np.log(scenario.cutting_speed_max / machine.cutting_speed_min) / speed_step + ENTRY_LEAD
-        )
-        near = (self._time_left < longest * scenario.control.interval) & ~self._last_section
+        scenario = self._scenario
+        outlook = self._outlook
+        interval = scenario.control.interval
+        lowest = scenario.machine.cutting_speed_min
+        highest = scenario.cutting_speed_max
+        speed = asked.copy()
+        blocked = np.zeros(len(asked), np.bool_)
+
+        # Largest change of the speed's logarithm in a step.
+        speed_step = np.inf
+        if scenario.control.action == "incremental":
+            speed_step = scenario.control.cutting_speed_step
+        max_steps = np.log(highest / lowest) / speed_step + ENTRY_LEAD
+        near = (outlook.time_left < max_steps * interval) & ~outlook.is_last
         if not near.any():
             return speed, blocked
 
-        lowest, highest = machine.cutting_speed_min, scenario.cutting_speed_max
-        speeds = (
-            np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None]
-            if free
-            else commanded[near][None, :]
+        asked_near = asked[near]
+        speeds = commanded[near][None, :]
+        if free:
+            speeds = np.geomspace(lowest, highest, ENTRY_SPEEDS)[:, None]
+        following = SectionOutlook(
+            depth=outlook.following.depth[near],
+            loads=ByLoad(
+                power=outlook.following.loads.power[near],
+                force=outlook.following.loads.force[near],
+            ),
         )
-        depth, wear, loads = self._depths[1][near], self._wear[near], self._loads[1][:, near]
-        feeds = feeds_of(scenario, speeds, depth, wear, loads[:, None, :]).min(axis=0)
-        changes = np.abs(np.log(speeds / asked[near]))
-        nearest = np.where(feeds >= machine.feed_min, changes, np.inf).argmin(axis=0)
-        none = ~(feeds >= machine.feed_min).any(axis=0)
+        wear = self._wear[near]
+        feeds = feeds_at_limits(scenario, speeds, following, wear).lower()
+        fits = feeds >= scenario.machine.feed_min
+        none_fits = ~fits.any(axis=0)
+        changes = np.abs(np.log(speeds / asked_near))
+        nearest = np.where(fits, changes, np.inf).argmin(axis=0)
         fitting = np.broadcast_to(speeds, feeds.shape)[nearest, np.arange(len(nearest))]
 
-        # The asked speed keeps the limits itself if the speeds on both sides of it on the grid do.
-        fits = feeds_of(scenario, asked[near], depth, wear, loads).min(axis=0) >= machine.feed_min
+        # The asked speed may keep the limits itself, although it is not among the tried ones.
+        asked_feeds = feeds_at_limits(scenario, asked_near, following, wear).lower()
+        asked_fits = asked_feeds >= scenario.machine.feed_min
         steps = np.abs(np.log(fitting / commanded[near])) / speed_step + ENTRY_LEAD
-        due = self._time_left[near] < steps * scenario.control.interval
-        speed[near] = np.where(due & ~fits & ~none, fitting, asked[near])
-        blocked[near] = due & none & ~fits
+        due = outlook.time_left[near] < steps * interval
+        speed[near] = np.where(due & ~asked_fits & ~none_fits, fitting, asked_near)
+        blocked[near] = due & none_fits & ~asked_fits
         return speed, blocked
 
-    def proven_feed(self, reading: Reading) -> tuple[Values, NDArray[np.bool_]]:
-        """Return the feeds [mm/rev] to which readings that prove an overload by themselves limit the feed, else infinity.
+    def proven_feed(self, reading: Reading) -> tuple[Values, Mask]:
+        """Return the feeds [mm/rev] that readings allow which prove an overload by themselves.
 
-        No model or estimate can make such a reading harmless. Also return whether it is the power that is over its limit.
+        Without such a reading, the feed is infinite. No model or estimate can make one harmless.
+        Also return whether it is the power that is over its limit.
         """
-        scenario, limits = self._scenario, self._scenario.limits
+        scenario = self._scenario
+        limits = scenario.limits
         tolerated = 1.0 + limits.overload_tolerance
         idle = idle_power_at(scenario, reading.cutting_speed)
         power_limit = limits.power * capacity_at(scenario, reading.cutting_speed)
-        certain_power = reading.power * math.exp(-CERTAIN * self._noise[0])
-        certain_force = reading.thrust_force * math.exp(-CERTAIN * self._noise[1])
+        certain_power = reading.power * math.exp(-CERTAIN * self._power.noise)
+        certain_force = reading.thrust_force * math.exp(-CERTAIN * self._force.noise)
+
         power_share = (certain_power - idle) / np.maximum(tolerated * power_limit - idle, 1e-6)
         force_share = certain_force / (tolerated * limits.thrust_force)
-        feed = np.full(len(reading.feed), np.inf)
-        laws = scenario.material.power, scenario.material.thrust_force
-        for share, law in zip((power_share, force_share), laws, strict=True):
-            over = reading.cutting & (share > 1.0)
-            exponent = law.feed if law.feed > 0.0 else np.inf
-            feed = np.where(
-                over,
-                np.minimum(feed, reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)),
-                feed,
-            )
-        return feed, reading.cutting & (power_share > 1.0)
+        by_power = proven_bound(reading, power_share, self._power.law)
+        by_force = proven_bound(reading, force_share, self._force.law)
+        return np.minimum(by_power, by_force), reading.cutting & (power_share > 1.0)
+
+
+def proven_bound(reading: Reading, share: Values, law: PowerLaw) -> Values:
+    """Return the feed [mm/rev] at which a load falls to its limit; infinite if it is below.
+
+    ``share`` is the load over its limit [-]. A load that the feed does not change allows the
+    present feed.
+    """
+    exponent = law.feed if law.feed > 0.0 else np.inf
+    bound = reading.feed * np.maximum(share, 1.0) ** (-1.0 / exponent)
+    return np.where(reading.cutting & (share > 1.0), bound, np.inf)
 
 
 def mean_of_lag(start: Values, end: Values, time_constant: float, interval: float) -> Values:
-    """Return the mean over an interval [s] of a value that follows a constant command with a first-order lag."""
+    """Return the mean over an interval [s] of a value that follows with a first-order lag.
+
+    The command is constant, and the value moves from ``start`` to ``end``.
+    """
     if time_constant <= 0.0:
         return end
     remains = math.exp(-interval / time_constant)
     return end + (start - end) * (time_constant / interval - remains / (1.0 - remains))
 
 
-def nominal_loads(
-    scenario: Scenario, speed: Values, feed: Values, depth: Values, wear: Values
-) -> Values:
-    """Return nominal cutting power [kW] and thrust force [N]."""
-    laws = scenario.material.power, scenario.material.thrust_force
-    return np.stack([law(speed, feed, depth, wear=wear) for law in laws])
+def feeds_at_limits(
+    scenario: Scenario, speed: Values, section: SectionOutlook, wear: Values
+) -> ByLoad:
+    """Return the feeds [mm/rev] at which the loads in a section reach their limits.
+
+    They are infinite if feed has no effect.
+
+    Args:
+        scenario: has the laws and the limits.
+        speed: cutting speed [m/min].
+        section: nominal depth, and loads over nominal.
+        wear: nominal flank wear [mm].
+    """
+    limits = scenario.limits
+    material = scenario.material
+    # Nominal loads at a feed of 1 mm/rev.
+    unit_feed = np.ones_like(section.depth)
+    unit_power = material.power(speed, unit_feed, section.depth, wear=wear)
+    unit_force = material.thrust_force(speed, unit_feed, section.depth, wear=wear)
+    available = limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed)
+    power_share = np.maximum(available, 1e-6) / (section.loads.power * unit_power)
+    force_share = limits.thrust_force / (section.loads.force * unit_force)
+    return ByLoad(
+        power=_feed_at_share(power_share, material.power),
+        force=_feed_at_share(force_share, material.thrust_force),
+    )
 
 
-def feeds_of(
-    scenario: Scenario, speed: Values, depth: Values, wear: Values, loads: Values
-) -> Values:
-    """Return the feeds [mm/rev] at which loads, expected over nominal [-], reach their limits; infinite if feed has no effect."""
-    limits, material = scenario.limits, scenario.material
-    nominal = nominal_loads(scenario, speed, np.ones_like(depth), depth, wear)
-    per_power, per_force = (load * each for load, each in zip(loads, nominal, strict=True))
-    left = np.maximum(
-        limits.power * capacity_at(scenario, speed) - idle_power_at(scenario, speed), 1e-6
-    )
-    shares = (
-        (left / per_power, material.power.feed),
-        (limits.thrust_force / per_force, material.thrust_force.feed),
-    )
-    return np.stack(
-        [
-            share ** (1.0 / feed) if feed > 0 else np.full_like(share, np.inf)
-            for share, feed in shares
-        ]
-    )
+def _feed_at_share(share: Values, law: PowerLaw) -> Values:
+    """Return the feed [mm/rev] at which a load is ``share`` times that of 1 mm/rev."""
+    if law.feed > 0:
+        return np.asarray(share ** (1.0 / law.feed))
+    return np.full_like(share, np.inf)

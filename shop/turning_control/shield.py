@@ -194,9 +194,10 @@ class Shield(Policy):
         change_edge = self._find_help(actions, hopeless, blocked=blocked)
 
         # The spindle passes all speeds between the actual and the commanded one.
-        by_power, by_force = np.minimum(
-            observer.feeds(speed), observer.feeds(reading.cutting_speed)
-        )
+        feeds_now = observer.feeds(reading.cutting_speed)
+        feeds_soon = observer.feeds(speed)
+        by_power = np.minimum(feeds_soon.power, feeds_now.power)
+        by_force = np.minimum(feeds_soon.force, feeds_now.force)
         bound = self._lead_of_drive(np.minimum(by_power, by_force), reading.feed)
         proven_bound = np.minimum(proven_feed, reading.commanded_feed)
         bound = np.minimum(bound, np.where(np.isfinite(proven_feed), proven_bound, np.inf))
