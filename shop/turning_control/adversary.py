@@ -1,14 +1,16 @@
 """Search for policies that get past the shield: what they exceed, and what they break.
 
-An adversary switches speed and feed between two actions each, as a square wave or in reaction to what it observes. The search
-keeps the worst adversaries of a generation and varies them in the next. It plays tuning seeds only; ``attack`` then plays the
-worst ones on held-out seeds.
+An adversary switches speed and feed between two actions each, as a square wave or in reaction to
+what it observes. The search keeps the worst adversaries of a generation and varies them in the
+next. It plays tuning seeds only; ``attack`` then plays the worst ones on held-out seeds.
+
+``measure.py`` plays the episodes.
 """
 
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from dataclasses import astuple, dataclass, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,8 @@ from turning_env.scoring.seeds import held_out_seeds, tuning_seeds
 Reaction = Literal["none", "while light", "after entry", "later in the bar"]
 REACTIONS: tuple[Reaction, ...] = get_args(Reaction)
 
-BROKEN_EDGE = 0.0005  # share of severe overload that counts as much as a broken edge per 100 episodes, in the ranking [-]
+# Share of severe overload [-] that ranks as high as one broken edge in 100 episodes.
+BROKEN_EDGE = 0.0005
 KEPT = 8  # adversaries of a generation that are varied in the next
 
 
@@ -38,13 +41,25 @@ class Wave:
     share: float  # share of the period in which the action is the high one [-]
     phase: float  # [periods]
 
+    def __str__(self) -> str:
+        """Describe the wave in a few words."""
+        if self.share <= 0.0 or self.low == self.high:
+            return f"{self.low:+.2f}"
+        if self.share >= 1.0:
+            return f"{self.high:+.2f}"
+        levels = f"{self.low:+.2f}/{self.high:+.2f}"
+        return f"{levels} every {self.period:.0f} steps ({100.0 * self.share:.0f} % high)"
+
 
 @dataclass(frozen=True)
 class Adversary:
     """A policy that tries to get past the shield.
 
-    The feed's wave is high only where ``reacts`` allows it, and low elsewhere: ``while light``, if neither load is above
-    ``threshold`` times its limit; ``after entry``, in air and in the first ``steps`` in a bar; ``later in the bar``, after them.
+    The feed's wave is high only where ``reacts`` allows it, and low elsewhere:
+
+    * ``while light``: neither load is above ``threshold`` times its limit.
+    * ``after entry``: in air and in the first ``steps`` in a bar.
+    * ``later in the bar``: after them.
     """
 
     speed: Wave
@@ -55,29 +70,21 @@ class Adversary:
 
     def __str__(self) -> str:
         """Describe the adversary in a line."""
-        parts = [
-            f"{name} {_wave_text(wave)}"
-            for name, wave in (("speed", self.speed), ("feed", self.feed))
-        ]
+        text = f"speed {self.speed}, feed {self.feed}"
         if self.reacts == "while light":
-            parts.append(f"while loads are below {self.threshold:.2f}")
-        elif self.reacts == "after entry":
-            parts.append(f"in the first {self.steps:.0f} steps of a bar")
-        elif self.reacts == "later in the bar":
-            parts.append(f"after {self.steps:.0f} steps of a bar")
-        return ", ".join(parts)
-
-
-def _wave_text(wave: Wave) -> str:
-    if wave.share <= 0.0 or wave.low == wave.high:
-        return f"{wave.low:+.2f}"
-    if wave.share >= 1.0:
-        return f"{wave.high:+.2f}"
-    return f"{wave.low:+.2f}/{wave.high:+.2f} every {wave.period:.0f} steps ({100.0 * wave.share:.0f} % high)"
+            return f"{text}, while loads are below {self.threshold:.2f}"
+        if self.reacts == "after entry":
+            return f"{text}, in the first {self.steps:.0f} steps of a bar"
+        if self.reacts == "later in the bar":
+            return f"{text}, after {self.steps:.0f} steps of a bar"
+        return text
 
 
 def switching(period: float) -> Adversary:
-    """Return the adversary that switches both actions from -1 to 1 and back every ``period`` steps."""
+    """Return the adversary that switches both actions from -1 to 1 and back.
+
+    Each action lasts for ``period`` steps.
+    """
     wave = Wave(low=-1.0, high=1.0, period=2.0 * period, share=0.5, phase=0.5)
     return Adversary(speed=wave, feed=wave)
 
@@ -90,55 +97,91 @@ def steady(speed: float, feed: float) -> Adversary:
     )
 
 
+KNOWN = (
+    steady(1.0, 1.0),
+    steady(-1.0, 1.0),
+    steady(1.0, -1.0),
+    switching(2),
+    switching(5),
+    switching(10),
+    switching(20),
+    switching(50),
+    switching(100),
+)
+"""The adversaries of every first generation."""
+
+
 def drawn(random: np.random.Generator) -> Adversary:
     """Return a random adversary."""
-    return Adversary(
-        speed=_drawn_wave(random),
-        feed=_drawn_wave(random),
-        reacts=REACTIONS[random.integers(len(REACTIONS))],
-        threshold=random.uniform(0.3, 1.1),
-        steps=round(10.0 ** random.uniform(0.0, 2.0)),
-    )
+    speed = _drawn_wave(random)
+    feed = _drawn_wave(random)
+    reacts = REACTIONS[random.integers(len(REACTIONS))]
+    threshold = random.uniform(0.3, 1.1)
+    steps = round(10.0 ** random.uniform(0.0, 2.0))
+    return Adversary(speed=speed, feed=feed, reacts=reacts, threshold=threshold, steps=steps)
 
 
 def _drawn_wave(random: np.random.Generator) -> Wave:
     low, high = np.sort(random.uniform(-1.0, 1.0, 2))
+    # Half of the waves switch between the ends of the range, where most damage is done.
     if random.random() < 0.5:
-        low, high = -1.0, 1.0
-    return Wave(
-        low=float(low),
-        high=float(high),
-        period=round(10.0 ** random.uniform(0.3, 2.3)),
-        share=random.uniform(0.05, 1.0),
-        phase=random.random(),
-    )
+        low = -1.0
+        high = 1.0
+    period = round(10.0 ** random.uniform(0.3, 2.3))
+    share = random.uniform(0.05, 1.0)
+    phase = random.random()
+    return Wave(low=float(low), high=float(high), period=period, share=share, phase=phase)
 
 
 def varied(adversary: Adversary, random: np.random.Generator) -> Adversary:
-    """Return an adversary like another one: some of its numbers change a little, seldom its reaction."""
+    """Return a variation of an adversary.
+
+    Some of its numbers change a little; its reaction seldom changes.
+    """
     reacts = adversary.reacts
     if random.random() < 0.1:
         reacts = REACTIONS[random.integers(len(REACTIONS))]
+    speed = _varied_wave(adversary.speed, random)
+    feed = _varied_wave(adversary.feed, random)
+    threshold = adversary.threshold + random.normal(0.0, 0.1)
+    steps = adversary.steps * np.exp(random.normal(0.0, 0.4))
     return replace(
         adversary,
-        speed=_varied_wave(adversary.speed, random),
-        feed=_varied_wave(adversary.feed, random),
+        speed=speed,
+        feed=feed,
         reacts=reacts,
-        threshold=float(np.clip(adversary.threshold + random.normal(0.0, 0.1), 0.1, 1.2)),
-        steps=max(round(adversary.steps * np.exp(random.normal(0.0, 0.4))), 1),
+        threshold=float(np.clip(threshold, 0.1, 1.2)),
+        steps=max(round(steps), 1),
     )
 
 
 def _varied_wave(wave: Wave, random: np.random.Generator) -> Wave:
     if random.random() < 0.3:
         return wave
+    low = wave.low + random.normal(0.0, 0.2)
+    high = wave.high + random.normal(0.0, 0.2)
+    period = wave.period * np.exp(random.normal(0.0, 0.3))
+    share = wave.share + random.normal(0.0, 0.15)
+    phase = random.random()
     return Wave(
-        low=float(np.clip(wave.low + random.normal(0.0, 0.2), -1.0, 1.0)),
-        high=float(np.clip(wave.high + random.normal(0.0, 0.2), -1.0, 1.0)),
-        period=max(round(wave.period * np.exp(random.normal(0.0, 0.3))), 2),
-        share=float(np.clip(wave.share + random.normal(0.0, 0.15), 0.0, 1.0)),
-        phase=random.random(),
+        low=float(np.clip(low, -1.0, 1.0)),
+        high=float(np.clip(high, -1.0, 1.0)),
+        period=max(round(period), 2),
+        share=float(np.clip(share, 0.0, 1.0)),
+        phase=phase,
     )
+
+
+# The fields of ``Wave``, in the same order.
+WAVE = np.dtype(
+    [
+        ("low", np.float64),
+        ("high", np.float64),
+        ("period", np.float64),
+        ("share", np.float64),
+        ("phase", np.float64),
+    ]
+)
 
 
 class Adversaries(Policy):
@@ -146,16 +189,21 @@ class Adversaries(Policy):
 
     def __init__(self, adversaries: Sequence[Adversary], episodes: int, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._size = action_size(scenario)
-        self._speed = _columns([each.speed for each in adversaries], episodes)
-        self._feed = _columns([each.feed for each in adversaries], episodes)
-        self._reacts = np.repeat([each.reacts for each in adversaries], episodes)
-        self._threshold = np.repeat([each.threshold for each in adversaries], episodes)
-        self._first_steps = np.repeat([each.steps for each in adversaries], episodes)
-        self._step, self._in_metal = np.zeros((2, len(self._reacts)))
+        speeds = [astuple(adversary.speed) for adversary in adversaries]
+        feeds = [astuple(adversary.feed) for adversary in adversaries]
+        reactions = [adversary.reacts for adversary in adversaries]
+        thresholds = [adversary.threshold for adversary in adversaries]
+        steps = [adversary.steps for adversary in adversaries]
+        self._speed = np.repeat(np.array(speeds, WAVE), episodes)
+        self._feed = np.repeat(np.array(feeds, WAVE), episodes)
+        self._reacts = np.repeat(reactions, episodes)
+        self._threshold = np.repeat(thresholds, episodes)
+        self._first_steps = np.repeat(steps, episodes)
+        self._step = np.zeros(len(self._reacts))
+        self._in_metal = np.zeros(len(self._reacts))  # [steps]
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Start the waves of environments anew."""
+        """Restart the waves of environments."""
         self._step[mask] = 0.0
         self._in_metal[mask] = 0.0
 
@@ -163,49 +211,37 @@ class Adversaries(Policy):
         """Return the actions of the waves."""
         reading = read(observations, self._scenario)
         self._in_metal = np.where(reading.cutting, self._in_metal + 1.0, 0.0)
-        speed = _values(self._speed, self._step)
-        feed = np.where(self._allowed(reading), _values(self._feed, self._step), self._feed["low"])
+        speed = _levels(self._speed, self._step)
+        feed = _levels(self._feed, self._step)
+        feed = np.where(self._may_be_high(reading), feed, self._feed["low"])
         self._step += 1.0
-        columns = [feed] if self._scenario.control.action == "override" else [speed, feed]
-        while len(columns) < self._size:
-            columns.append(np.full(len(feed), -1.0))  # never changes the edge
-        return np.stack(columns, axis=1).astype(np.float32)
 
-    def _allowed(self, reading: Reading) -> NDArray[np.bool_]:
+        # Entries after speed and feed change the edge, which adversaries never do.
+        actions = np.full((len(feed), action_size(self._scenario)), -1.0, np.float32)
+        if self._scenario.control.action == "override":
+            actions[:, 0] = feed
+        else:
+            actions[:, 0] = speed
+            actions[:, 1] = feed
+        return actions
+
+    def _may_be_high(self, reading: Reading) -> NDArray[np.bool_]:
         """Return where the feed may be high."""
         limits = self._scenario.limits
         load = np.maximum(reading.power / limits.power, reading.thrust_force / limits.thrust_force)
         early = self._in_metal <= self._first_steps
-        allowed: NDArray[np.bool_] = (
-            (self._reacts == "none")
-            | ((self._reacts == "while light") & (load < self._threshold))
-            | ((self._reacts == "after entry") & early)
-            | ((self._reacts == "later in the bar") & ~early)
-        )
+        while_light = (self._reacts == "while light") & (load < self._threshold)
+        after_entry = (self._reacts == "after entry") & early
+        later_in_the_bar = (self._reacts == "later in the bar") & ~early
+        always = self._reacts == "none"
+        allowed: NDArray[np.bool_] = always | while_light | after_entry | later_in_the_bar
         return allowed
 
 
-def _columns(waves: Sequence[Wave], episodes: int) -> dict[str, NDArray[np.float64]]:
-    """Return the fields of waves, each for ``episodes`` environments."""
-    names = ("low", "high", "period", "share", "phase")
-    return {name: np.repeat([getattr(wave, name) for wave in waves], episodes) for name in names}
-
-
-def _values(
-    waves: dict[str, NDArray[np.float64]], step: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the values of waves at a step."""
+def _levels(waves: NDArray[Any], step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the levels of waves, a record array of ``WAVE``, at a step."""
     position = (step / waves["period"] + waves["phase"]) % 1.0
     return np.where(position < waves["share"], waves["high"], waves["low"])
-
-
-KNOWN = (
-    steady(1.0, 1.0),
-    steady(-1.0, 1.0),
-    steady(1.0, -1.0),
-    *(switching(period) for period in (2, 5, 10, 20, 50, 100)),
-)
-"""The adversaries of every first generation."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +250,7 @@ class Attack:
 
     env_id: str
     adversary: Adversary
-    seeds: str  # which ones: tuning or held-out
+    seeds: str  # their kind: tuning or held-out
     figures: Guarded
 
 
@@ -230,37 +266,58 @@ class Budget:
 
 
 def attack(env_id: str, scenario: Scenario, budget: Budget, settings: Settings) -> Iterator[Attack]:
-    """Yield the worst adversaries of a search on tuning seeds, then the same ones on held-out seeds."""
-    found = search(env_id, scenario, budget, settings)[: budget.worst]
-    yield from found
+    """Search with tuning seeds, then play the worst adversaries on held-out seeds.
+
+    Yield the worst adversaries of the search first, then the same ones on held-out seeds.
+    """
+    worst = search(env_id, scenario, budget, settings)[: budget.worst]
+    yield from worst
     if budget.held_out > 0:
-        adversaries = [each.adversary for each in found]
         yield from _played(
-            env_id, scenario, adversaries, "held-out", held_out_seeds(budget.held_out), settings
+            env_id,
+            scenario,
+            adversaries=[attack.adversary for attack in worst],
+            kind="held-out",
+            seeds=held_out_seeds(budget.held_out),
+            settings=settings,
         )
 
 
 def search(env_id: str, scenario: Scenario, budget: Budget, settings: Settings) -> list[Attack]:
     """Return the adversaries that were tried on tuning seeds, the worst first."""
     random = np.random.default_rng(0)
-    found: list[Attack] = []
+    attacks: list[Attack] = []
     for generation in range(budget.generations):
         if generation == 0:
-            tried = [*KNOWN, *(drawn(random) for _ in range(budget.candidates - len(KNOWN)))][
-                : budget.candidates
-            ]
+            tried = _first_generation(budget.candidates, random)
         else:
-            worst = [attack.adversary for attack in found[:KEPT]]
-            tried = [varied(worst[k % len(worst)], random) for k in range(budget.candidates)]
-        found.extend(
-            _played(env_id, scenario, tried, "tuning", tuning_seeds(budget.episodes), settings)
+            tried = _next_generation(attacks[:KEPT], budget.candidates, random)
+        attacks += _played(
+            env_id,
+            scenario,
+            adversaries=tried,
+            kind="tuning",
+            seeds=tuning_seeds(budget.episodes),
+            settings=settings,
         )
-        found.sort(key=badness, reverse=True)
-        progress = (
-            f"{env_id}: generation {generation + 1} of {budget.generations}: {line(found[0])}"
-        )
-        print(progress, file=sys.stderr, flush=True)
-    return found
+        attacks.sort(key=badness, reverse=True)
+        progress = f"{env_id}: generation {generation + 1} of {budget.generations}"
+        print(f"{progress}: {line(attacks[0])}", file=sys.stderr, flush=True)
+    return attacks
+
+
+def _first_generation(candidates: int, random: np.random.Generator) -> list[Adversary]:
+    adversaries = list(KNOWN[:candidates])
+    while len(adversaries) < candidates:
+        adversaries.append(drawn(random))
+    return adversaries
+
+
+def _next_generation(
+    worst: Sequence[Attack], candidates: int, random: np.random.Generator
+) -> list[Adversary]:
+    """Return variations of the worst adversaries, which take turns."""
+    return [varied(worst[k % len(worst)].adversary, random) for k in range(candidates)]
 
 
 def badness(attack: Attack) -> float:
@@ -273,26 +330,30 @@ def _played(
     env_id: str,
     scenario: Scenario,
     adversaries: Sequence[Adversary],
-    seeds: str,
-    numbers: list[int],
+    kind: str,
+    seeds: list[int],
     settings: Settings,
 ) -> list[Attack]:
-    policy = Adversaries(adversaries, len(numbers), scenario)
-    label = f"{env_id}: {len(adversaries)} adversaries"
-    played = play_guarded(scenario, policy, numbers * len(adversaries), settings, label)
+    """Play all adversaries in one batch, each with the same seeds, whose kind is given."""
+    played = play_guarded(
+        scenario,
+        Adversaries(adversaries, len(seeds), scenario),
+        seeds=seeds * len(adversaries),
+        settings=settings,
+        label=f"{env_id}: {len(adversaries)} adversaries",
+    )
     attacks = []
     for k, adversary in enumerate(adversaries):
-        group = slice(k * len(numbers), (k + 1) * len(numbers))
-        attacks.append(
-            Attack(env_id=env_id, adversary=adversary, seeds=seeds, figures=played.total(group))
-        )
+        figures = played.total(slice(k * len(seeds), (k + 1) * len(seeds)))
+        attacks.append(Attack(env_id=env_id, adversary=adversary, seeds=kind, figures=figures))
     return attacks
 
 
 def line(attack: Attack) -> str:
     """Return an attack as a line of text."""
     figures = attack.figures
-    return f"{100.0 * figures.severe:.3f} % over, {figures.edges_broken} edges broken: {attack.adversary}"
+    result = f"{100.0 * figures.severe:.3f} % over, {figures.edges_broken} edges broken"
+    return f"{result}: {attack.adversary}"
 
 
 def table(attacks: Sequence[Attack]) -> str:
@@ -309,16 +370,15 @@ def table(attacks: Sequence[Attack]) -> str:
     rows = []
     for attack in attacks:
         figures = attack.figures
-        severe, removal = f"{100.0 * figures.severe:.3f}", f"{figures.removal_rate:.1f}"
-        seeds = f"{figures.episodes} {attack.seeds}"
-        row = (
-            attack.env_id,
-            seeds,
-            str(attack.adversary),
-            severe,
-            f"{figures.edges_broken}",
-            removal,
-            f"{figures.takeovers}",
+        rows.append(
+            (
+                attack.env_id,
+                f"{figures.episodes} {attack.seeds}",
+                str(attack.adversary),
+                f"{100.0 * figures.severe:.3f}",
+                f"{figures.edges_broken}",
+                f"{figures.removal_rate:.1f}",
+                f"{figures.takeovers}",
+            )
         )
-        rows.append(row)
     return markdown(heads, rows)
