@@ -1,10 +1,13 @@
-"""Measure the shield in simulation: overload, broken edges and material removal rate of policies with and without it."""
+"""Measure the shield in simulation: how policies do with and without it.
+
+The figures are overload, broken edges and material removal rate. ``adversary.py`` searches for
+policies that make them bad.
+"""
 
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +24,9 @@ from turning_env.scoring.score import shipped
 from turning_env.scoring.seeds import held_out_seeds
 from turning_env.vector_env import RoughTurningVectorEnv, info_at_end_of_step
 
+SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
+PROGRESS_TIME = 10.0  # time between lines of progress [s]
+
 
 class Result(NamedTuple):
     """A policy's result on a task."""
@@ -32,48 +38,54 @@ class Result(NamedTuple):
     edges_broken: int
     removal_rate: float  # [cm3/min]
     overridden: float  # share of decisions in which the shield changed the action [-]
-    takeovers: int  # episodes that ended early because the operator took over; the figures count until then
-
-
-SUMS = ("severe_overload_time", "engaged_time", "edges_broken", "removed", "time")
-REPORTED = 10.0  # time between lines of progress [s]
+    # Episodes that ended early because the operator took over; the figures count until then.
+    takeovers: int
 
 
 class UniformRandom(Policy):
     """A policy of uniform random actions in -1..1."""
 
     def __init__(self, size: int) -> None:
-        self._size, self._random = size, np.random.default_rng(0)
+        self._size = size
+        self._random = np.random.default_rng(0)
 
     def act(self, observations: Observations) -> Actions:
-        return self._random.uniform(-1.0, 1.0, (len(observations), self._size)).astype(np.float32)
+        shape = (len(observations), self._size)
+        return self._random.uniform(-1.0, 1.0, shape).astype(np.float32)
 
 
 def best_agent(env_id: str, agents: Path) -> Path | None:
-    """Return the file of training seed 0 of the shipped agent with the highest mean return on a task; None if there is none."""
+    """Return the file of the best shipped agent of a task, or None if there is none.
+
+    It is training seed 0 of the agent with the highest mean return.
+    """
     folder = agents / env_id / IDS[env_id]
-    found = [
-        (each.returns.mean(), folder / f"{each.name}-seed0.onnx")
-        for each in shipped(env_id)
-        if each.kind == "agent"
-    ]
-    return max(((mean, path) for mean, path in found if path.is_file()), default=(0.0, None))[1]
+    returns = {}
+    for result in shipped(env_id):
+        path = folder / f"{result.name}-seed0.onnx"
+        if result.kind == "agent" and path.is_file():
+            returns[path] = result.returns.mean()
+    return max(returns, key=lambda path: (returns[path], path), default=None)
 
 
 def rows(env_ids: list[str], episodes: int, agents: Path, settings: Settings) -> Iterator[Result]:
-    """Yield the figures of uniform random actions and of the best agent in a folder, each with and without the shield.
+    """Yield the results of random actions and of the best agent, each without and with the shield.
 
-    Each plays as many held-out seeds of each task as ``episodes``.
+    Args:
+        env_ids: tasks.
+        episodes: number of held-out seeds that each policy plays on each task.
+        agents: folder of the shipped agents.
+        settings: of the shield.
     """
     for env_id in env_ids:
         scenario = Scenario.load(IDS[env_id])
         policies = {"uniform random": as_factory(UniformRandom(action_size(scenario)))}
-        if (best := best_agent(env_id, agents)) is not None:
-            policies[best.stem] = as_factory(best)
-        for (name, make), with_shield in product(policies.items(), (False, True)):
-            yield _measured(
-                env_id, name, scenario, make(episodes), episodes, settings if with_shield else None
-            )
+        agent = best_agent(env_id, agents)
+        if agent is not None:
+            policies[agent.stem] = as_factory(agent)
+        for name, make_policy in policies.items():
+            yield _result(env_id, name, scenario, make_policy(episodes), episodes, settings=None)
+            yield _result(env_id, name, scenario, make_policy(episodes), episodes, settings)
 
 
 @dataclass(frozen=True)
@@ -89,23 +101,25 @@ class Guarded:
 
 
 class Played:
-    """Sums over the episodes of each environment of a batch."""
+    """Sums over the episode of each environment of a batch."""
 
     def __init__(self, num_envs: int) -> None:
         self.sums = {name: np.zeros(num_envs) for name in SUMS}
-        self.takeovers, self.changed, self.decisions = np.zeros((3, num_envs), np.int64)
+        self.takeovers = np.zeros(num_envs, np.int64)
+        self.changed = np.zeros(num_envs, np.int64)  # decisions
+        self.decisions = np.zeros(num_envs, np.int64)
 
     def total(self, environments: slice = slice(None)) -> Guarded:
         """Return the figures of some environments together."""
         sums = {name: float(values[environments].sum()) for name, values in self.sums.items()}
+        changed = self.changed[environments].sum()
+        decisions = self.decisions[environments].sum()
         return Guarded(
             episodes=len(self.decisions[environments]),
             severe=sums["severe_overload_time"] / max(sums["engaged_time"], 1e-9),
             edges_broken=round(sums["edges_broken"]),
             removal_rate=60.0 * sums["removed"] / max(sums["time"], 1e-9),
-            overridden=float(
-                self.changed[environments].sum() / max(self.decisions[environments].sum(), 1)
-            ),
+            overridden=float(changed / max(decisions, 1)),
             takeovers=int(self.takeovers[environments].sum()),
         )
 
@@ -113,9 +127,14 @@ class Played:
 def play_guarded(
     scenario: Scenario, policy: Policy, seeds: Sequence[int], settings: Settings | None, label: str
 ) -> Played:
-    """Play one episode per seed with a policy behind the shield, or without it if there are no settings.
+    """Play one episode per seed with a policy behind the shield.
 
-    A line of progress that begins with ``label`` goes to standard error every ten seconds.
+    Args:
+        scenario: task.
+        policy: for ``len(seeds)`` environments.
+        seeds: one per episode.
+        settings: of the shield; None: the policy plays without it.
+        label: beginning of the line of progress, which goes to stderr every ten seconds.
     """
     num_envs = len(seeds)
     env = RoughTurningVectorEnv(num_envs, scenario, AutoresetMode.SAME_STEP)
@@ -123,11 +142,14 @@ def play_guarded(
         policy = Shield(policy, scenario, num_envs, settings)
     observations, _ = env.reset(seed=list(seeds))
     policy.reset(np.ones(num_envs, np.bool_))
-    played, running = Played(num_envs), np.ones(num_envs, np.bool_)
-    reported = time.monotonic()
+    played = Played(num_envs)
+    running = np.ones(num_envs, np.bool_)
+    progress_shown = time.monotonic()
+
     while running.any():
         actions = policy.act(observations)
-        if isinstance(policy, Shield):  # the operator has stopped the machine
+        if isinstance(policy, Shield):
+            # The operator stops the machine, so the episode ends before the action.
             played.takeovers += running & policy.takeover
             running = running & ~policy.takeover
             played.changed += running & (np.array(policy.reasons) != "passed")
@@ -138,17 +160,14 @@ def play_guarded(
         ended = terminated | truncated
         policy.reset(ended)
         running = running & ~ended
-        if time.monotonic() > reported + REPORTED:
-            reported = time.monotonic()
-            print(
-                f"{label}: {num_envs - running.sum()} of {num_envs} episodes",
-                file=sys.stderr,
-                flush=True,
-            )
+        if time.monotonic() > progress_shown + PROGRESS_TIME:
+            progress_shown = time.monotonic()
+            progress = f"{label}: {num_envs - running.sum()} of {num_envs} episodes"
+            print(progress, file=sys.stderr, flush=True)
     return played
 
 
-def _measured(
+def _result(
     env_id: str,
     name: str,
     scenario: Scenario,
@@ -158,7 +177,11 @@ def _measured(
 ) -> Result:
     shield = ", shielded" if settings else ""
     played = play_guarded(
-        scenario, policy, held_out_seeds(episodes), settings, label=f"{env_id}: {name}{shield}"
+        scenario,
+        policy,
+        seeds=held_out_seeds(episodes),
+        settings=settings,
+        label=f"{env_id}: {name}{shield}",
     )
     figures = played.total()
     return Result(
@@ -173,8 +196,8 @@ def _measured(
     )
 
 
-def table(measured: Iterable[Result]) -> str:
-    """Return the rows as a Markdown table."""
+def table(results: Iterable[Result]) -> str:
+    """Return results as a Markdown table."""
     heads = (
         "Task",
         "Policy",
@@ -182,19 +205,27 @@ def table(measured: Iterable[Result]) -> str:
         "Over 5 % [% of cutting time]",
         "Edges broken",
         "MRR [cm3/min]",
+        "Overridden [%]",
+        "Takeovers",
     )
     rows = []
-    for row in measured:
-        shield = (
-            ("yes", f"{100 * row.overridden:.0f}", f"{row.takeovers}")
-            if row.shielded
-            else ("no", "", "")
+    for result in results:
+        rows.append(
+            (
+                result.env_id,
+                result.policy,
+                "yes" if result.shielded else "no",
+                f"{100 * result.severe:.3f}",
+                f"{result.edges_broken}",
+                f"{result.removal_rate:.1f}",
+                f"{100 * result.overridden:.0f}" if result.shielded else "",
+                f"{result.takeovers}" if result.shielded else "",
+            )
         )
-        figures = f"{100 * row.severe:.3f}", f"{row.edges_broken}", f"{row.removal_rate:.1f}"
-        rows.append((row.env_id, row.policy, shield[0], *figures, *shield[1:]))
-    return markdown((*heads, "Overridden [%]", "Takeovers"), rows)
+    return markdown(heads, rows)
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return a Markdown table."""
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (heads, ["---"] * len(heads), *rows))
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
