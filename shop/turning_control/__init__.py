@@ -1,4 +1,4 @@
-"""The link to a real control: a shield around any policy, a controller of readings and commands, and LinuxCNC.
+"""The link to a real control: LinuxCNC and OPC UA, and a shield around any policy.
 
 Nothing here changes the environment. Training and scoring of policies belong elsewhere.
 """

@@ -1,7 +1,8 @@
-"""The controller core: readings of a machine in, commands out, through the observation on which policies are trained.
+"""The controller core: readings of a machine in, commands out.
 
-``Controller`` knows no machine. An adapter (``linuxcnc.py``) gives it ``Readings`` once per control interval and carries out its
-``Commands``. The simulation's own functions compute the observation.
+``Controller`` knows no machine. An adapter (``linuxcnc.py``, ``opcua.py``) gives it ``Readings``
+once per control interval and carries out its ``Commands``. The simulation's own functions compute
+the observation, so a policy sees what it was trained on. ``shield.py`` guards the policy.
 """
 
 import math
@@ -23,34 +24,39 @@ from turning_env.physics.wear import EQUIVALENT_TIME
 from turning_env.scenario import Scenario
 from turning_env.scoring.policy import PolicyFactory
 
-STUCK = 0.5  # time in metal without any change of a reading after which a sensor is stuck [s]; 5 control intervals at least
-COMMAND_DELAY = 0.006  # time from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo
-FURTHER = (
-    "spindle_heat",
-    "roughness_reference",
-    "removed_wear",
-)  # readings that only some scenarios need
+# A reading that does not change while the tool cuts is stuck after this time [s], and not before
+# this number of control intervals.
+STUCK_TIME = 0.5
+STUCK_INTERVALS = 5.0
+# Delay from readings until LinuxCNC follows [s], if the scenario gives none: measured in the demo.
+COMMAND_DELAY = 0.006
+# Readings that only some scenarios need.
+FURTHER = ("spindle_heat", "roughness_reference", "removed_wear")
 
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings of a machine at the end of a control interval. NaN: it has no such sensor, or the sensor is lost."""
+    """Readings of a machine at the end of a control interval.
+
+    NaN: the machine has no such sensor, or the sensor is lost.
+    """
 
     spindle_speed: float  # [rev/min]
     feed_velocity: float  # [mm/min]
-    in_feed: bool  # whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop
+    # Whether the program moves at feed: no rapid, no pause, no feed hold, no emergency stop.
+    in_feed: bool
     cutting: bool  # whether the tool is in metal
-    engaged_time: float  # time in metal since the readings before [s]
+    engaged_time: float  # time in metal since the last readings [s]
     power: float = math.nan  # [kW]
     thrust_force: float = math.nan  # [N]
     servo_current: float = math.nan  # [A]
-    position: float = math.nan  # tool position along the bar, below 0 before it [mm]; without it, the shield integrates the feed
-    new_edge: bool = False  # whether the edge has been changed since the readings before
+    # Tool position along the bar, below 0 before it [mm]. NaN: the shield integrates the feed.
+    position: float = math.nan
+    new_edge: bool = False  # whether the edge has been changed since the last readings
     spindle_heat: float = math.nan  # [-]
     roughness_reference: float = math.nan  # [um]
-    removed_wear: float = (
-        math.nan
-    )  # measured flank wear of the edge that was taken out last, 0 before the first change [mm]
+    # Measured flank wear of the edge that was taken out last, 0 before the first change [mm].
+    removed_wear: float = math.nan
 
 
 class Status(IntEnum):
@@ -73,64 +79,76 @@ class Commands:
     reason: str  # one word or a few for the operator's display and the log
 
 
+def feed_hold(status: Status, reason: str) -> Commands:
+    """Return the commands that stop the feed."""
+    return Commands(adaptive_feed=0.0, spindle_override=1.0, status=status, reason=reason)
+
+
 class Controller:
-    """A policy behind a shield for one machine, for which the scenario of its training is calibrated.
+    """A policy behind a shield for one machine.
+
+    The scenario that the policy was trained on must be calibrated to this machine.
 
     Attributes:
-        safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without the controller.
+        safe_feed: share of the highest feed that is safe [-]; an adapter falls back to it without
+            the controller.
         observation: the last observation, float32 of shape (1, entries).
     """
 
     def __init__(
         self, scenario: Scenario, make_policy: PolicyFactory, settings: Settings = DEFAULT_SETTINGS
     ) -> None:
-        self._scenario, self._highest = scenario.nominal(), highest_feed(scenario)
+        self._scenario = scenario.nominal()
+        self._highest_feed = highest_feed(scenario)
         self.safe_feed = safe_feed(scenario, settings)
         self._shield = Shield(make_policy(1), self._scenario, 1, settings)
         self._states, self._parameters, self._scratches = block_records(self._scenario)
         self.observation = np.zeros((1, len(layout(scenario))), np.float32)
-        self._repeats, self._loads_before = 0, (math.nan, math.nan)
+        self._repeats = 0  # control intervals in a row in which a load did not change
+        self._loads_before = (math.nan, math.nan)
         self.start()
 
     def start(self) -> None:
-        """Start anew with a fresh edge: after the operator has released the shield, or for a new job."""
+        """Start with a fresh edge: after a takeover, or for a new job."""
         control = self._scenario.control
         self._set(
             commanded_cutting_speed=control.initial_cutting_speed,
             commanded_feed=control.initial_feed,
+            log_nominal_depth=math.log(self._scenario.workpiece.depth_of_cut),
+            cutting_time=0.0,
+            nominal_used_life=0.0,
         )
-        depth = math.log(self._scenario.workpiece.depth_of_cut)
-        self._set(log_nominal_depth=depth, cutting_time=0.0, nominal_used_life=0.0)
         self._shield.reset(np.ones(1, np.bool_))
 
     def lacks(self, readings: Readings) -> list[str]:
         """Return the readings that the policy's observation needs and the machine does not give."""
-        further = (name for name in FURTHER if name in layout(self._scenario))
-        return [
-            name
-            for name in ("power", force_reading(self._scenario), *further)
-            if math.isnan(getattr(readings, name))
-        ]
+        needed = ["power", force_reading(self._scenario)]
+        needed += [name for name in FURTHER if name in layout(self._scenario)]
+        return [name for name in needed if math.isnan(getattr(readings, name))]
 
     def observe(self, readings: Readings) -> NDArray[np.float32]:
-        """Return the observation of readings, shape (1, entries); call it once per control interval."""
-        machine, diameter = self._scenario.machine, self._scenario.workpiece.diameter
+        """Return the observation of readings, shape (1, entries).
+
+        Call it once per control interval, because it counts the edge's time.
+        """
+        machine = self._scenario.machine
+        diameter = self._scenario.workpiece.diameter
         if readings.new_edge:
             self._set(cutting_time=0.0, nominal_used_life=0.0)
-        speed = max(
-            readings.spindle_speed * np.pi * diameter / 1000.0, 1e-3 * machine.cutting_speed_min
-        )
-        feed = max(
-            readings.feed_velocity / max(readings.spindle_speed, 1e-9), 1e-3 * machine.feed_min
-        )
-        self._set(cutting_speed=speed, feed=feed, cutting=int(readings.cutting))
+        speed = readings.spindle_speed * np.pi * diameter / 1000.0
+        feed = readings.feed_velocity / max(readings.spindle_speed, 1e-9)
         self._set(
-            **{
-                f"measured_{name}": getattr(readings, name)
-                for name in ("power", "thrust_force", "servo_current")
-            }
+            # A standstill has no logarithm.
+            cutting_speed=max(speed, 1e-3 * machine.cutting_speed_min),
+            feed=max(feed, 1e-3 * machine.feed_min),
+            cutting=int(readings.cutting),
+            measured_power=readings.power,
+            measured_thrust_force=readings.thrust_force,
+            measured_servo_current=readings.servo_current,
+            spindle_heat=readings.spindle_heat,
+            roughness_reference=readings.roughness_reference,
+            removed_wear=readings.removed_wear,
         )
-        self._set(**{name: getattr(readings, name) for name in FURTHER})
         observe_readings(
             self._states,
             self._parameters,
@@ -142,7 +160,7 @@ class Controller:
 
     def decide(self, readings: Readings) -> Commands:
         """Return the commands for the next control interval, and log them."""
-        commands = self._decided(readings, self.observe(readings))
+        commands = self._commands(readings, self.observe(readings))
         LOG.debug(
             "%s: %s: feed %.4f, %s",
             commands.status.name,
@@ -152,83 +170,83 @@ class Controller:
         )
         return commands
 
-    def _decided(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
+    def _commands(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
         if self._shield.takeover[0]:
-            return Commands(0.0, 1.0, Status.OPERATOR, "takeover")
-        turns = (
-            self._scenario.machine.cutting_speed_min
-            * 1000.0
-            / np.pi
-            / self._scenario.workpiece.diameter
-        )
-        if readings.spindle_speed < 0.01 * turns:
-            return Commands(
-                0.0, 1.0, Status.OPERATOR if readings.in_feed else Status.IDLE, "spindle stopped"
-            )
+            return feed_hold(Status.OPERATOR, "takeover")
+        lowest_speed = self._scenario.machine.cutting_speed_min
+        lowest_turns = lowest_speed * 1000.0 / np.pi / self._scenario.workpiece.diameter
+        if readings.spindle_speed < 0.01 * lowest_turns:
+            status = Status.OPERATOR if readings.in_feed else Status.IDLE
+            return feed_hold(status, "spindle stopped")
         if not readings.in_feed:
-            return self._commands(Status.IDLE, "no feed motion")
-        if fault := self._fault(readings):
+            return self._present_commands(Status.IDLE, "no feed motion")
+        fault = self._fault(readings)
+        if fault:
             LOG.warning("%s: the safe feed holds", fault)
-            self._set(commanded_feed=self.safe_feed * self._highest)
-            return Commands(self.safe_feed, 1.0, Status.SAFE, fault)
-        self._shield.place = (
-            None if math.isnan(readings.position) else np.array([readings.position])
+            self._set(commanded_feed=self.safe_feed * self._highest_feed)
+            return Commands(self.safe_feed, 1.0, status=Status.SAFE, reason=fault)
+        return self._ask_policy(readings, observation)
+
+    def _ask_policy(self, readings: Readings, observation: NDArray[np.float32]) -> Commands:
+        """Return the commands of the policy behind the shield."""
+        self._shield.place = None
+        if not math.isnan(readings.position):
+            self._shield.place = np.array([readings.position])
+        speed, feed = commanded(
+            self._shield.act(observation),
+            self._states["commanded_cutting_speed"][0, :1],
+            feed=self._states["commanded_feed"][0, :1],
+            scenario=self._scenario,
         )
-        action, state = self._shield.act(observation), self._states
-        before = state["commanded_cutting_speed"][0, :1], state["commanded_feed"][0, :1]
-        speed, feed = commanded(action, *before, self._scenario)
         self._set(commanded_cutting_speed=speed[0], commanded_feed=feed[0])
+
         reason = self._shield.reasons[0]
         if self._shield.takeover[0]:
-            return Commands(0.0, 1.0, Status.OPERATOR, reason)
-        status = (
-            Status.SAFE
-            if reason in REFUSALS
-            else Status.POLICY
-            if reason == "passed"
-            else Status.SHIELD
-        )
-        return self._commands(status, reason)
+            return feed_hold(Status.OPERATOR, reason)
+        if reason in REFUSALS:
+            return self._present_commands(Status.SAFE, reason)
+        if reason == "passed":
+            return self._present_commands(Status.POLICY, reason)
+        return self._present_commands(Status.SHIELD, reason)
 
-    def _commands(self, status: Status, reason: str) -> Commands:
-        feed, speed = (
-            float(self._states[name][0, 0])
-            for name in ("commanded_feed", "commanded_cutting_speed")
-        )
+    def _present_commands(self, status: Status, reason: str) -> Commands:
+        """Return the commanded speed and feed as commands to the machine."""
+        feed = float(self._states["commanded_feed"][0, 0])
+        speed = float(self._states["commanded_cutting_speed"][0, 0])
         return Commands(
-            min(feed / self._highest, 1.0),
-            speed / self._scenario.control.initial_cutting_speed,
-            status,
-            reason,
+            adaptive_feed=min(feed / self._highest_feed, 1.0),
+            spindle_override=speed / self._scenario.control.initial_cutting_speed,
+            status=status,
+            reason=reason,
         )
 
     def _fault(self, readings: Readings) -> str:
         """Return the fault of the sensors, or an empty text."""
-        if lost := self.lacks(readings):
+        lost = self.lacks(readings)
+        if lost:
             return f"no {lost[0]}"
-        loads = readings.power, getattr(readings, force_reading(self._scenario))
-        repeated = readings.cutting and any(
-            now == before for now, before in zip(loads, self._loads_before, strict=True)
-        )
-        self._repeats, self._loads_before = self._repeats + 1 if repeated else 0, loads
-        return (
-            "sensor stuck"
-            if self._repeats >= max(STUCK / self._scenario.control.interval, 5.0)
-            else ""
-        )
+        # Noise changes every reading of a sensor that works.
+        power = readings.power
+        force = getattr(readings, force_reading(self._scenario))
+        power_before, force_before = self._loads_before
+        repeated = readings.cutting and (power == power_before or force == force_before)
+        self._loads_before = (power, force)
+        self._repeats = self._repeats + 1 if repeated else 0
+        stuck = max(STUCK_TIME / self._scenario.control.interval, STUCK_INTERVALS)
+        return "sensor stuck" if self._repeats >= stuck else ""
 
     def _set(self, **values: float) -> None:
+        """Set quantities of the only environment's state."""
         for name, value in values.items():
             self._states[name][0, 0] = value
 
 
 def highest_feed(scenario: Scenario) -> float:
     """Return the highest feed that actions command [mm/rev], which the part program holds."""
-    control, machine = scenario.control, scenario.machine
-    return min(
-        control.override_max * control.initial_feed if control.action == "override" else math.inf,
-        machine.feed_max,
-    )
+    control = scenario.control
+    if control.action == "override":
+        return min(control.override_max * control.initial_feed, scenario.machine.feed_max)
+    return scenario.machine.feed_max
 
 
 def safe_feed(scenario: Scenario, settings: Settings = DEFAULT_SETTINGS) -> float:
@@ -245,15 +263,16 @@ def on_control(scenario: Scenario) -> Scenario:
     """Return a scenario with the delay of a control, ``COMMAND_DELAY``, if it has none."""
     machine = scenario.machine
     delay = machine.command_delay or min(COMMAND_DELAY, scenario.control.interval)
-    return scenario.model_copy(
-        update={"machine": machine.model_copy(update={"command_delay": delay})}
-    )
+    delayed = machine.model_copy(update={"command_delay": delay})
+    return scenario.model_copy(update={"machine": delayed})
 
 
 @compiled_entry
 def observe_readings(states, parameters, scratches, minutes, observations):  # type: ignore[no-untyped-def]
     """Write the observation of the state's readings after ``minutes`` in metal."""
-    state, p, scratch = states[0], parameters[0], scratches[0]
+    state = states[0]
+    p = parameters[0]
+    scratch = scratches[0]
     work = scratch.work
     work.log_cutting_speed[0] = log(state.cutting_speed[0])
     work.log_feed[0] = log(state.feed[0])

@@ -1,6 +1,7 @@
-"""The plant: the process that a lathe without hardware would lack, fed by the actual motion of the control.
+"""The plant: the process that a lathe without hardware lacks, fed by the control's actual motion.
 
-It is the transition of the simulation with hidden hardness, depth and wear, without the drives, because the control moves.
+It is the simulation's transition with hidden hardness, depth and wear, but without its drives,
+because the control moves. ``linuxcnc.py`` connects it with a control.
 """
 
 import math
@@ -14,6 +15,8 @@ from turning_env.physics.records import block_records
 from turning_env.scenario import Scenario
 
 STILL = 1e-6  # feed in place of a standstill [mm/rev]; it removes nothing worth mentioning
+MIN_SPINDLE_SPEED = 1e-3  # in place of a standstill [rev/min]
+MIN_CUTTING_SPEED = 1e-3  # in place of a standstill [m/min]
 # Sums over a call, from the transition's report, and values at its end, from the state.
 REPORTED = ("engaged_time", "severe_overload_time", "removed", "edges_broken")
 STATES = (
@@ -28,81 +31,113 @@ STATES = (
 
 
 class Plant:
-    """A lathe's process. Bars, as of a seed in the simulation, follow one another; every pass of the program is the next."""
+    """A lathe's process, with the bars and edges that a seed determines in the simulation.
+
+    Every pass of the program cuts the next bar.
+    """
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        one_step = {
-            "action": "incremental",
-            "edge_changes": "automatic",
-            "sub_steps": 1,
-            "time_limit": 1e5,
-        }
-        control, endless = (
-            scenario.control.model_copy(update=one_step),
-            scenario.workpiece.model_copy(update={"bars": 0}),
-        )
-        self._scenario = scenario.model_copy(update={"control": control, "workpiece": endless})
-        self._records = self._states, self._parameters, self._scratches = block_records(
-            self._scenario
-        )
+        self._scenario = endless(scenario)
+        self._states, self._parameters, self._scratches = block_records(self._scenario)
         self._states["seed"][0, 0] = seed
-        start_plant(*self._records)
-        free = {
-            "spindle_share": 0.0,
-            "feed_share": 0.0,
-            "cutting_speed_min": 1e-3,
-            "feed_min": STILL,
-        }  # the control moves
-        for name, value in (
-            free | {"reachable_cutting_speed": math.inf, "feed_max": math.inf}
-        ).items():
-            self._parameters[name] = value
-        self._bar, self._along, self._returns = 0, 0.0, False
+        start_plant(self._states, self._parameters, self._scratches)
+        self._free_motion()
+        self._bar = 0
+        self._along = 0.0  # position from the beginning of the approach [mm]
+        self._returns = False  # to the beginning of the next bar
+
+    def _free_motion(self) -> None:
+        """Let speed and feed follow the control at once, within no limits."""
+        self._parameters["spindle_share"] = 0.0
+        self._parameters["feed_share"] = 0.0
+        self._parameters["cutting_speed_min"] = MIN_CUTTING_SPEED
+        self._parameters["reachable_cutting_speed"] = math.inf
+        self._parameters["feed_min"] = STILL
+        self._parameters["feed_max"] = math.inf
 
     def advance(
         self, seconds: float, along: float, spindle_speed: float, velocity: float, in_feed: bool
     ) -> dict[str, float]:
-        """Move the tool for some seconds [s], and return its sensors' readings and the hidden values.
+        """Move the tool for some seconds; return its sensors' readings and the hidden values.
 
-        ``along`` is its position from the beginning of the approach [mm], with spindle speed [rev/min] and feed velocity [mm/s];
-        ``in_feed``: whether it moves at feed. A return to the beginning brings the next bar.
+        A return to the beginning brings the next bar.
+
+        Args:
+            seconds: duration of the motion [s].
+            along: tool position at its end, from the beginning of the approach [mm].
+            spindle_speed: [rev/min].
+            velocity: feed velocity [mm/s].
+            in_feed: whether the tool moves at feed.
         """
-        p, sensors = self._parameters, self._scenario.sensors
+        parameters = self._parameters
+        sensors = self._scenario.sensors
         if self._along - along > 0.5 * self._scenario.workpiece.bar_length:
             self._bar += 1
             self._returns = True
         self._returns &= not in_feed
         if self._returns:
             self._along = along
-        pitch = float(p["bar_pitch"][0, 0])
-        speed = max(spindle_speed / float(p["revolutions_per_metre"][0, 0]), 1e-3)
-        feed = max(60.0 * velocity / max(spindle_speed, 1e-3), STILL) if in_feed else STILL
-        moved = {
-            "cutting_speed": speed,
-            "commanded_cutting_speed": speed,
-            "feed": feed,
-            "commanded_feed": feed,
-        }
-        path = self._bar * pitch + min(max(self._along, 0.0), pitch - 1e-6)
-        for name, value in (moved | {"path": path, "ended": 0, "clock": 0.0}).items():
+
+        speed = max(
+            spindle_speed / float(parameters["revolutions_per_metre"][0, 0]), MIN_CUTTING_SPEED
+        )
+        feed = STILL
+        if in_feed:
+            feed = max(60.0 * velocity / max(spindle_speed, MIN_SPINDLE_SPEED), STILL)
+        pitch = float(parameters["bar_pitch"][0, 0])
+        self._set(
+            cutting_speed=speed,
+            commanded_cutting_speed=speed,
+            feed=feed,
+            commanded_feed=feed,
+            # The tool stays within its bar, however far the program moves.
+            path=self._bar * pitch + min(max(self._along, 0.0), pitch - 1e-6),
+            ended=0,
+            clock=0.0,
+        )
+        parameters["sub_step"] = seconds / 60.0
+        parameters["power_sensor_share"] = lag_share(seconds, sensors.power_time_constant)
+        parameters["force_sensor_share"] = lag_share(seconds, sensors.force_time_constant)
+        move_plant(self._states, parameters, self._scratches, np.zeros((1, 2)))
+        if in_feed:
+            self._along = max(self._along, along)
+
+        values = {"bar": float(self._bar), "along": self._along, "feed": feed}
+        for name in REPORTED:
+            values[name] = float(self._scratches["report"][name][0, 0])
+        for name in STATES:
+            values[name] = float(self._states[name][0, 0])
+        return values
+
+    def _set(self, **values: float) -> None:
+        """Set quantities of the only environment's state."""
+        for name, value in values.items():
             self._states[name][0, 0] = value
-        p["sub_step"] = seconds / 60.0
-        p["power_sensor_share"] = lag_share(seconds, sensors.power_time_constant)
-        p["force_sensor_share"] = lag_share(seconds, sensors.force_time_constant)
-        move_plant(*self._records, np.zeros((1, 2)))
-        self._along = max(self._along, along) if in_feed else self._along
-        report = {name: float(self._scratches["report"][name][0, 0]) for name in REPORTED}
-        state = {name: float(self._states[name][0, 0]) for name in STATES}
-        return {"bar": float(self._bar), "along": self._along, "feed": feed} | report | state
+
+
+def endless(scenario: Scenario) -> Scenario:
+    """Return a scenario with bars without end, whose step is one sub-step of the transition."""
+    control = scenario.control.model_copy(
+        update={
+            "action": "incremental",
+            "edge_changes": "automatic",
+            "sub_steps": 1,
+            "time_limit": 1e5,
+        }
+    )
+    workpiece = scenario.workpiece.model_copy(update={"bars": 0})
+    return scenario.model_copy(update={"control": control, "workpiece": workpiece})
 
 
 @compiled_entry
 def start_plant(states, parameters, scratches):  # type: ignore[no-untyped-def]
     """Put a fresh edge before the first bar."""
-    start_episode(states[0], scratches[0].work, scratches[0].report, 0, parameters[0])
+    scratch = scratches[0]
+    start_episode(states[0], scratch.work, scratch.report, 0, parameters[0])
 
 
 @compiled_entry
 def move_plant(states, parameters, scratches, actions):  # type: ignore[no-untyped-def]
     """Run the transition over one sub-step of the length in the parameters."""
-    run_step(states[0], scratches[0].work, scratches[0].report, actions, 1, parameters[0])
+    scratch = scratches[0]
+    run_step(states[0], scratch.work, scratch.report, actions, 1, parameters[0])

@@ -6,29 +6,36 @@ import sys
 from collections.abc import Iterator
 from typing import TextIO
 
+STDIN = 0
+STDOUT = 1
+STDERR = 2
+
 
 @contextlib.contextmanager
 def standard_streams_taken() -> Iterator[tuple[TextIO, TextIO]]:
-    """Take standard input and output for a protocol, and leave others none; begin before any policy is loaded.
+    """Yield standard input and output for a protocol, and leave others none.
 
-    Descriptor 0 then is empty, and descriptor 1 goes where standard error goes. So what a policy, a library in C or a program
-    that it starts writes to standard output stays out of the protocol. The streams are duplicates that programs do not inherit.
-    Out of reach is a policy that looks for the duplicates among the descriptors of its process, to write to them or to close
-    them. At the end, everything is as before.
+    Enter it before any policy is loaded. Standard input then is empty, and what is written to
+    standard output goes to standard error. So the protocol stays free of what a policy, a library
+    in C or a program that it starts prints. The yielded streams are duplicates, which programs do
+    not inherit. At the end, everything is as before.
+
+    A policy may still look for the duplicates among the descriptors of its process, and write to
+    them or close them.
     """
     sys.stdout.flush()
-    requests = os.fdopen(os.dup(0), "r", encoding="utf-8")
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    requests = os.fdopen(os.dup(STDIN), "r", encoding="utf-8")
+    answers = os.fdopen(os.dup(STDOUT), "w", encoding="utf-8")
     nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
+    os.dup2(nothing, STDIN)
     os.close(nothing)
-    os.dup2(2, 1)
+    os.dup2(STDERR, STDOUT)
     try:
         yield requests, answers
     finally:
         sys.stdout.flush()
-        os.dup2(requests.fileno(), 0)
-        os.dup2(answers.fileno(), 1)
+        os.dup2(requests.fileno(), STDIN)
+        os.dup2(answers.fileno(), STDOUT)
         requests.close()
         with contextlib.suppress(OSError):  # the other side may be gone
             answers.close()
