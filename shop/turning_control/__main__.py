@@ -31,11 +31,12 @@ from turning_env import IDS
 from turning_env.console import UserError, described, exits, number_within, print_json
 from turning_env.scenario import Scenario
 
-TASKS = [
-    env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"
-]  # with an action per interval, which the shield guards
+# Tasks with an action per step, which the shield guards.
+TASKS = [env_id for env_id in IDS if env_id != "RoughTurning-Batch-v0"]
 
 ANSWERED = 0.8  # share of a control interval within which a policy's process must answer [-]
+
+Run = Callable[[argparse.Namespace], int]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -43,118 +44,143 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m turning_control", **described(__doc__))
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(
-        name: str, run: Callable[[argparse.Namespace], int], text: str
-    ) -> argparse.ArgumentParser:
-        made = commands.add_parser(name, help=text, **described(run.__doc__))
-        made.set_defaults(run=run)
-        return made
+    def command(name: str, run: Run, text: str) -> argparse.ArgumentParser:
+        subparser = commands.add_parser(name, help=text, **described(run.__doc__))
+        subparser.set_defaults(run=run)
+        return subparser
 
-    guard = command("shield", _shield, "measure the shield in simulation")
-    guard.add_argument(
+    _add_shield(command("shield", _shield, "measure the shield in simulation"))
+    _add_attack(command("attack", _attack, "search for policies that get past the shield"))
+    demo = command("demo", _demo, "run policies through LinuxCNC")
+    serve = command("serve", _serve, "answer a HAL component's pins with a policy")
+    linked = command("opcua", _opcua, "drive a control that serves OPC UA")
+    plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
+
+    demo.add_argument(
+        "--policies",
+        nargs="+",
+        metavar="POLICY",
+        help="programmed, a rule's name, module:object that you trust, or ONNX files",
+    )
+    demo.add_argument(
+        "--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)"
+    )
+    _add_policy(serve)
+    _add_policy(linked)
+    linked.add_argument(
+        "--url",
+        required=True,
+        metavar="URL",
+        help="URL of the control's server, such as opc.tcp://192.0.2.1:4840",
+    )
+    linked.add_argument(
+        "--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes"
+    )
+    _add_security(linked)
+    plant.add_argument(
+        "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
+    )
+    _add_seed(demo)
+    _add_seed(plant)
+    _add_scenario(demo)
+    _add_scenario(serve)
+    _add_scenario(linked)
+    _add_scenario(plant)
+
+    options = parser.parse_args(arguments)
+    return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
+
+
+def _add_shield(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--episodes",
         type=int,
         default=1000,
         metavar="N",
         help="held-out seeds per task (default: %(default)s)",
     )
-    guard.add_argument(
+    parser.add_argument(
         "--env", nargs="+", choices=TASKS, default=TASKS, metavar="ID", help="tasks (default: all)"
     )
-    guard.add_argument(
+    parser.add_argument(
         "--agents",
         type=Path,
         default=Path("agents"),
         metavar="FOLDER",
         help="agents (default: %(default)s)",
     )
-    guard.add_argument("--target", type=number_within(0.1, 2, "-"), default=Settings.target, metavar="X",
-                       help="expected load over its limit that is allowed (default: %(default)s)")  # fmt: skip
-    guard.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument(
+        "--target",
+        type=number_within(0.1, 2, "-"),
+        default=Settings.target,
+        metavar="X",
+        help="expected load over its limit that is allowed (default: %(default)s)",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
-    tried = command("attack", _attack, "search for policies that get past the shield")
-    tried.add_argument(
+
+def _add_attack(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--env", choices=TASKS, default=TASKS[0], metavar="ID", help="task (default: %(default)s)"
     )
-    for name, default, text in (
-        ("--candidates", 40, "adversaries per generation"),
-        ("--generations", 4, "generations"),
-        ("--episodes", 12, "tuning seeds that each adversary plays"),
-        ("--worst", 5, "adversaries to report"),
-        ("--held-out", 0, "held-out seeds that these play as well"),
-    ):
-        tried.add_argument(
+
+    def add_number(name: str, default: int, text: str) -> None:
+        parser.add_argument(
             name, type=int, default=default, metavar="N", help=f"{text} (default: %(default)s)"
         )
-    tried.add_argument("--json", action="store_true", help="print JSON")
 
-    show = command("demo", _demo, "run policies through LinuxCNC")
-    show.add_argument(
-        "--policies",
-        nargs="+",
-        metavar="POLICY",
-        help="programmed, a rule's name, module:object that you trust, or ONNX files",
-    )
-    show.add_argument(
-        "--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)"
-    )
+    add_number("--candidates", 40, "adversaries per generation")
+    add_number("--generations", 4, "generations")
+    add_number("--episodes", 12, "tuning seeds that each adversary plays")
+    add_number("--worst", 5, "adversaries to report")
+    add_number("--held-out", 0, "held-out seeds that these play as well")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
-    answers = command("serve", _serve, "answer a HAL component's pins with a policy")
-    linked = command("opcua", _opcua, "drive a control that serves OPC UA")
-    for each in (answers, linked):
-        each.add_argument(
-            "--policy",
-            required=True,
-            metavar="POLICY",
-            help="as for demo; a file plays in a sandbox, a module in a process with your rights",
-        )
-        each.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
-    linked.add_argument(
-        "--url",
+
+def _add_policy(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--policy",
         required=True,
-        metavar="URL",
-        help="of the control's server, such as opc.tcp://192.0.2.1:4840",
+        metavar="POLICY",
+        help="as for demo; a file plays in a sandbox, a module in a process with your rights",
     )
-    linked.add_argument(
-        "--nodes", type=Path, required=True, metavar="FILE", help="TOML file that names the nodes"
+    parser.add_argument("--log", type=Path, metavar="FILE", help="text file for every decision")
+
+
+def _add_seed(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="determines bars and edges (default: %(default)s)",
     )
 
-    _add_security(linked)
 
-    plant = command("plant", _plant, "answer a HAL component's pins in place of a lathe")
-    plant.add_argument(
-        "--log", type=Path, required=True, metavar="CSV", help="file for every cycle"
+def _add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scenario",
+        default="override",
+        metavar="NAME",
+        help="preset or TOML file (default: %(default)s)",
     )
-    for each in (show, plant):
-        each.add_argument(
-            "--seed",
-            type=int,
-            default=0,
-            metavar="N",
-            help="determines bars and edges (default: %(default)s)",
-        )
-    for each in (show, answers, linked, plant):
-        each.add_argument(
-            "--scenario",
-            default="override",
-            metavar="NAME",
-            help="preset or TOML file (default: %(default)s)",
-        )
-
-    options = parser.parse_args(arguments)
-    return exits(ValueError, LinuxCncError, KeyError, OSError)(options.run)(options)
 
 
-def _add_security(linked: argparse.ArgumentParser) -> None:
-    """Add the options by which an OPC UA connection is protected."""
-    group = linked.add_argument_group(
-        "security", "The safest connection that the server offers and these options allow is made."
+def _add_security(parser: argparse.ArgumentParser) -> None:
+    """Add the options that protect an OPC UA connection."""
+    group = parser.add_argument_group(
+        "security",
+        "The program takes the safest connection that the server offers and these options allow.",
     )
-    password = f"file whose first line is the password; otherwise ${PASSWORD} or a prompt"
     group.add_argument(
         "--user", metavar="NAME", help="user on the server (default: anonymous, or the certificate)"
     )
-    group.add_argument("--password-file", type=Path, metavar="FILE", help=password)
+    group.add_argument(
+        "--password-file",
+        type=Path,
+        metavar="FILE",
+        help=f"file whose first line is the password; otherwise ${PASSWORD} or a prompt",
+    )
     group.add_argument(
         "--certificate", type=Path, metavar="FILE", help="certificate of this program, PEM or DER"
     )
@@ -164,8 +190,12 @@ def _add_security(linked: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help=f"its private key; ${KEY_PASSWORD} holds the key's password",
     )
-    trusted = "certificate of the server, the only one that is trusted"
-    group.add_argument("--server-certificate", type=Path, metavar="FILE", help=trusted)
+    group.add_argument(
+        "--server-certificate",
+        type=Path,
+        metavar="FILE",
+        help="certificate of the server, the only one that is trusted",
+    )
     group.add_argument(
         "--security-policy", choices=POLICIES, metavar="NAME", help=f"one of {', '.join(POLICIES)}"
     )
@@ -175,33 +205,34 @@ def _add_security(linked: argparse.ArgumentParser) -> None:
 
 
 def _shield(options: argparse.Namespace) -> int:
-    """Play uniform random actions and the best shipped agent of every task, with and without the shield.
+    """Play random actions and the best shipped agent of every task, with and without the shield.
 
     python -m turning_control shield
     python -m turning_control shield --env RoughTurning-v0 --episodes 4 --json
     """
     LOG.setLevel(logging.ERROR)  # takeovers are counted
-    measured = list(
-        measure.rows(options.env, options.episodes, options.agents, Settings(target=options.target))
-    )
-    print_json([row._asdict() for row in measured]) if options.json else print(
-        measure.table(measured)
-    )
+    settings = Settings(target=options.target)
+    results = list(measure.rows(options.env, options.episodes, options.agents, settings))
+    if options.json:
+        print_json([result._asdict() for result in results])
+    else:
+        print(measure.table(results))
     return 0
 
 
 def _attack(options: argparse.Namespace) -> int:
-    """Search tuning seeds for the policies that exceed limits most behind the shield, and play the worst on held-out seeds.
+    """Search for policies that exceed limits most behind the shield.
+
+    The search plays tuning seeds. The worst policies then play held-out seeds.
 
     python -m turning_control attack --held-out 256
-    python -m turning_control attack --env RoughTurning-Override-v1 --candidates 12 --generations 1 --episodes 2
+    python -m turning_control attack --env RoughTurning-Shift-v0 --candidates 12 --generations 1
     """
-    if (
-        min(options.candidates, options.generations, options.episodes, options.worst) < 1
-        or options.held_out < 0
-    ):
+    positive = (options.candidates, options.generations, options.episodes, options.worst)
+    if min(positive) < 1 or options.held_out < 0:
         raise UserError(
-            "--candidates, --generations, --episodes and --worst must be 1 or more, and --held-out 0 or more"
+            "--candidates, --generations, --episodes and --worst must be 1 or more, "
+            "and --held-out 0 or more"
         )
     LOG.setLevel(logging.ERROR)  # takeovers are counted
     scenario = Scenario.load(IDS[options.env])
@@ -213,33 +244,42 @@ def _attack(options: argparse.Namespace) -> int:
         held_out=options.held_out,
     )
     attacks = list(adversary.attack(options.env, scenario, budget, Settings()))
-    print_json([asdict(each) for each in attacks]) if options.json else print(
-        adversary.table(attacks)
-    )
+    if options.json:
+        print_json([asdict(attack) for attack in attacks])
+    else:
+        print(adversary.table(attacks))
     return 0
 
 
 def _demo(options: argparse.Namespace) -> int:
-    """Start LinuxCNC without a screen on a lathe without hardware, and run policies on the same bars.
+    """Start LinuxCNC without a screen or hardware, and run policies on the same bars.
 
     python -m turning_control demo
     python -m turning_control demo --policies programmed --bars 1
     """
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # end LinuxCNC, too
-    agent = measure.best_agent("RoughTurning-Override-v1", Path("agents"))
-    policies = options.policies or [
-        "programmed",
-        *(["modified_fuzzy_override", str(agent)] if agent else []),
-    ]
-    scenario, compared = Scenario.load(options.scenario), {}
-    for policy in policies:
+    # Exit by an exception, so that LinuxCNC is ended, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    scenario = Scenario.load(options.scenario)
+    comparisons = {}
+    for policy in options.policies or _demo_policies():
         print(f"{policy} ...", file=sys.stderr)
+        rows = linuxcnc.run(policy, options.scenario, bars=options.bars, seed=options.seed)
         name = Path(policy).stem if policy.endswith(".onnx") else policy
-        rows = linuxcnc.run(policy, options.scenario, options.bars, options.seed)
-        played = linuxcnc.simulated(policy, scenario, options.bars, options.seed)
-        compared[name] = linuxcnc.figures(rows, safe_feed(scenario)), played
-    print(linuxcnc.table(compared))
+        comparisons[name] = linuxcnc.Comparison(
+            linuxcnc=linuxcnc.figures(rows, safe_feed(scenario)),
+            simulation=linuxcnc.simulated(policy, scenario, bars=options.bars, seed=options.seed),
+        )
+    print(linuxcnc.table(comparisons))
     return 0
+
+
+def _demo_policies() -> list[str]:
+    """Return the part program's feed, and the best rule and the best agent of the override."""
+    policies = ["programmed"]
+    agent = measure.best_agent("RoughTurning-Override-v1", Path("agents"))
+    if agent is not None:
+        policies += ["modified_fuzzy_override", str(agent)]
+    return policies
 
 
 def _serve(options: argparse.Namespace) -> int:
@@ -256,9 +296,11 @@ def _serve(options: argparse.Namespace) -> int:
 
 
 def _opcua(options: argparse.Namespace) -> int:
-    """Read a control's nodes and command its feed over OPC UA until interrupted; then leave the safe feed.
+    """Read a control's nodes and command its feed over OPC UA until interrupted.
 
-    python -m turning_control opcua --policy programmed --url opc.tcp://192.0.2.1:4840 --nodes nodes.toml
+    Then the safe feed holds.
+
+    python -m turning_control opcua --policy programmed --url opc.tcp://lathe --nodes nodes.toml
     """
     scenario = _logged(options)
     policy = find_policy(options.policy, scenario, deadline=ANSWERED * scenario.control.interval)
@@ -274,7 +316,11 @@ def _opcua(options: argparse.Namespace) -> int:
         mode=options.security_mode,
     )
     opcua.drive(
-        controller, options.url, options.nodes, scenario.control.interval, security=security
+        controller,
+        options.url,
+        nodes=options.nodes,
+        interval=scenario.control.interval,
+        security=security,
     )
     return 0
 
@@ -288,7 +334,7 @@ def _logged(options: argparse.Namespace) -> Scenario:
 
 
 def _plant(options: argparse.Namespace) -> int:
-    """Answer lines of pins (JSON) with the loads of a simulated process; ``hal_bridge.py`` starts this.
+    """Answer lines of pins (JSON) with simulated loads; ``hal_bridge.py`` starts this.
 
     python -m turning_control plant --scenario override --log plant.csv
     """

@@ -1,7 +1,11 @@
 """LinuxCNC: processes behind its HAL components, and a lathe without hardware that runs them.
 
-``serve`` and ``plant`` are the processes behind ``hal_bridge.py``: lines of JSON with pins in, lines of JSON with pins out.
-``run`` writes the lathe's configuration into a folder, starts LinuxCNC without a screen and waits for the program's end.
+``serve`` and ``serve_plant`` are the processes behind ``hal_bridge.py``: they read lines of JSON
+with input pins, and answer with lines of output pins. ``run`` writes the lathe's configuration into
+a folder, starts LinuxCNC without a screen and waits for the program's end. ``figures`` and
+``simulated`` compare such a run with the simulation.
+
+``core.py`` decides on commands, ``plant.py`` is the process, ``lathe/`` the configuration.
 """
 
 import contextlib
@@ -21,6 +25,7 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 from turning_control.core import (
+    Commands,
     Controller,
     Readings,
     Status,
@@ -48,7 +53,8 @@ PACKAGE = "linuxcnc-uspace"
 FEED_MOTION = 2  # ``motion.motion-type`` of a move at feed
 NOBODY = 65534  # user to whom LinuxCNC's motion falls back if root starts it
 
-# Spindle speed [rev/min], feed velocity [mm/s], position along the bar [mm], power [kW], force [N], the controller's delay [s].
+# Pins, and their types. Units: spindle speed [rev/min], feed velocity [mm/s], position along the
+# bar [mm], power [kW], force [N], and the controller's delay [s].
 _MOTION = {
     "spindle-speed": "float",
     "feed-velocity": "float",
@@ -57,10 +63,10 @@ _MOTION = {
 }
 _LOADS = {"power": "float", "thrust-force": "float", "edge": "u32"}
 CONTROLLER_PINS = {
-    "in": _MOTION | _LOADS | {"in-position": "bit", "cutting": "bit"},
+    "in": {**_MOTION, **_LOADS, "in-position": "bit", "cutting": "bit"},
     "out": {"adaptive-feed": "float", "spindle-override": "float", "status": "s32"},
 }
-PLANT_PINS = {"in": _MOTION | {"adaptive-feed": "float", "delay": "float"}, "out": _LOADS}
+PLANT_PINS = {"in": {**_MOTION, "adaptive-feed": "float", "delay": "float"}, "out": _LOADS}
 
 
 class LinuxCncError(RuntimeError):
@@ -75,19 +81,26 @@ def find_policy(name: str, scenario: Scenario, deadline: float = 10.0) -> Policy
     ``deadline`` [s].
     """
     if name == "programmed":
-        control = scenario.control
-
-        def programmed(observations: Observations) -> Actions:
-            speed, feed = (
-                np.full(len(observations), v)
-                for v in (control.initial_cutting_speed, control.initial_feed)
-            )
-            return towards(read(observations, scenario), scenario, speed, feed)
-
-        return as_factory(programmed)
+        return _programmed(scenario)
     if loads_code_or_a_file(name):
         return in_own_process(name, deadline)
     return catalogue.spec(name, scenario).make
+
+
+def _programmed(scenario: Scenario) -> PolicyFactory:
+    """Return the policy that holds the part program's speed and feed."""
+    control = scenario.control
+
+    def policy(observations: Observations) -> Actions:
+        num_envs = len(observations)
+        return towards(
+            read(observations, scenario),
+            scenario,
+            cutting_speed=np.full(num_envs, control.initial_cutting_speed),
+            feed=np.full(num_envs, control.initial_feed),
+        )
+
+    return as_factory(policy)
 
 
 class Pins:
@@ -119,39 +132,42 @@ class Pins:
 def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
     """Answer the controller's pins until the bridge's requests end."""
     controller = Controller(scenario, make_policy)
-    for _ in range(3):  # compile and load everything before the first reading counts
-        controller.decide(
-            Readings(
-                400.0, 100.0, True, True, 0.0, power=1.0, thrust_force=100.0, servo_current=1.0
-            )
-        )
-    controller.start()
-    before: dict[str, Any] = {}
-    interval, begun, engaged, commands = scenario.control.interval, 0.0, 0.0, None
-    lowest = 0.5 * scenario.machine.feed_min / 60.0  # over the spindle's speed
+    _warm_up(controller)
+    interval = scenario.control.interval
+    # Feed velocity [mm/s] over spindle speed [rev/min] below which a motion is held.
+    min_advance = 0.5 * scenario.machine.feed_min / 60.0
+
+    before: dict[str, Any] = {}  # pins of the last request
+    commands: Commands | None = None
+    decided_at = 0.0  # [s]
+    engaged_time = 0.0  # since then [s]
     for pins in bridge:
-        seconds = pins["time"] - before.get("time", pins["time"])
-        moves = pins["feed-velocity"] > lowest * abs(pins["spindle-speed"])  # not held
+        seconds = pins["time"] - before["time"] if before else 0.0
+        spindle_speed = abs(pins["spindle-speed"])
+        moves = pins["feed-velocity"] > min_advance * spindle_speed
         in_feed = pins["motion-type"] == FEED_MOTION and not pins["in-position"] and moves
-        engaged += seconds if pins["cutting"] and in_feed else 0.0
-        if commands is None or pins["time"] - begun > interval - 0.5 * max(seconds, 1e-3):
+        if pins["cutting"] and in_feed:
+            engaged_time += seconds
+
+        # Requests may come more often than decisions are due, and not quite in time.
+        is_due = pins["time"] - decided_at > interval - 0.5 * max(seconds, 1e-3)
+        if commands is None or is_due:
             readings = Readings(
-                spindle_speed=abs(pins["spindle-speed"]),
+                spindle_speed=spindle_speed,
                 feed_velocity=60.0 * pins["feed-velocity"],
                 in_feed=in_feed,
                 cutting=pins["cutting"],
-                engaged_time=engaged,
+                engaged_time=engaged_time,
                 power=pins["power"],
                 position=pins["position"],
-                new_edge=pins["edge"] != before.get("edge", pins["edge"]),
+                new_edge=bool(before) and pins["edge"] != before["edge"],
                 **{force_reading(scenario): pins["thrust-force"]},
             )
-            if not before and (lacking := controller.lacks(readings)):
-                LOG.warning(
-                    "the policy's observation lacks %s: the safe feed holds", ", ".join(lacking)
-                )
+            if not before:
+                _warn_of_lacking(controller, readings)
             commands = controller.decide(readings)
-            begun, engaged = pins["time"], 0.0
+            decided_at = pins["time"]
+            engaged_time = 0.0
         before = pins
         bridge.answer(
             adaptive_feed=commands.adaptive_feed,
@@ -160,36 +176,68 @@ def serve(scenario: Scenario, make_policy: PolicyFactory, bridge: Pins) -> None:
         )
 
 
+def _warm_up(controller: Controller) -> None:
+    """Compile and load everything before the first reading counts."""
+    readings = Readings(
+        spindle_speed=400.0,
+        feed_velocity=100.0,
+        in_feed=True,
+        cutting=True,
+        engaged_time=0.0,
+        power=1.0,
+        thrust_force=100.0,
+        servo_current=1.0,
+    )
+    for _ in range(3):
+        controller.decide(readings)
+    controller.start()
+
+
+def _warn_of_lacking(controller: Controller, readings: Readings) -> None:
+    lacking = controller.lacks(readings)
+    if lacking:
+        names = ", ".join(lacking)
+        LOG.warning("the policy's observation lacks %s: the safe feed holds", names)
+
+
 def serve_plant(scenario: Scenario, seed: int, log: Path, bridge: Pins) -> None:
     """Answer the plant's pins until the bridge's requests end, and log every cycle to a file."""
-    Plant(scenario, seed).advance(0.01, 0.0, 100.0, 0.0, False)  # compiles
-    plant, work, before = Plant(scenario, seed), scenario.workpiece, None
+    work = scenario.workpiece
+    # The first call compiles, which must not delay the first answer.
+    Plant(scenario, seed).advance(0.01, along=0.0, spindle_speed=100.0, velocity=0.0, in_feed=False)
+    plant = Plant(scenario, seed)
+    time_before: float | None = None
+    writer: csv.DictWriter[str] | None = None
     with log.open("w", newline="") as file:
-        writer = None
         for pins in bridge:
-            seconds = pins["time"] - before if before else 0.001
-            before = pins["time"]
+            seconds = 0.001 if time_before is None else pins["time"] - time_before
+            time_before = pins["time"]
             along = work.approach + pins["position"]
-            at_feed = (
-                pins["motion-type"] == FEED_MOTION
-                and 0.0 <= along < work.approach + work.bar_length
-            )
-            hidden = plant.advance(
+            on_bar = 0.0 <= along < work.approach + work.bar_length
+            at_feed = pins["motion-type"] == FEED_MOTION and on_bar
+            values = plant.advance(
                 max(seconds, 1e-4),
                 along,
-                abs(pins["spindle-speed"]),
-                pins["feed-velocity"],
-                at_feed,
+                spindle_speed=abs(pins["spindle-speed"]),
+                velocity=pins["feed-velocity"],
+                in_feed=at_feed,
             )
-            row = {"time": pins["time"], "seconds": seconds, "at_feed": int(at_feed)}
-            row |= {"adaptive_feed": pins["adaptive-feed"], "delay": pins["delay"]} | hidden
+            row = {
+                "time": pins["time"],
+                "seconds": seconds,
+                "at_feed": int(at_feed),
+                "adaptive_feed": pins["adaptive-feed"],
+                "delay": pins["delay"],
+                **values,
+            }
             if writer is None:
                 writer = csv.DictWriter(file, list(row))
                 writer.writeheader()
             writer.writerow(row)
-            force = hidden[f"measured_{force_reading(scenario)}"]
             bridge.answer(
-                power=hidden["measured_power"], thrust_force=force, edge=int(hidden["edge"])
+                power=values["measured_power"],
+                thrust_force=values[f"measured_{force_reading(scenario)}"],
+                edge=int(values["edge"]),
             )
 
 
@@ -202,82 +250,134 @@ class Fault(NamedTuple):
 
 
 def program(scenario: Scenario, bars: int) -> str:
-    """Return the part program: ``bars`` passes at the highest feed, with adaptive feed, between run-ups at the programmed one."""
-    work, control, machine = scenario.workpiece, scenario.control, scenario.machine
-    highest, radius = highest_feed(scenario), 0.5 * work.diameter
+    """Return the part program.
+
+    It makes ``bars`` passes at the highest feed with adaptive feed, between run-ups at the
+    programmed feed.
+    """
+    work = scenario.workpiece
+    control = scenario.control
+    highest = highest_feed(scenario)
+    radius = 0.5 * work.diameter
     spindle_speed = 1000.0 * control.initial_cutting_speed / (np.pi * work.diameter)
-    lag = spindle_speed / 60.0 * machine.feed_time_constant  # [rev] by which the drive is behind
+    time_constant = scenario.machine.feed_time_constant
+    lag = spindle_speed / 60.0 * time_constant  # [rev] by which the drive is behind
     run_up = 5.0 * lag * highest + 1.0  # [mm] in which it settles
-    bar = f"""
-M52 P0
+    start = f"""G18 G21 G8 G90 G54
+G97 S{spindle_speed:.1f} M3
+G95
+"""
+    # M52 P1 lets the controller scale the feed of the pass, P0 takes it away.
+    bar = f"""M52 P0
 G0 X{radius + 5:.3f}
 G0 Z{work.approach + run_up:.3f}
-G4 P{10.0 * machine.feed_time_constant:.2f}
+G4 P{10.0 * time_constant:.2f}
 G0 X{radius:.3f}
 G1 Z{work.approach - lag * control.initial_feed:.3f} F{control.initial_feed:.4f}
 M52 P1
-G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}"""
-    return f"G18 G21 G8 G90 G54\nG97 S{spindle_speed:.1f} M3\nG95{bars * bar}\nM52 P0\nG0 X{radius + 5:.3f}\nM5\nM2\n"
+G1 Z{-work.bar_length - run_up:.3f} F{highest:.4f}
+"""
+    end = f"""M52 P0
+G0 X{radius + 5:.3f}
+M5
+M2
+"""
+    return start + bars * bar + end
 
 
 def run(
     policy: str, scenario: Path | str, bars: int, seed: int, fault: Fault | None = None
 ) -> list[dict[str, float]]:
-    """Run a policy through LinuxCNC; return the plant's log, one row per cycle. LinuxCncError if it did not run to its end."""
+    """Run a policy through LinuxCNC; return the plant's log, one row per cycle.
+
+    Args:
+        policy: as ``find_policy`` names it.
+        scenario: preset or TOML file.
+        bars: number of bars to cut.
+        seed: determines bars and edges.
+        fault: fault to cause while the program runs.
+
+    Raises:
+        LinuxCncError: LinuxCNC is not installed, or did not run the program to its end.
+    """
     if shutil.which("linuxcnc") is None or not Path(PYTHON).exists():
         raise LinuxCncError(
-            f"LinuxCNC is not installed: apt-get install --no-install-recommends {PACKAGE} (Debian) brings it"
+            "LinuxCNC is not installed; install it on Debian with: "
+            f"apt-get install --no-install-recommends {PACKAGE}"
         )
     loaded = Scenario.load(scenario)
-    # LinuxCNC runs in a folder of its own.
-    policy, scenario = (
-        str(Path(each).resolve()) if Path(each).is_file() else str(each)
-        for each in (policy, scenario)
-    )
-    places = os.pathsep.join(
-        [os.getcwd(), *filter(None, sys.path)]
-    )  # LinuxCNC sets paths of its own
-    command = ["env", f"PYTHONPATH={places}", sys.executable, "-m", "turning_control"]
+    policy = _from_anywhere(policy)
+    scenario = _from_anywhere(scenario)
     with tempfile.TemporaryDirectory(prefix="turning-") as name:
         folder = Path(name)
-        log, interval = folder / "log.csv", loaded.control.interval
+        log = folder / "log.csv"
         _write_lathe(folder, loaded)
         (folder / "bars.ngc").write_text(program(loaded, bars))
-        turning: dict[str, Any] = CONTROLLER_PINS | {
-            "period": interval,
-            "echo": True,
-            "ranges": pin_ranges(loaded),
-            "safe": {
-                "adaptive-feed": safe_feed(loaded),
-                "spindle-override": 1.0,
-                "status": int(Status.SAFE),
-            },
-            "command": [*command, "serve", "--policy", policy, "--scenario", scenario],
+        serving = ["serve", "--policy", policy, "--scenario", scenario]
+        planting = ["plant", "--seed", str(seed), "--log", str(log), "--scenario", scenario]
+        plans: dict[str, dict[str, Any]] = {
+            "turning": _controller_plan(loaded, serving),
+            "plant": _plant_plan(loaded, planting),
+            "panel": {"parent": os.getpid(), "fault": fault._asdict() if fault else None},
         }
-        plant: dict[str, Any] = PLANT_PINS | {
-            "period": min(interval / loaded.control.sub_steps, 0.02),
-            "echo": True,
-            "safe": {},  # late: the readings before hold
-            "command": [
-                *command,
-                "plant",
-                "--seed",
-                str(seed),
-                "--log",
-                str(log),
-                "--scenario",
-                scenario,
-            ],
-        }
-        panel = {"parent": os.getpid(), "fault": fault._asdict() if fault else None}
-        for part, plan in {"turning": turning, "plant": plant, "panel": panel}.items():
+        for part, plan in plans.items():
             (folder / f"{part}.json").write_text(json.dumps(plan))
         output = _start(folder, 60.0 + bars * 600.0)
-        lines = log.read_text().splitlines() if log.is_file() else []
-        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
+        rows = _read_log(log)
         if not rows:
             raise LinuxCncError(f"LinuxCNC did not run the program:\n{output[-2000:]}")
         return rows
+
+
+def _from_anywhere(name: Path | str) -> str:
+    """Return a name that means the same in LinuxCNC's own folder: files get absolute paths."""
+    path = Path(name)
+    return str(path.resolve()) if path.is_file() else str(name)
+
+
+def _controller_plan(scenario: Scenario, arguments: list[str]) -> dict[str, Any]:
+    """Return the plan of the component behind which the controller runs (``hal_bridge.py``)."""
+    safe = {
+        "adaptive-feed": safe_feed(scenario),
+        "spindle-override": 1.0,
+        "status": int(Status.SAFE),
+    }
+    return {
+        **CONTROLLER_PINS,
+        "period": scenario.control.interval,
+        "echo": True,
+        "ranges": pin_ranges(scenario),
+        "safe": safe,
+        "command": _command(arguments),
+    }
+
+
+def _plant_plan(scenario: Scenario, arguments: list[str]) -> dict[str, Any]:
+    """Return the plan of the component behind which the plant runs (``hal_bridge.py``)."""
+    control = scenario.control
+    return {
+        **PLANT_PINS,
+        "period": min(control.interval / control.sub_steps, 0.02),
+        "echo": True,
+        "safe": {},  # if an answer is late, the last loads hold
+        "command": _command(arguments),
+    }
+
+
+def _command(arguments: list[str]) -> list[str]:
+    """Return the command that runs this program from LinuxCNC, which sets paths of its own."""
+    paths = os.pathsep.join([os.getcwd(), *filter(None, sys.path)])
+    return ["env", f"PYTHONPATH={paths}", sys.executable, "-m", "turning_control", *arguments]
+
+
+def _read_log(log: Path) -> list[dict[str, float]]:
+    """Return the rows of the plant's log, none if there is no file."""
+    if not log.is_file():
+        return []
+    rows = []
+    for row in csv.DictReader(log.read_text().splitlines()):
+        rows.append({name: float(value) for name, value in row.items()})
+    return rows
 
 
 def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
@@ -294,23 +394,20 @@ def pin_ranges(scenario: Scenario) -> dict[str, tuple[float, float]]:
 
 
 def _write_lathe(folder: Path, scenario: Scenario) -> None:
-    """Write the lathe's configuration: accelerations ten times those that the drive's lag needs, so that the lag decides."""
-    turns = (
-        scenario.control.initial_cutting_speed
-        * 1000.0
-        / (np.pi * scenario.workpiece.diameter)
-        / 60.0
-    )
-    velocity, lag = turns * scenario.machine.feed_max, scenario.machine.feed_time_constant
+    """Write the lathe's configuration into a folder."""
+    programmed_speed = scenario.control.initial_cutting_speed
+    turns = programmed_speed * 1000.0 / (np.pi * scenario.workpiece.diameter) / 60.0  # [1/s]
+    velocity = turns * scenario.machine.feed_max
+    lag = scenario.machine.feed_time_constant
+    # Accelerations are ten times those that the drive's lag needs, so that the lag decides.
+    acceleration = max(10.0 * velocity / max(lag, 0.01), 10.0)
     values = {
         "PYTHON": PYTHON,
         "FOLDER": str(folder),
-        "ACCELERATION": f"{max(10.0 * velocity / max(lag, 0.01), 10.0):.1f}",
-    }
-    values |= {"LAG_SHARE": f"{lag_share(0.001, lag):.9f}"}  # in a servo cycle
-    values |= {
-        f"METAL_{name}": f"{share * scenario.limits.power:.4f}"
-        for name, share in (("POWER", 0.02), ("HYSTERESIS", 0.01))
+        "ACCELERATION": f"{acceleration:.1f}",
+        "LAG_SHARE": f"{lag_share(0.001, lag):.9f}",  # in a servo cycle
+        "METAL_POWER": f"{0.02 * scenario.limits.power:.4f}",
+        "METAL_HYSTERESIS": f"{0.01 * scenario.limits.power:.4f}",
     }
     for source in (files("turning_control") / "lathe").iterdir():
         if source.is_file():
@@ -322,27 +419,32 @@ def _write_lathe(folder: Path, scenario: Scenario) -> None:
 
 
 def _start(folder: Path, limit: float) -> str:
-    """Start LinuxCNC on the folder's lathe, wait for its end, and leave nothing running; return its output."""
-    environment = {
-        name: value for name, value in os.environ.items() if not name.startswith("PYTHON")
-    } | {"OMP_NUM_THREADS": "1"}
+    """Start LinuxCNC on the folder's lathe and wait for its end; return its output.
+
+    Nothing that it started is left running, even after ``limit`` [s] without an end.
+    """
+    environment = {}
+    for name, value in os.environ.items():
+        if not name.startswith("PYTHON"):
+            environment[name] = value
+    environment["OMP_NUM_THREADS"] = "1"
     environment["TURNING_FOLDER"] = str(folder)  # marks every process that descends from here
-    if os.getuid() == 0:  # as root it wants to know which user it serves
+    if os.getuid() == 0:
+        # As root, LinuxCNC asks which user it serves.
         os.chown(folder, NOBODY, -1)
-        environment |= {
-            "RTAPI_UID": str(NOBODY),
-            "RTAPI_FIFO_PATH": str(folder / "rtapi"),
-            "HOME": str(folder),
-        }
+        environment["RTAPI_UID"] = str(NOBODY)
+        environment["RTAPI_FIFO_PATH"] = str(folder / "rtapi")
+        environment["HOME"] = str(folder)
+    # LinuxCNC wants a terminal, which ``script`` is.
     command = ["script", "-qec", shlex.join(["linuxcnc", str(folder / "lathe.ini")]), "/dev/null"]
-    with (folder / "output").open("wb") as output:
+    with (folder / "output").open("wb") as file:
         process = subprocess.Popen(
             command,
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
+            stdout=file,
+            stderr=file,
             start_new_session=True,
         )
         try:
@@ -350,23 +452,33 @@ def _start(folder: Path, limit: float) -> str:
                 process.wait(limit)
         finally:
             _end(process, folder)
-    said = (folder / "output").read_text(errors="replace")
+    output = (folder / "output").read_text(errors="replace")
     if process.returncode != 0:
-        raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{said[-2000:]}")
-    return said
+        raise LinuxCncError(f"LinuxCNC did not run the program to its end:\n{output[-2000:]}")
+    return output
 
 
 def _end(process: subprocess.Popen[bytes], folder: Path) -> None:
-    """Let LinuxCNC end in order through its panel; a second Ctrl-C, or a minute without an end, kills its processes."""
+    """Let LinuxCNC end in order through its panel.
+
+    A second Ctrl-C, or a minute without an end, kills its processes.
+    """
     (folder / "stop").touch()
     try:
         process.wait(60.0)
     finally:
         if process.poll() is None:
-            for path in Path("/proc").glob("[0-9]*/environ"):
-                with contextlib.suppress(OSError):
-                    if f"TURNING_FOLDER={folder}".encode() in path.read_bytes().split(b"\0"):
-                        os.kill(int(path.parent.name), signal.SIGKILL)
+            _kill_processes_of(folder)
+
+
+def _kill_processes_of(folder: Path) -> None:
+    """Kill every process with the folder's mark in its environment."""
+    mark = f"TURNING_FOLDER={folder}".encode()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        # Processes may end meanwhile, and those of others cannot be read.
+        with contextlib.suppress(OSError):
+            if mark in path.read_bytes().split(b"\0"):
+                os.kill(int(path.parent.name), signal.SIGKILL)
 
 
 class Figures(NamedTuple):
@@ -376,57 +488,67 @@ class Figures(NamedTuple):
     mean_power: float  # [kW]
     severe: float  # share of cutting time with an excess above the tolerance [-]
     edges: float  # used
-    safe: float  # share of the time at feed in which the safe feed held, because an answer was late [-]
-    delay: float  # mean time from the controller's readings to its command; in the simulation, until drives follow [s]
+    # Share of the time at feed in which the safe feed held, because an answer was late [-].
+    safe: float
+    # Mean time from the controller's readings to its command; in the simulation, until drives
+    # follow [s].
+    delay: float
 
 
-def figures(rows: list[dict[str, float]], safe_feed: float) -> Figures:
-    """Return the figures of a run through LinuxCNC, where ``safe_feed`` is the safe share of the highest feed."""
-    columns = {name: np.array([row[name] for row in rows if row["at_feed"]]) for name in rows[0]}
-    seconds, engaged = columns["seconds"], columns["engaged_time"]
+class Comparison(NamedTuple):
+    """A policy's figures on the same bars."""
+
+    linuxcnc: Figures
+    simulation: Figures
+
+
+def figures(rows: list[dict[str, float]], safe_share: float) -> Figures:
+    """Return the figures of a run through LinuxCNC.
+
+    ``safe_share`` is the safe feed over the highest [-].
+    """
+    at_feed = [row for row in rows if row["at_feed"]]
+    columns = {name: np.array([row[name] for row in at_feed]) for name in rows[0]}
+    seconds = columns["seconds"]
+    engaged = columns["engaged_time"]
+    bars = np.unique(columns["bar"][engaged > 0.0])
+    is_safe = np.abs(columns["adaptive_feed"] - safe_share) < 1e-6
     return Figures(
-        time=seconds.sum() / len(np.unique(columns["bar"][engaged > 0.0])),
+        time=seconds.sum() / len(bars),
         mean_power=np.average(columns["power"], weights=engaged),
         severe=columns["severe_overload_time"].sum() / engaged.sum(),
         edges=1.0 + rows[-1]["edge"],
-        safe=np.average(np.abs(columns["adaptive_feed"] - safe_feed) < 1e-6, weights=seconds),
+        safe=np.average(is_safe, weights=seconds),
         delay=np.average(columns["delay"], weights=seconds),
     )
 
 
 def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     """Return the figures of the same shielded policy on the same bars in the simulation."""
-    control, delayed = (
-        scenario.control.model_copy(update={"edge_changes": "automatic"}),
-        on_control(scenario),
-    )
+    delayed = on_control(scenario)
+    control = scenario.control.model_copy(update={"edge_changes": "automatic"})
     workpiece = scenario.workpiece.model_copy(update={"bars": bars})
+    pitch = workpiece.approach + workpiece.bar_length
     env = RoughTurningVectorEnv(
         1, delayed.model_copy(update={"control": control, "workpiece": workpiece})
     )
-    guard = Shield(find_policy(policy, scenario)(1), delayed, 1)
+    shield = Shield(find_policy(policy, scenario)(1), delayed, 1)
     observations, info = env.reset(seed=[seed])
-    guard.reset(np.ones(1, np.bool_))
-    names = (
-        "time",
-        "stopped_time",
-        "engaged_time",
-        "energy",
-        "severe_overload_time",
-        "edges_broken",
-    )
-    ended, sums = False, dict.fromkeys(names, 0.0)
+    shield.reset(np.ones(1, np.bool_))
+    names = ("time", "stopped_time", "engaged_time", "severe_overload_time", "edges_broken")
+    sums = dict.fromkeys(names, 0.0)
+    energy = 0.0  # [kW s]
+    ended = False
     while not ended:
-        guard.place = (
-            info["path"] % (workpiece.approach + workpiece.bar_length) - workpiece.approach
-        )  # which a control knows
-        observations, _, terminated, truncated, info = env.step(guard.act(observations))
+        shield.place = info["path"] % pitch - workpiece.approach  # a control knows it
+        observations, _, terminated, truncated, info = env.step(shield.act(observations))
         ended = bool(terminated[0] or truncated[0])
-        info["energy"] = info["engaged_time"] * info["mean_power"]
-        sums = {name: total + float(info[name][0]) for name, total in sums.items()}
+        for name in names:
+            sums[name] += float(info[name][0])
+        energy += float(info["engaged_time"][0] * info["mean_power"][0])
     return Figures(
         time=(sums["time"] - sums["stopped_time"]) / bars,
-        mean_power=sums["energy"] / sums["engaged_time"],
+        mean_power=energy / sums["engaged_time"],
         severe=sums["severe_overload_time"] / sums["engaged_time"],
         edges=1.0 + sums["edges_broken"],
         safe=0.0,
@@ -434,8 +556,8 @@ def simulated(policy: str, scenario: Scenario, bars: int, seed: int) -> Figures:
     )
 
 
-def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
-    """Return figures through LinuxCNC and in the simulation as a Markdown table."""
+def table(comparisons: Mapping[str, Comparison]) -> str:
+    """Return the figures of policies as a Markdown table."""
     heads = (
         "Policy, shielded",
         "Where",
@@ -443,11 +565,23 @@ def table(runs: Mapping[str, tuple[Figures, Figures]]) -> str:
         "Mean power [kW]",
         "Over 5 % [% of cutting time]",
         "Edges",
+        "Late [%]",
+        "Delay [ms]",
     )
-    rows = [
-        (name, where, f"{each.time:.2f}", f"{each.mean_power:.2f}", f"{100 * each.severe:.1f}", f"{each.edges:.0f}",
-         f"{100 * each.safe:.1f}", f"{1000 * each.delay:.1f}")
-        for name, both in runs.items()
-        for where, each in zip(("LinuxCNC", "simulation"), both, strict=True)
-    ]  # fmt: skip
-    return markdown((*heads, "Late [%]", "Delay [ms]"), rows)
+    rows = []
+    for name, comparison in comparisons.items():
+        rows.append((name, "LinuxCNC", *_cells(comparison.linuxcnc)))
+        rows.append((name, "simulation", *_cells(comparison.simulation)))
+    return markdown(heads, rows)
+
+
+def _cells(figures: Figures) -> list[str]:
+    """Return the cells of figures in a row of the table."""
+    return [
+        f"{figures.time:.2f}",
+        f"{figures.mean_power:.2f}",
+        f"{100 * figures.severe:.1f}",
+        f"{figures.edges:.0f}",
+        f"{100 * figures.safe:.1f}",
+        f"{1000 * figures.delay:.1f}",
+    ]
