@@ -1,8 +1,11 @@
 """OPC UA: how a connection is signed and encrypted, and who the user is (extra ``opcua``).
 
-A server lists its offers: a security policy, a mode, and the kinds of users that it lets in. ``connected`` takes the safest offer
-that the given user and certificate fit. It never falls back to an unprotected connection by itself: the list of offers is not
-protected, so another machine on the network could have shortened it.
+A server lists its offers: a security policy, a mode, and the kinds of users that it lets in.
+``connected`` takes the safest offer that the given user and certificate fit. It never falls back to
+an unprotected connection by itself: the list of offers is not protected, so another machine on the
+network could have shortened it.
+
+``opcua.py`` reads and writes the nodes.
 """
 
 import contextlib
@@ -31,15 +34,20 @@ POLICIES = (
 """Security policies that can be named, the safest last."""
 OBSOLETE = ("Basic128Rsa15", "Basic256")  # broken: never taken unless named
 
-PASSWORD = "TURNING_OPCUA_PASSWORD"  # environment variable that holds the user's password
-KEY_PASSWORD = (
-    "TURNING_OPCUA_KEY_PASSWORD"  # that holds the password of the private key, if it has one
-)
+# Environment variables that hold the user's password, and that of the private key if it has one.
+PASSWORD = "TURNING_OPCUA_PASSWORD"
+KEY_PASSWORD = "TURNING_OPCUA_KEY_PASSWORD"
+
+# Options that a kind of user needs.
+NEEDS = {"UserName": "--user", "Certificate": "--certificate and --key, as the user"}
 
 
 @dataclass(frozen=True)
 class Security:
-    """Credentials and settings that protect a connection. Certificates and keys are PEM or DER files."""
+    """Credentials and settings that protect a connection.
+
+    Certificates and keys are PEM or DER files. UserError if the values contradict one another.
+    """
 
     user: str | None = None
     password: str | None = field(default=None, repr=False)
@@ -55,18 +63,23 @@ class Security:
             raise UserError(
                 "a certificate and its private key belong together: give both, or neither"
             )
-        if self.policy == "None" and self.mode in ("Sign", "SignAndEncrypt"):
-            raise UserError(f"mode {self.mode} needs a security policy other than None")
-        if self.policy not in (None, "None") and self.mode == "None":
-            raise UserError(f"security policy {self.policy} needs the mode Sign or SignAndEncrypt")
-        if self.policy not in (None, "None") and self.certificate is None:
-            raise UserError(
-                f"security policy {self.policy} needs a certificate and its private key"
-            )
-        if self.policy == "None" and self.server_certificate is not None:
-            raise UserError(
-                "without a security policy, nothing proves the server's certificate: leave one of both out"
-            )
+        if self.policy == "None":
+            if self.mode in ("Sign", "SignAndEncrypt"):
+                raise UserError(f"mode {self.mode} needs a security policy other than None")
+            if self.server_certificate is not None:
+                raise UserError(
+                    "without a security policy, nothing proves the server's certificate: "
+                    "leave one of both out"
+                )
+        elif self.policy is not None:
+            if self.mode == "None":
+                raise UserError(
+                    f"security policy {self.policy} needs the mode Sign or SignAndEncrypt"
+                )
+            if self.certificate is None:
+                raise UserError(
+                    f"security policy {self.policy} needs a certificate and its private key"
+                )
 
 
 @dataclass(frozen=True)
@@ -85,7 +98,10 @@ class Offer:
 
 
 def read_password(user: str | None, file: Path | None) -> str | None:
-    """Return a user's password from the first line of a file, the environment variable, or a prompt; None without a user."""
+    """Return a user's password, or None without a user.
+
+    It comes from the first line of a file, the environment variable, or a prompt.
+    """
     if user is None:
         return None
     if file is not None:
@@ -100,7 +116,17 @@ def read_password(user: str | None, file: Path | None) -> str | None:
 
 
 def offers_of(endpoints: Sequence[Any]) -> list[Offer]:
-    """Return the offers of a server's endpoints that can be taken."""
+    """Return the offers of a server's endpoints, without those that this program cannot take."""
+    offers = []
+    for endpoint in endpoints:
+        offer = _offer(endpoint)
+        if offer is not None:
+            offers.append(offer)
+    return offers
+
+
+def _offer(endpoint: Any) -> Offer | None:
+    """Return the offer of a server's endpoint; None if this program cannot take it."""
     from asyncua import ua
 
     modes: dict[Any, Mode] = {
@@ -108,46 +134,45 @@ def offers_of(endpoints: Sequence[Any]) -> list[Offer]:
         ua.MessageSecurityMode.Sign: "Sign",
         ua.MessageSecurityMode.SignAndEncrypt: "SignAndEncrypt",
     }
-    offers = []
-    for endpoint in endpoints:
-        policy = _name(endpoint.SecurityPolicyUri)
-        mode = modes.get(endpoint.SecurityMode)
-        if policy not in POLICIES or mode is None or not endpoint.EndpointUrl.startswith("opc.tcp"):
-            continue
-        tokens = endpoint.UserIdentityTokens
-        password_policies = [
-            _name(token.SecurityPolicyUri) if token.SecurityPolicyUri else policy
-            for token in tokens
-            if token.TokenType == ua.UserTokenType.UserName
-        ]
-        offers.append(
-            Offer(
-                policy=policy,
-                mode=mode,
-                users=tuple(dict.fromkeys(token.TokenType.name for token in tokens)),
-                protects_password=mode == "SignAndEncrypt"
-                or password_policies[:1] not in ([], ["None"]),
-                server_certificate=endpoint.ServerCertificate or b"",
-            )
-        )
-    return offers
+    policy = _policy_name(endpoint.SecurityPolicyUri)
+    mode = modes.get(endpoint.SecurityMode)
+    if policy not in POLICIES or mode is None or not endpoint.EndpointUrl.startswith("opc.tcp"):
+        return None
+
+    # A password is encrypted by the policy of its token, or else by that of the connection.
+    password_policy = "None"
+    users: list[str] = []
+    for token in endpoint.UserIdentityTokens:
+        if token.TokenType == ua.UserTokenType.UserName and "UserName" not in users:
+            token_policy = token.SecurityPolicyUri
+            password_policy = _policy_name(token_policy) if token_policy else policy
+        if token.TokenType.name not in users:
+            users.append(token.TokenType.name)
+    return Offer(
+        policy=policy,
+        mode=mode,
+        users=tuple(users),
+        protects_password=mode == "SignAndEncrypt" or password_policy != "None",
+        server_certificate=endpoint.ServerCertificate or b"",
+    )
 
 
-def _name(policy_uri: str) -> str:
-    return policy_uri.rpartition("#")[2]
+def _policy_name(uri: str) -> str:
+    return uri.rpartition("#")[2]
 
 
 def chosen(offers: Sequence[Offer], given: Security) -> Offer:
-    """Return the safest offer that fits what is given, or raise UserError with the server's offers."""
+    """Return the safest offer that fits what is given, or raise UserError with the offers."""
+
+    def safety(offer: Offer) -> tuple[int, int]:
+        return MODES.index(offer.mode), POLICIES.index(offer.policy)
+
     fitting = [offer for offer in offers if _why_not(offer, given) is None]
     if fitting:
-        return max(
-            fitting, key=lambda offer: (MODES.index(offer.mode), POLICIES.index(offer.policy))
-        )
-    reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers] or [
-        "nothing that this program knows"
-    ]
-    raise UserError(f"no offer of the server fits what is given; it offers {'; '.join(reasons)}")
+        return max(fitting, key=safety)
+    reasons = [f"{offer}: {_why_not(offer, given)}" for offer in offers]
+    listed = "; ".join(reasons) or "nothing that this program knows"
+    raise UserError(f"no offer of the server fits what is given; it offers {listed}")
 
 
 def _why_not(offer: Offer, given: Security) -> str | None:
@@ -158,58 +183,73 @@ def _why_not(offer: Offer, given: Security) -> str | None:
         return f"--security-mode is {given.mode}"
     if offer.policy in OBSOLETE and given.policy is None:
         return "is obsolete; name it by --security-policy to use it in spite of this"
-    accepts_open = "None" in (given.policy, given.mode)
-    if offer.policy == "None":
-        if given.server_certificate is not None:
-            return "does not prove the server's certificate"
-        if given.certificate is not None and not accepts_open:
-            return "is not protected; give --security-policy None to use it in spite of the certificate"
-    elif given.certificate is None:
-        return "needs --certificate and --key"
-    if given.user is not None:
-        if "UserName" not in offer.users:
-            return "takes no user with a password"
-        if not offer.protects_password and not accepts_open:
-            return "would send the password unencrypted; give --security-policy None to accept this"
-    elif "Anonymous" not in offer.users and not (
-        given.certificate is not None and "Certificate" in offer.users
-    ):
-        return "needs " + " or ".join(_NEEDS[kind] for kind in offer.users if kind in _NEEDS)
+    return _why_not_protected(offer, given) or _why_not_user(offer, given)
+
+
+def _why_not_protected(offer: Offer, given: Security) -> str | None:
+    """Return why the protection of an offer does not fit the certificates, or None if it does."""
+    if offer.policy != "None":
+        return "needs --certificate and --key" if given.certificate is None else None
+    if given.server_certificate is not None:
+        return "does not prove the server's certificate"
+    if given.certificate is not None and not _accepts_open(given):
+        return "is not protected; give --security-policy None to use it in spite of the certificate"
     return None
 
 
-_NEEDS = {"UserName": "--user", "Certificate": "--certificate and --key, as the user"}
+def _why_not_user(offer: Offer, given: Security) -> str | None:
+    """Return why an offer does not let the user in, or None if it does."""
+    if given.user is not None:
+        if "UserName" not in offer.users:
+            return "takes no user with a password"
+        if not offer.protects_password and not _accepts_open(given):
+            return "would send the password unencrypted; give --security-policy None to accept this"
+        return None
+    is_certified = given.certificate is not None and "Certificate" in offer.users
+    if "Anonymous" in offer.users or is_certified:
+        return None
+    return "needs " + " or ".join(NEEDS[kind] for kind in offer.users if kind in NEEDS)
+
+
+def _accepts_open(given: Security) -> bool:
+    """Return whether the user has named an unprotected connection."""
+    return "None" in (given.policy, given.mode)
 
 
 def notice(offer: Offer, given: Security) -> str:
     """Return what is and what is not protected."""
-    fingerprint = hashlib.sha256(offer.server_certificate).hexdigest()
     if offer.mode == "None":
-        password = ""
-        if given.user is not None:
-            password = (
-                " The password is encrypted."
-                if offer.protects_password
-                else " The password is sent unencrypted."
-            )
-        return f"OPC UA: NOT ENCRYPTED, not signed: others on the network can read and change readings and commands.{password}"
-    protection = (
-        "signed and encrypted"
-        if offer.mode == "SignAndEncrypt"
-        else "signed, NOT ENCRYPTED: others can read it"
-    )
-    if given.server_certificate is not None:
-        trust = "the server's certificate is the given one"
-    else:
-        trust = f"the server's certificate is NOT CHECKED (give --server-certificate FILE; its SHA-256 is {fingerprint})"
+        text = (
+            "OPC UA: NOT ENCRYPTED, not signed: others on the network can read and change "
+            "readings and commands."
+        )
+        if given.user is None:
+            return text
+        sent = "is encrypted" if offer.protects_password else "is sent unencrypted"
+        return f"{text} The password {sent}."
+
+    protection = "signed and encrypted"
+    if offer.mode == "Sign":
+        protection = "signed, NOT ENCRYPTED: others can read it"
+    trust = "the server's certificate is the given one"
+    if given.server_certificate is None:
+        fingerprint = hashlib.sha256(offer.server_certificate).hexdigest()
+        trust = (
+            "the server's certificate is NOT CHECKED "
+            f"(give --server-certificate FILE; its SHA-256 is {fingerprint})"
+        )
     return f"OPC UA: {offer.policy}, {offer.mode}: {protection}; {trust}"
 
 
 @contextlib.contextmanager
 def connected(url: str, timeout: float, given: Security) -> Iterator[Any]:
-    """Yield asyncua's client, connected by the safest offer that fits, and say on standard error what is not protected.
+    """Yield asyncua's client, connected by the safest offer that fits.
 
-    UserError if nothing fits; OSError if the connection cannot be made, is refused or is lost.
+    What is not protected is printed on stderr.
+
+    Raises:
+        UserError: No offer fits.
+        OSError: The connection cannot be made, is refused or is lost.
     """
     from asyncua.sync import Client
     from asyncua.ua.uaerrors import UaError
@@ -238,12 +278,18 @@ def _check_server(offer: Offer, given: Security) -> None:
     trusted = _certificate(given.server_certificate)
     from cryptography.hazmat.primitives.serialization import Encoding
 
-    # What is compared here is not proven yet: the connection that follows can only be opened with this certificate's key.
+    # This comparison proves nothing yet. The proof is the connection that follows: it can only be
+    # opened with this certificate's key.
     if not offer.server_certificate.startswith(trusted.public_bytes(Encoding.DER)):
         presented = hashlib.sha256(offer.server_certificate).hexdigest()
         raise ConnectionError(
-            f"the server presents another certificate (SHA-256 {presented}) than {given.server_certificate}"
+            f"the server presents another certificate (SHA-256 {presented}) "
+            f"than {given.server_certificate}"
         )
+
+
+def _is_pem(content: bytes) -> bool:
+    return b"-----BEGIN" in content
 
 
 def _certificate(path: Path) -> Any:
@@ -252,32 +298,32 @@ def _certificate(path: Path) -> Any:
 
     content = path.read_bytes()
     try:
-        return (
-            x509.load_pem_x509_certificate(content)
-            if b"-----BEGIN" in content
-            else x509.load_der_x509_certificate(content)
-        )
+        if _is_pem(content):
+            return x509.load_pem_x509_certificate(content)
+        return x509.load_der_x509_certificate(content)
     except ValueError as error:
         raise UserError(f"{path} holds no certificate in PEM or DER: {error}") from error
 
 
 def _private_key(path: Path, password: str | None) -> bytes:
-    """Return the private key in a PEM or DER file, as PEM without a password; UserError if there is none."""
+    """Return the private key in a PEM or DER file, as PEM without a password.
+
+    UserError if there is none.
+    """
     from cryptography.hazmat.primitives import serialization
 
     content = path.read_bytes()
     secret = password.encode() if password else None
     try:
-        if b"-----BEGIN" in content:
+        if _is_pem(content):
             key = serialization.load_pem_private_key(content, password=secret)
         else:
             key = serialization.load_der_private_key(content, password=secret)
-    except (
-        ValueError,
-        TypeError,
-    ) as error:  # TypeError: a password is missing, or one is given in vain
+    # TypeError: a password is missing, or one is given in vain.
+    except (ValueError, TypeError) as error:
         raise UserError(
-            f"{path} holds no private key that can be read ({KEY_PASSWORD} holds its password): {error}"
+            f"{path} holds no private key that can be read "
+            f"({KEY_PASSWORD} holds its password): {error}"
         ) from error
     return key.private_bytes(
         encoding=serialization.Encoding.PEM,
@@ -291,7 +337,6 @@ def _protect(client: Any, offer: Offer, given: Security) -> None:
     from asyncua import ua
     from asyncua.crypto import security_policies
     from asyncua.crypto.uacrypto import CertProperties
-    from cryptography import x509
     from cryptography.hazmat.primitives.serialization import Encoding
 
     if given.user is not None:
@@ -301,28 +346,43 @@ def _protect(client: Any, offer: Offer, given: Security) -> None:
         return
 
     certificate = _certificate(given.certificate)
-    key = CertProperties(_private_key(given.key, given.key_password), "pem")
-    own = CertProperties(certificate.public_bytes(Encoding.PEM), "pem")
-    with contextlib.suppress(
-        x509.ExtensionNotFound
-    ):  # servers compare this address with the certificate's
-        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-        for address in names.get_values_for_type(x509.UniformResourceIdentifier)[:1]:
-            client.application_uri = address
+    client_certificate = CertProperties(certificate.public_bytes(Encoding.PEM), "pem")
+    client_key = CertProperties(_private_key(given.key, given.key_password), "pem")
+    address = _address(certificate)
+    if address is not None:
+        client.application_uri = address
     if given.user is None and "Anonymous" not in offer.users:
-        client.load_client_certificate(own.path_or_content, "pem")
-        client.load_private_key(key.path_or_content, None, "pem")
+        client.load_client_certificate(client_certificate.path_or_content, "pem")
+        client.load_private_key(client_key.path_or_content, None, "pem")
     if offer.policy != "None":
-        policy = getattr(security_policies, f"SecurityPolicy{offer.policy}")
-        server = CertProperties(_first_certificate(offer.server_certificate), "der")
-        mode = getattr(ua.MessageSecurityMode, offer.mode)
-        client.tloop.post(
-            client.aio_obj.set_security(policy, own, key, server_certificate=server, mode=mode)
+        setting = client.aio_obj.set_security(
+            getattr(security_policies, f"SecurityPolicy{offer.policy}"),
+            client_certificate,
+            client_key,
+            server_certificate=CertProperties(_first_certificate(offer.server_certificate), "der"),
+            mode=getattr(ua.MessageSecurityMode, offer.mode),
         )
+        client.tloop.post(setting)
+
+
+def _address(certificate: Any) -> str | None:
+    """Return the address in a certificate, which servers compare with that of the client."""
+    from cryptography import x509
+
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return None
+    addresses: list[str] = names.get_values_for_type(x509.UniformResourceIdentifier)
+    return addresses[0] if addresses else None
 
 
 def _first_certificate(chain: bytes) -> bytes:
-    """Return the first of certificates in a row, whose DER begins with a tag and its length."""
+    """Return the first of certificates in a row.
+
+    Each is in DER: a byte of tag, then the length. Up to 127 it is one byte; otherwise the lower
+    seven bits of this byte are the number of bytes of the length that follow (X.690, 8.1.3).
+    """
     if len(chain) < 2 or chain[1] < 0x80:
         return chain
     length_bytes = chain[1] - 0x80
