@@ -1,22 +1,36 @@
-"""A HAL component that passes pins to another process and back, and falls back to safe outputs without it.
+"""A HAL component that passes pins to another process and back.
 
-Runs in the system's Python, which has LinuxCNC's modules; it needs nothing of this package:
+Without an answer from that process, it falls back to safe outputs. It runs in the system's Python,
+which has LinuxCNC's modules, and needs nothing of this package:
 
     loadusr -Wn turning python3 hal_bridge.py turning turning.json
 
-The file names pins (``in``, ``out``: name to HAL type), the ``safe`` outputs, the ``period`` [s] and the ``command`` of the
-other process. Once per period, the inputs go to its standard input as one line of JSON, with the ``time`` [s] of the request.
-It answers with one line of outputs. If no answer has come when the next period begins, the outputs are the safe ones until it
-answers again.
+The JSON file holds the plan:
 
-A line sets the pins only if it is an answer: an object that holds every output once and nothing else but ``time``, with finite
-numbers of the pins' types, within ``ranges`` (name to lowest and highest value). If the file says ``"echo": true``, an answer
-must repeat its request's ``time``, so that neither an older answer nor another program's text passes. Without it, the outputs
-are the safe ones as well after a line that is no answer, or one too many, until the next answer.
+* ``in`` and ``out``: pins, name to HAL type;
+* ``safe``: the safe outputs;
+* ``period`` [s];
+* ``command``: the other process;
+* ``ranges``: lowest and highest value of an output, by name (optional);
+* ``echo``: whether an answer must repeat its request's ``time`` (optional).
 
-``late`` counts periods without an answer, ``refused`` counts lines that are no answer. ``latency`` is the time from the last
-inputs to their answer [s]. ``alive`` tells whether the process runs, which ends with this component. ``heartbeat`` changes once
-per period as long as the component itself runs.
+Once per period, the inputs go to the process's standard input as one line of JSON, with the
+``time`` [s] of the request. The process answers with one line of outputs. If no answer has come
+when the next period begins, the outputs are the safe ones until it answers again.
+
+A line sets the pins only if it is an answer: an object that holds every output once and nothing
+else but ``time``, with finite numbers of the pins' types, within ``ranges``. With ``echo``, neither
+an older answer nor another program's text passes. Without it, the outputs are also the safe ones
+after a line that is no answer, or one too many, until the next answer.
+
+Further outputs are
+
+* ``late``: number of periods without an answer;
+* ``refused``: number of lines that are no answer;
+* ``latency``: time from the last inputs to their answer [s];
+* ``alive``: whether the process runs, which ends with this component;
+* ``heartbeat``: changes once per period as long as the component itself runs;
+* ``pid``: of the process.
 """
 
 import contextlib
@@ -42,15 +56,11 @@ ALWAYS = {
 }
 TYPES = {"float": hal.HAL_FLOAT, "bit": hal.HAL_BIT, "s32": hal.HAL_S32, "u32": hal.HAL_U32}
 INTEGERS = {"s32": (-(2**31), 2**31 - 1), "u32": (0, 2**32 - 1)}
-RANGES = {
-    "adaptive-feed": (0.0, 1.0),
-    "spindle-override": (0.0, 2.0),
-    "status": (0, 4),
-}  # if the file gives none
+# Ranges of outputs for which the plan gives none.
+RANGES = {"adaptive-feed": (0.0, 1.0), "spindle-override": (0.0, 2.0), "status": (0, 4)}
 MAX_LINE = 65536  # length of a line above which it is no answer [bytes]
-MAX_LINES_AT_ONCE = (
-    32  # lines at once above which none is read: a flood must not hold this component up
-)
+# Lines at once above which none is read: a flood must not hold this component up.
+MAX_LINES_AT_ONCE = 32
 MAX_COUNT = 2**32 - 1  # at which the counters stay
 
 
@@ -69,7 +79,7 @@ def main(name: str, path: str) -> None:
     for stop in (signal.SIGTERM, signal.SIGINT):
         signal.signal(stop, lambda *_: sys.exit(0))
     try:
-        serve(component, child, plan)
+        Bridge(component, child, plan).serve()
     finally:
         write(component, plan["safe"])
         child.kill()
@@ -113,25 +123,30 @@ class Lines:
         self.ended = not chunk
         *lines, self._received = (self._received + chunk).split(b"\n")
         if len(self._received) > MAX_LINE:
-            # Its end is missing: what is left of the line when it comes is no answer either.
+            # Its end is missing. The rest, when it comes, must be no answer either.
             lines.append(self._received)
             self._received = b"..."
         return lines
 
 
 def send(child: Any, values: dict[str, Any]) -> bool:
-    """Send a line; return whether the process has taken it whole, which it has not if it reads no more."""
+    """Send a line; return whether the process has taken it.
+
+    A process that reads no more takes nothing.
+    """
     line = json.dumps(values).encode() + b"\n"
     try:
-        return os.write(child.stdin.fileno(), line) == len(
-            line
-        )  # shorter than the pipe's unit: whole or not at all
+        # The line is shorter than the pipe's unit, so it is written whole or not at all.
+        return os.write(child.stdin.fileno(), line) == len(line)
     except BlockingIOError:
         return False
 
 
 def answer_of(line: bytes, asked: float, plan: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the outputs that a line sets, or None if it is no answer to the request of the time ``asked``."""
+    """Return the outputs that a line sets.
+
+    Return None if it is no answer to the request of the time ``asked``.
+    """
     if len(line) > MAX_LINE:
         return None
     try:
@@ -140,9 +155,12 @@ def answer_of(line: bytes, asked: float, plan: dict[str, Any]) -> dict[str, Any]
         return None
     if not isinstance(answer, dict):
         return None
+
     echo = answer.pop("time", None)
-    if (echo is not None or plan.get("echo")) and not (is_number(echo) and echo == asked):
+    needs_echo = echo is not None or plan.get("echo")
+    if needs_echo and not (is_number(echo) and echo == asked):
         return None
+
     if answer.keys() != plan["out"].keys():
         return None
     ranges = {**RANGES, **plan.get("ranges", {})}
@@ -183,60 +201,86 @@ def allowed(value: Any, kind: str, limits: Any) -> bool:
     return limits is None or bool(limits[0] <= value <= limits[1])
 
 
-def wait_until_ready(lines: Lines) -> None:
-    """Wait for the line by which the other process says that it has loaded its policy, or for its end."""
-    while not lines.ended:
-        if b"ready" in lines.read(1.0):
-            return
+class Bridge:
+    """The exchange of lines between a component's pins and a process."""
 
+    def __init__(self, component: Any, child: Any, plan: dict[str, Any]) -> None:
+        self._component = component
+        self._child = child
+        self._plan = plan
+        self._lines = Lines(child.stdout)
+        os.set_blocking(child.stdin.fileno(), False)
+        self._alive = True
+        self._waiting = False  # for the answer to the last request
+        self._asked = 0.0  # time of the last request [s]
 
-def serve(component: Any, child: Any, plan: dict[str, Any]) -> None:
-    """Exchange a line per period."""
-    write(component, plan["safe"])
-    component["pid"] = child.pid
-    component["alive"] = True
-    lines = Lines(child.stdout)
-    os.set_blocking(child.stdin.fileno(), False)
-    wait_until_ready(lines)
-    component.ready()
-    alive = not lines.ended
-    waiting = False  # for the answer to the last request
-    asked = begun = time.monotonic()
-    while True:
-        if alive and not waiting:  # a process that has not answered gets no further request
-            asked = time.monotonic()
-            inputs = {pin: component[pin] for pin in plan["in"]}
-            try:
-                waiting = send(child, {"time": asked, **inputs})
-            except OSError:
-                alive = False
-        component["heartbeat"] = not component["heartbeat"]
-        begun = max(begun + plan["period"], time.monotonic() - plan["period"])
+    def serve(self) -> None:
+        """Exchange a line per period."""
+        component = self._component
+        period = self._plan["period"]
+        write(component, self._plan["safe"])
+        component["pid"] = self._child.pid
+        component["alive"] = True
+        self._wait_until_ready()
+        component.ready()
+        end = time.monotonic()  # of the period
+        while True:
+            # A process that has not answered gets no further request.
+            if self._alive and not self._waiting:
+                self._ask()
+            component["heartbeat"] = not component["heartbeat"]
+            # A delay of more than a period is not made up for.
+            end = max(end + period, time.monotonic() - period)
+            self._take_answers(end)
+            time.sleep(max(end - time.monotonic(), 0.0))
+
+    def _wait_until_ready(self) -> None:
+        """Wait for the line that says that the process has loaded its policy, or for its end."""
+        while not self._lines.ended:
+            if b"ready" in self._lines.read(1.0):
+                break
+        self._alive = not self._lines.ended
+
+    def _ask(self) -> None:
+        """Send the inputs."""
+        self._asked = time.monotonic()
+        inputs = {pin: self._component[pin] for pin in self._plan["in"]}
+        try:
+            self._waiting = send(self._child, {"time": self._asked, **inputs})
+        except OSError:
+            self._alive = False
+
+    def _take_answers(self, end: float) -> None:
+        """Set the outputs by the lines that come until a time, or else the safe ones."""
         answered = False
         refused = 0
-        while alive and time.monotonic() < begun:
-            received = lines.read(begun - time.monotonic())
-            flooded = len(received) > MAX_LINES_AT_ONCE
-            for line in received:
-                answer = answer_of(line, asked, plan) if waiting and not flooded else None
-                if answer is None:
+        while self._alive and time.monotonic() < end:
+            lines = self._lines.read(end - time.monotonic())
+            flooded = len(lines) > MAX_LINES_AT_ONCE
+            for line in lines:
+                answer = None
+                if self._waiting and not flooded:
+                    answer = answer_of(line, self._asked, self._plan)
+                if answer is not None:
+                    latency = time.monotonic() - self._asked
+                    write(self._component, {**answer, "latency": latency})
+                    answered = True
+                    self._waiting = False
+                else:
                     refused += 1
-                    if not plan.get("echo"):  # nothing tells which line is the answer
+                    if not self._plan.get("echo"):
+                        # Nothing tells which of the lines is the answer.
                         answered = False
-                        write(component, plan["safe"])
-                    continue
-                write(component, {**answer, "latency": time.monotonic() - asked})
-                answered = True
-                waiting = False
-            alive = not lines.ended
+                        write(self._component, self._plan["safe"])
+            self._alive = not self._lines.ended
         if refused:
-            count(component, "refused", refused)
-            waiting = False  # its answer may have been lost among them: ask again
+            count(self._component, "refused", refused)
+            # The answer may have been lost among the refused lines, so the process is asked again.
+            self._waiting = False
         if not answered:
-            count(component, "late")
-            component["alive"] = alive
-            write(component, plan["safe"])
-        time.sleep(max(begun - time.monotonic(), 0.0))
+            count(self._component, "late")
+            self._component["alive"] = self._alive
+            write(self._component, self._plan["safe"])
 
 
 if sys.argv[0].endswith("hal_bridge.py"):  # started by LinuxCNC

@@ -16,7 +16,9 @@ from typing import Any
 import linuxcnc
 
 folder = Path(__file__).parent
-control, status, errors = linuxcnc.command(), linuxcnc.stat(), linuxcnc.error_channel()
+control = linuxcnc.command()
+status = linuxcnc.stat()
+errors = linuxcnc.error_channel()
 
 
 def report() -> None:
@@ -33,28 +35,30 @@ def press(button: Callable[[Any], None], value: Any) -> None:
     control.wait_complete()
 
 
-def pins(*commands: str) -> str:
-    """Run commands of halcmd; return the output of the last one."""
-    return [
-        subprocess.run(["halcmd", *each.split()], check=True, capture_output=True, text=True).stdout
-        for each in commands
-    ][-1]
+def halcmd(command: str) -> str:
+    """Run a command of halcmd; return its output."""
+    words = ["halcmd", *command.split()]
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout
+
+
+def force_pin(pin: str, value: str) -> None:
+    """Take a pin from its signal and give it a constant value."""
+    halcmd(f"unlinkp {pin}")
+    halcmd(f"setp {pin} {value}")
 
 
 def cause(fault: dict[str, Any]) -> None:
     """Cause a fault and let it last."""
-    pid = int(pins("getp turning.pid"))
+    pid = int(halcmd("getp turning.pid"))
     faults: dict[str, Callable[[], Any]] = {
         "kill": lambda: os.kill(pid, signal.SIGKILL),
         "freeze": lambda: os.kill(pid, signal.SIGSTOP),
         "pause": lambda: control.auto(linuxcnc.AUTO_PAUSE),
         "e-stop": lambda: control.state(linuxcnc.STATE_ESTOP),
-        "feed hold": lambda: pins("setp motion.feed-hold 1"),
-        "spindle stopped": lambda: pins(
-            "unlinkp turning.spindle-speed", "setp turning.spindle-speed 0"
-        ),
-        "sensor stuck": lambda: pins("unlinkp turning.power", "setp turning.power 1"),
-        "sensor lost": lambda: pins("unlinkp turning.power", "setp turning.power nan"),
+        "feed hold": lambda: halcmd("setp motion.feed-hold 1"),
+        "spindle stopped": lambda: force_pin("turning.spindle-speed", "0"),
+        "sensor stuck": lambda: force_pin("turning.power", "1"),
+        "sensor lost": lambda: force_pin("turning.power", "nan"),
         "policy": lambda: None,  # the policy itself is at fault
     }
     faults[fault["name"]]()
@@ -64,14 +68,12 @@ def cause(fault: dict[str, Any]) -> None:
 
 
 def stopped(parent: int) -> bool:
-    """Return whether the process that started LinuxCNC has asked to stop it, or has ended itself."""
+    """Return whether the process that started LinuxCNC has ended, or wants it to stop."""
     return (folder / "stop").exists() or not Path(f"/proc/{parent}").exists()
 
 
-def main() -> int:
-    """Run the program; carry out the fault of the test at its time, if there is one."""
-    plan = json.loads((folder / "panel.json").read_text())
-    fault = plan["fault"]
+def switch_on() -> None:
+    """Switch the lathe on and home its axes."""
     press(control.state, linuxcnc.STATE_ESTOP_RESET)
     press(control.state, linuxcnc.STATE_ON)
     press(control.mode, linuxcnc.MODE_MANUAL)
@@ -80,6 +82,13 @@ def main() -> int:
     while time.monotonic() < limit and not all(status.homed[:2]):
         time.sleep(0.1)
         status.poll()
+
+
+def main() -> int:
+    """Run the program, and cause the fault of a test at its time; return the exit status."""
+    plan = json.loads((folder / "panel.json").read_text())
+    fault = plan["fault"]
+    switch_on()
     press(control.mode, linuxcnc.MODE_AUTO)
     press(control.program_open, str(folder / "bars.ngc"))
     control.auto(linuxcnc.AUTO_RUN, 0)
@@ -92,11 +101,13 @@ def main() -> int:
             return 1
         if fault and time.monotonic() - start > fault["after"]:
             cause(fault)
+            # After faults of the other process the program goes on; others stop the lathe.
             if fault["name"] not in ("kill", "freeze"):
                 return 0
             fault = None
-        if status.interp_state == linuxcnc.INTERP_IDLE or status.task_state != linuxcnc.STATE_ON:
-            return 0 if status.task_state == linuxcnc.STATE_ON else 1
+        is_on = status.task_state == linuxcnc.STATE_ON
+        if status.interp_state == linuxcnc.INTERP_IDLE or not is_on:
+            return 0 if is_on else 1
         time.sleep(0.05)
 
 
