@@ -1,4 +1,4 @@
-"""The HAL component with a fake HAL, the plant, and where it is installed LinuxCNC itself, with faults."""
+"""The HAL component with a fake HAL, the plant, and LinuxCNC itself with faults if installed."""
 
 import importlib.util
 import json
@@ -48,39 +48,60 @@ class component(dict):
         if pin == "late" and value == 3:
             raise SystemExit
 """
-POLICY = "import sys, time; print('ready', flush=True); sys.stdin.readline(); print('{{\"adaptive-feed\": 0.9}}', flush=True); {}"
+# Answers the first request, then does something else.
+ANSWERS_ONCE = """
+import sys, time
+print("ready", flush=True)
+sys.stdin.readline()
+print('{"adaptive-feed": 0.9}', flush=True)
+"""
 
 
 def bridged(plan: dict[str, Any], folder: Path) -> list[tuple[str, str]]:
-    """Return the pins that the component sets, in order, until it has counted three periods without an answer."""
+    """Return the pins that the component sets, and their values, in order.
+
+    It runs until it has counted three periods without an answer.
+    """
     (folder / "hal.py").write_text(FAKE_HAL)
     path = folder / "plan.json"
     path.write_text(json.dumps(plan))
-    command, paths = (
+    done = subprocess.run(
         [sys.executable, str(BRIDGE), "turning", str(path)],
-        os.environ | {"PYTHONPATH": str(folder)},
+        env=os.environ | {"PYTHONPATH": str(folder)},
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=60.0,
     )
-    said = subprocess.run(
-        command, env=paths, check=True, capture_output=True, text=True, timeout=60.0
-    ).stdout
-    return [(line.split()[0], line.split()[1]) for line in said.splitlines()]
+    pins = []
+    for line in done.stdout.splitlines():
+        name, value = line.split()[:2]
+        pins.append((name, value))
+    return pins
 
 
-def held(pins: list[tuple[str, str]], name: str = "adaptive-feed") -> list[str]:
+def values_of(pins: list[tuple[str, str]], name: str = "adaptive-feed") -> list[str]:
     """Return the values that a pin takes one after the other."""
-    return [value for value, _ in groupby(value for pin, value in pins if pin == name)]
+    values = [value for pin, value in pins if pin == name]
+    return [value for value, _ in groupby(values)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "then", ["time.sleep(60)", "sys.exit()", "print('{', end='', flush=True); time.sleep(60)"]
+    "then",
+    [
+        pytest.param("time.sleep(60)", id="hangs"),
+        pytest.param("sys.exit()", id="ends"),
+        pytest.param("print('{', end='', flush=True); time.sleep(60)", id="hangs in a line"),
+    ],
 )
 def test_a_process_that_stops_answering_leaves_the_safe_feed_after_one_period(
     then: str, tmp_path: Path
 ) -> None:
-    pins = bridged({**PLAN, "command": [sys.executable, "-c", POLICY.format(then)]}, tmp_path)
-    assert held(pins) == ["0.25", "0.9", "0.25"]
-    assert not Path(f"/proc/{next(value for pin, value in pins if pin == 'pid')}").exists()
+    pins = bridged({**PLAN, "command": [sys.executable, "-c", ANSWERS_ONCE + then]}, tmp_path)
+    assert values_of(pins) == ["0.25", "0.9", "0.25"]
+    (pid,) = values_of(pins, "pid")
+    assert not Path(f"/proc/{pid}").exists()
 
 
 OUTPUTS = {"adaptive-feed": "float", "spindle-override": "float", "status": "s32", "coolant": "bit"}
@@ -92,7 +113,8 @@ print("ready", flush=True)
 older = None
 for request in sys.stdin:
     time = json.loads(request)["time"]
-    right = {"time": time, "adaptive-feed": 0.75, "spindle-override": 1.0, "status": 1, "coolant": True}
+    right = {"time": time, "adaptive-feed": 0.75}
+    right |= {"spindle-override": 1.0, "status": 1, "coolant": True}
     wrong = lines.pop(0) if lines else None
     if wrong is None:
         break
@@ -107,7 +129,7 @@ VALID = '"spindle-override": 1.0, "status": 1, "coolant": true'
 
 
 def answering(lines: list[str], folder: Path, **plan: Any) -> list[tuple[str, str]]:
-    """Return the pins that the component sets while a process answers its requests with lines, then ends."""
+    """Return the pins that the component sets while a process answers with lines, then ends."""
     script = folder / "answering.py"
     script.write_text(ANSWERING.replace("LINES", repr(lines)))
     fixed = {"in": {"load": "float"}, "out": OUTPUTS, "period": 0.4, "safe": SAFE, "echo": True}
@@ -129,8 +151,8 @@ def outputs(text: str, **changed: Any) -> str:
 @pytest.fixture
 def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     """Return the function that reads the outputs of a line, after a request of the time 7.5."""
-    types = dict.fromkeys(("HAL_IN", "HAL_OUT", "HAL_FLOAT", "HAL_BIT", "HAL_S32", "HAL_U32"), 0)
-    monkeypatch.setitem(sys.modules, "hal", SimpleNamespace(**types))
+    hal = SimpleNamespace(HAL_IN=0, HAL_OUT=0, HAL_FLOAT=0, HAL_BIT=0, HAL_S32=0, HAL_U32=0)
+    monkeypatch.setitem(sys.modules, "hal", hal)
     spec = importlib.util.spec_from_file_location("hal_bridge", BRIDGE)
     assert spec is not None
     assert spec.loader is not None
@@ -139,101 +161,112 @@ def answer_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[bytes], Any]:
     return lambda line: bridge.answer_of(line, 7.5, {"out": OUTPUTS, "echo": True})
 
 
-WRONG_FEEDS = (
-    "NaN",
-    "Infinity",
-    "-0.1",
-    "1.01",
-    "true",
-    "null",
-    '"1.0"',
-    "[1.0]",
-    "1e400",
-    "1" + 400 * "0",
-    "1" + 5000 * "0",
-)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "",
-        "nonsense",
-        "[1, 2]",
-        "[" * 60_000,
-        '{"time": 7.5, "adaptive-feed": 1.0}',  # incomplete
-        outputs("1.0", extra=1),
-        outputs("1.0").replace('"time": 7.5, ', ""),
-        outputs("1.0", time=7.4),
-        outputs("1.0", time=True),
-        *map(outputs, WRONG_FEEDS),
-        outputs('1.0, "adaptive-feed": 1.0'),
-        outputs("1.0", **{"spindle-override": 9.0}),
-        outputs("1.0", status=1.5),
-        outputs("1.0", status=99),
-        outputs("1.0", coolant=1),
-        outputs("1.0") + 70_000 * " ",  # longer than a line may be
-    ],
-)
-def test_a_line_that_is_no_answer_is_refused(line: str, answer_of: Callable[[bytes], Any]) -> None:
-    assert answer_of(line.encode()) is None
+def test_an_answer_sets_the_outputs(answer_of: Callable[[bytes], Any]) -> None:
     assert answer_of(outputs("1.0").encode()) == {
         "adaptive-feed": 1.0,
         "spindle-override": 1.0,
         "status": 1,
         "coolant": True,
     }
+
+
+@pytest.mark.parametrize(
+    "feed",
+    [
+        "NaN",
+        "Infinity",
+        "-0.1",
+        "1.01",
+        "true",
+        "null",
+        '"1.0"',
+        "[1.0]",
+        pytest.param("1e400", id="beyond floats"),
+        pytest.param("1" + 400 * "0", id="whole number beyond floats"),
+        pytest.param("1" + 5000 * "0", id="whole number beyond parsing"),
+        pytest.param('1.0, "adaptive-feed": 1.0', id="twice"),
+    ],
+)
+def test_a_feed_out_of_its_range_is_refused(feed: str, answer_of: Callable[[bytes], Any]) -> None:
+    assert answer_of(outputs(feed).encode()) is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        pytest.param("", id="empty"),
+        pytest.param("nonsense", id="no JSON"),
+        pytest.param("[1, 2]", id="no object"),
+        pytest.param("[" * 60_000, id="deeply nested"),
+        pytest.param('{"time": 7.5, "adaptive-feed": 1.0}', id="incomplete"),
+        pytest.param(outputs("1.0", extra=1), id="unknown output"),
+        pytest.param(outputs("1.0").replace('"time": 7.5, ', ""), id="without a time"),
+        pytest.param(outputs("1.0", time=7.4), id="of another time"),
+        pytest.param(outputs("1.0", time=True), id="time of no number"),
+        pytest.param(outputs("1.0", **{"spindle-override": 9.0}), id="speed out of range"),
+        pytest.param(outputs("1.0", status=1.5), id="broken status"),
+        pytest.param(outputs("1.0", status=99), id="status out of range"),
+        pytest.param(outputs("1.0", coolant=1), id="number for a bit"),
+        pytest.param(outputs("1.0") + 70_000 * " ", id="too long"),
+    ],
+)
+def test_a_line_that_is_no_answer_is_refused(line: str, answer_of: Callable[[bytes], Any]) -> None:
+    assert answer_of(line.encode()) is None
+
+
+def test_a_line_that_is_no_text_is_refused(answer_of: Callable[[bytes], Any]) -> None:
     assert answer_of(b"\xff" + outputs("1.0").encode()) is None
+
+
+FORGED = f'{{"adaptive-feed": 1.0, {VALID}}}\n'
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "wrong",
     [
-        "\xff\xfe{\n",  # undecodable
-        f'{{"adaptive-feed": 1.0, {VALID}}}\n',  # answers no request
-        f'{{"time": TIME, "adaptive-feed": NaN, {VALID}}}\n',
-        "x" * 300_000 + "\n",
-        "OLDER\n",
+        pytest.param("\xff\xfe{\n", id="no text"),
+        pytest.param(FORGED, id="answers no request"),
+        pytest.param(f'{{"time": TIME, "adaptive-feed": NaN, {VALID}}}\n', id="not finite"),
+        pytest.param("x" * 300_000 + "\n", id="too long"),
+        pytest.param("OLDER\n", id="answers an older request"),
     ],
 )
 def test_a_line_that_is_no_answer_leaves_the_safe_feed_until_the_next_answer(
     wrong: str, tmp_path: Path
 ) -> None:
     pins = answering(["RIGHT\n", wrong, "RIGHT\n"], tmp_path)
-    assert held(pins) == ["0.25", "0.75", "0.25", "0.75", "0.25"]
-    assert int(held(pins, "refused")[-1]) >= 1
+    assert values_of(pins) == ["0.25", "0.75", "0.25", "0.75", "0.25"]
+    assert int(values_of(pins, "refused")[-1]) >= 1
 
 
 @pytest.mark.slow
 def test_an_answer_among_other_lines_counts(tmp_path: Path) -> None:
-    forged = f'{{"adaptive-feed": 1.0, {VALID}}}\n'
-    assert held(answering(["RIGHT\n", forged + "RIGHT\n" + forged, "RIGHT\n"], tmp_path)) == [
-        "0.25",
-        "0.75",
-        "0.25",
-    ]
+    pins = answering(["RIGHT\n", FORGED + "RIGHT\n" + FORGED, "RIGHT\n"], tmp_path)
+    assert values_of(pins) == ["0.25", "0.75", "0.25"]
 
 
 @pytest.mark.slow
 def test_without_an_echo_a_second_line_gives_the_safe_feed(tmp_path: Path) -> None:
-    one = f'{{"adaptive-feed": 0.5, {VALID}}}\n'
-    assert held(answering([one, one + one, one], tmp_path, echo=False)) == [
-        "0.25",
-        "0.5",
-        "0.25",
-        "0.5",
-        "0.25",
-    ]
+    line = f'{{"adaptive-feed": 0.5, {VALID}}}\n'
+    pins = answering([line, line + line, line], tmp_path, echo=False)
+    assert values_of(pins) == ["0.25", "0.5", "0.25", "0.5", "0.25"]
+
+
+FLOODS = """
+import sys
+print("ready", flush=True)
+while True:
+    sys.stdout.write("{}" + 1000 * chr(10))
+"""
 
 
 @pytest.mark.slow
 def test_a_flood_of_lines_does_not_stop_the_component(tmp_path: Path) -> None:
-    code = "import sys\nprint('ready', flush=True)\nwhile True: sys.stdout.write('{}' + 1000 * chr(10))"
-    begun = time.monotonic()
-    pins = bridged({**PLAN, "command": [sys.executable, "-c", code]}, tmp_path)
-    assert held(pins) == ["0.25"]
-    assert time.monotonic() - begun < 30.0  # three periods and the start
+    start = time.monotonic()
+    pins = bridged({**PLAN, "command": [sys.executable, "-c", FLOODS]}, tmp_path)
+    assert values_of(pins) == ["0.25"]
+    assert time.monotonic() - start < 30.0  # three periods and the start
 
 
 PRINTS = """
@@ -258,19 +291,10 @@ def policy(observations):
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the C library is found otherwise")
-def test_what_a_policy_prints_is_no_answer(tmp_path: Path) -> None:
+def test_output_of_a_policy_is_no_answer(tmp_path: Path) -> None:
     (tmp_path / "prints.py").write_text(PRINTS)
-    command = [
-        sys.executable,
-        "-m",
-        "turning_control",
-        "serve",
-        "--policy",
-        "prints:policy",
-        "--scenario",
-        "override",
-    ]
-    paths = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    command = [sys.executable, "-m", "turning_control", "serve"]
+    command += ["--policy", "prints:policy", "--scenario", "override"]
     pins = {
         "spindle-speed": 700.0,
         "feed-velocity": 4.0,
@@ -278,62 +302,87 @@ def test_what_a_policy_prints_is_no_answer(tmp_path: Path) -> None:
         "position": 5.0,
         "power": 4.0,
         "thrust-force": 700.0,
+        "edge": 0,
+        "in-position": False,
+        "cutting": True,
     }
-    pins |= {"edge": 0, "in-position": False, "cutting": True}
-    requests = [{"time": 100.0 + 0.012 * k, **pins} for k in range(3)]
-    text = "\n".join(map(json.dumps, requests))
+    times = [100.0, 100.012, 100.024]
+    requests = [json.dumps({"time": time, **pins}) for time in times]
     done = subprocess.run(
         command,
-        input=text,
-        env=paths,
+        input="\n".join(requests),
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])},
         check=True,
         capture_output=True,
         text=True,
         timeout=120.0,
         cwd=tmp_path,
     )
-    ready, *answers = done.stdout.splitlines()
+    ready, *lines = done.stdout.splitlines()
+    answers = [json.loads(line) for line in lines]
     assert ready == "ready"
-    assert [json.loads(answer)["time"] for answer in answers] == [
-        request["time"] for request in requests
-    ]
-    assert all(json.loads(answer)["adaptive-feed"] < 0.5 for answer in answers)
+    assert [answer["time"] for answer in answers] == times
+    assert max(answer["adaptive-feed"] for answer in answers) < 0.5
     assert done.stderr.count("adaptive-feed") >= 5
 
 
+CYCLE = 0.012  # of the control [s]
+
+
+def cut(plant: Plant, cycles: int) -> dict[str, float]:
+    """Move a plant's tool at feed from the beginning of the approach; return its last values."""
+    values: dict[str, float] = {}
+    for k in range(1, cycles + 1):
+        values = plant.advance(
+            CYCLE, along=4.0 * CYCLE * k, spindle_speed=710.0, velocity=4.0, in_feed=True
+        )
+    return values
+
+
+@pytest.fixture
+def plant() -> Plant:
+    return Plant(Scenario.load("override"), seed=0)
+
+
 @pytest.mark.slow
-def test_the_plant_cuts_what_the_control_moves() -> None:
-    scenario = Scenario.load("override")
-    plant = Plant(scenario, 0)
-    along, seen = 0.0, {}
-    for _ in range(1500):
-        along += 4.0 * 0.012
-        seen = plant.advance(0.012, along, 710.0, 4.0, True)
-    assert seen["power"] > 1.0
-    assert seen["along"] == pytest.approx(along)
-    standing = [plant.advance(0.012, along, 710.0, 0.0, False) for _ in range(50)][-1]
-    assert standing["removed"] == pytest.approx(0.0, abs=1e-4)
-    for back in np.linspace(along, 0.0, 20):  # a return at rapid brings the next bar, once
-        plant.advance(0.012, back, 710.0, 0.0, False)
-    again = [plant.advance(0.012, 0.05 * i, 710.0, 4.0, True) for i in range(100)][-1]
-    assert (again["bar"], again["along"]) == (1.0, pytest.approx(4.95))
-    assert again["power"] > 1.0
+def test_the_plant_cuts_where_the_control_moves(plant: Plant) -> None:
+    values = cut(plant, cycles=1500)
+    assert values["power"] > 1.0
+    assert values["along"] == pytest.approx(1500 * 4.0 * CYCLE)
 
 
-def test_the_program_holds_the_highest_feed() -> None:
+@pytest.mark.slow
+def test_the_plant_removes_nothing_while_the_control_stands(plant: Plant) -> None:
+    along = cut(plant, cycles=1500)["along"]
+    for _ in range(50):
+        values = plant.advance(CYCLE, along, spindle_speed=710.0, velocity=0.0, in_feed=False)
+        assert values["removed"] < 1e-4
+
+
+@pytest.mark.slow
+def test_a_return_to_the_beginning_brings_the_next_bar_once(plant: Plant) -> None:
+    along = cut(plant, cycles=1500)["along"]
+    for position in np.linspace(along, 0.0, 20):
+        plant.advance(CYCLE, position, spindle_speed=710.0, velocity=0.0, in_feed=False)
+    values = cut(plant, cycles=100)
+    assert values["bar"] == 1.0
+    assert values["along"] == pytest.approx(100 * 4.0 * CYCLE)
+    assert values["power"] > 1.0
+
+
+def test_the_program_holds_the_highest_feed_in_every_bar() -> None:
     text = linuxcnc.program(Scenario.load("override"), bars=3)
-    assert "F0.8" in text
     assert text.count("M52 P1\nG1 ") == 3
+    assert text.count("F0.8") == 3
 
 
 def test_without_linuxcnc_the_message_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(linuxcnc.LinuxCncError, match=linuxcnc.PACKAGE):
-        linuxcnc.run("programmed", "override", 1, 0)
+        linuxcnc.run("programmed", "override", bars=1, seed=0)
 
 
-@pytest.mark.slow
-def test_the_figures_of_a_run() -> None:
+def test_figures_of_a_run_add_up_its_cycles() -> None:
     row = {
         "at_feed": 1.0,
         "bar": 0.0,
@@ -341,91 +390,121 @@ def test_the_figures_of_a_run() -> None:
         "power": 4.0,
         "delay": 0.006,
         "adaptive_feed": 0.5,
-        "feed": 0.4,
-        "along": 1.0,
+        "seconds": 11.0,
+        "engaged_time": 10.0,
+        "severe_overload_time": 0.1,
     }
-    rows = [row | {"seconds": 11.0, "engaged_time": 10.0, "severe_overload_time": 0.1}] * 2
-    assert linuxcnc.figures(rows, 0.25) == pytest.approx((22.0, 4.0, 0.01, 1.0, 0.0, 0.006))
-    simulated = linuxcnc.simulated("programmed", Scenario.load("override"), 1, 0)
-    assert "| programmed | simulation | 22.4" in linuxcnc.table(
-        {"programmed": (simulated, simulated)}
-    )  # docs/linuxcnc.md
+    figures = linuxcnc.figures([row, row], safe_share=0.25)
+    assert figures._asdict() == pytest.approx(
+        {
+            "time": 22.0,
+            "mean_power": 4.0,
+            "severe": 0.01,
+            "edges": 1.0,
+            "safe": 0.0,
+            "delay": 0.006,
+        }
+    )
 
 
-def running() -> list[str]:
-    """Return the command lines of processes that belong to the demo."""
-    found = []
+@pytest.mark.slow
+def test_the_simulated_figures_are_those_of_the_documentation() -> None:
+    simulated = linuxcnc.simulated("programmed", Scenario.load("override"), bars=1, seed=0)
+    comparison = linuxcnc.Comparison(linuxcnc=simulated, simulation=simulated)
+    table = linuxcnc.table({"programmed": comparison})
+    assert "| programmed | simulation | 22.4" in table  # docs/linuxcnc.md
+
+
+# Parts of the command lines of processes that belong to the demo.
+DEMO = ("hal_bridge.py", "panel.py", "turning_control serve", "milltask", "rtapi_app")
+
+
+def running(names: tuple[str, ...] = DEMO) -> list[str]:
+    """Return the command lines of processes that have one of these names in them."""
+    lines = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             line = path.read_bytes().replace(b"\0", b" ").decode(errors="replace")
         except OSError:
             continue
-        if any(
-            name in line
-            for name in (
-                "hal_bridge.py",
-                "panel.py",
-                "turning_control serve",
-                "milltask",
-                "rtapi_app",
-            )
-        ):
-            found.append(line)
-    return found
+        if any(name in line for name in names):
+            lines.append(line)
+    return lines
 
 
-needs_linuxcnc = [
-    pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("linuxcnc") is None, reason=NO_LINUXCNC),
-    pytest.mark.skipif("LINUXCNC" not in os.environ, reason=LINUXCNC_ALONE),
-]
-FAULTS = [
-    "kill",
-    "freeze",
-    "policy",
-    "sensor stuck",
-    "sensor lost",
-    "pause",
-    "e-stop",
-    "feed hold",
-    "spindle stopped",
-]
+def needs_linuxcnc(test: Callable[..., None]) -> Callable[..., None]:
+    """Mark a test that runs LinuxCNC."""
+    marks = [
+        pytest.mark.slow,
+        pytest.mark.skipif(shutil.which("linuxcnc") is None, reason=NO_LINUXCNC),
+        pytest.mark.skipif("LINUXCNC" not in os.environ, reason=LINUXCNC_ALONE),
+    ]
+    for mark in marks:
+        test = mark(test)
+    return test
 
 
 def not_a_number(observations: Observations) -> Actions:
     return np.full((len(observations), 1), np.nan, np.float32)
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_linuxcnc) for name in FAULTS])
-def test_faults_end_in_the_safe_feed_or_a_stop_and_leave_nothing_running(name: str) -> None:
-    scenario = Scenario.load("override")
-    policy = f"{__name__}:not_a_number" if name == "policy" else "programmed"
-    rows = linuxcnc.run(policy, "override", 1, 0, Fault(name, after=5.0, lasts=2.0))
-    safe_time = sum(
-        row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe_feed(scenario)) < 1e-6
-    )
-    if name == "kill":
-        assert (
-            max(row["along"] for row in rows) > scenario.workpiece.bar_length
-        )  # the program goes on at the safe feed
-        assert safe_time > 10.0
-    elif name in ("freeze", "sensor stuck", "sensor lost"):
-        assert safe_time > 1.0
-    else:
-        assert max(row["feed"] for row in rows[-20:]) < 1e-3
-    if name == "policy":  # held before the tool reaches the bar
-        assert sum(row["removed"] for row in rows) == 0.0
+def run_with_fault(name: str, policy: str = "programmed") -> list[dict[str, float]]:
+    """Return the log of a run in which a fault is caused after five seconds."""
+    fault = Fault(name, after=5.0, lasts=2.0)
+    return linuxcnc.run(policy, "override", bars=1, seed=0, fault=fault)
+
+
+def safe_time(rows: list[dict[str, float]]) -> float:
+    """Return the time in which the safe feed held [s]."""
+    safe = safe_feed(Scenario.load("override"))
+    return sum(row["seconds"] for row in rows if abs(row["adaptive_feed"] - safe) < 1e-6)
+
+
+def last_feed(rows: list[dict[str, float]]) -> float:
+    """Return the highest feed in the last cycles [mm/rev]."""
+    return max(row["feed"] for row in rows[-20:])
+
+
+@needs_linuxcnc
+def test_after_the_end_of_the_policy_the_program_goes_on_at_the_safe_feed() -> None:
+    rows = run_with_fault("kill")
+    bar_length = Scenario.load("override").workpiece.bar_length
+    assert max(row["along"] for row in rows) > bar_length
+    assert safe_time(rows) > 10.0
     assert running() == []
 
 
-@pytest.mark.parametrize(
-    "number", [pytest.param(each, marks=needs_linuxcnc) for each in (signal.SIGTERM, signal.SIGINT)]
-)
+@needs_linuxcnc
+@pytest.mark.parametrize("name", ["freeze", "sensor stuck", "sensor lost"])
+def test_faults_of_policy_and_sensors_give_the_safe_feed(name: str) -> None:
+    rows = run_with_fault(name)
+    assert safe_time(rows) > 1.0
+    assert running() == []
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("name", ["pause", "e-stop", "feed hold", "spindle stopped"])
+def test_stops_of_the_control_stop_the_feed_and_leave_nothing_running(name: str) -> None:
+    rows = run_with_fault(name)
+    assert last_feed(rows) < 1e-3
+    assert running() == []
+
+
+@needs_linuxcnc
+def test_a_policy_of_wrong_answers_is_stopped_before_the_tool_reaches_the_bar() -> None:
+    rows = run_with_fault("policy", policy=f"{__name__}:not_a_number")
+    assert last_feed(rows) < 1e-3
+    assert sum(row["removed"] for row in rows) == 0.0
+    assert running() == []
+
+
+@needs_linuxcnc
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_the_demo_with_all_its_processes(number: signal.Signals) -> None:
     command = [sys.executable, "-m", "turning_control", "demo", "--policies", "programmed"]
     demo = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     limit = time.monotonic() + 60.0
-    while not any("panel.py" in line for line in running()) and time.monotonic() < limit:
+    while not running(("panel.py",)) and time.monotonic() < limit:
         time.sleep(0.1)
     time.sleep(2.0)
     demo.send_signal(number)

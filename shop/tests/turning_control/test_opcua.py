@@ -5,10 +5,10 @@ import datetime
 import math
 import socket
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from tests.walking import until
 from turning_env import Scenario
 from turning_env.console import UserError
 from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.policy import PolicyFactory
 
 STEADY = {
     "spindle_speed": 400.0,
@@ -35,18 +36,27 @@ COMMANDS = {"adaptive_feed": 0.1, "spindle_override": 0.1, "status": 0, "alive":
 INTERVAL = 0.05
 
 
+class Lathe(NamedTuple):
+    """A control that serves OPC UA."""
+
+    url: str
+    plan: Path  # file that names the nodes
+    nodes: dict[str, Any]
+
+    def value(self, name: str) -> Any:
+        return self.nodes[name].read_value()
+
+
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[str, Path, dict[str, Any]]]:
-    """Yield the URL of a server, the file that names its nodes, and the nodes."""
-    with serving(tmp_path, lambda server: None) as parts:
-        yield parts
+def lathe(tmp_path: Path) -> Iterator[Lathe]:
+    """Yield a control that lets everybody in."""
+    with serving(tmp_path, lambda server: None) as lathe:
+        yield lathe
 
 
 @contextlib.contextmanager
-def serving(
-    tmp_path: Path, protect: Callable[[Any], None]
-) -> Iterator[tuple[str, Path, dict[str, Any]]]:
-    """Yield the same of a server that ``protect`` sets up."""
+def serving(tmp_path: Path, protect: Callable[[Any], None]) -> Iterator[Lathe]:
+    """Yield a control whose server ``protect`` sets up."""
     asyncua = pytest.importorskip("asyncua.sync")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -55,77 +65,78 @@ def serving(
     server.set_endpoint(url)
     protect(server)
     index = server.register_namespace("lathe")
-    nodes = {
-        name: server.nodes.objects.add_variable(index, name, value)
-        for name, value in {**STEADY, **COMMANDS}.items()
-    }
+    nodes = {}
+    for name, value in {**STEADY, **COMMANDS}.items():
+        nodes[name] = server.nodes.objects.add_variable(index, name, value)
     for name in COMMANDS:
         nodes[name].set_writable()
-    path = tmp_path / "nodes.toml"
-    ids = {name: f'{name} = "{node.nodeid.to_string()}"' for name, node in nodes.items()}
-    parts = "[readings]", *map(ids.get, STEADY), "[commands]", *map(ids.get, COMMANDS)
-    path.write_text("\n".join(map(str, parts)))
+
+    def lines(names: Iterable[str]) -> list[str]:
+        return [f'{name} = "{nodes[name].nodeid.to_string()}"' for name in names]
+
+    plan = tmp_path / "nodes.toml"
+    plan.write_text("\n".join(["[readings]", *lines(STEADY), "[commands]", *lines(COMMANDS)]))
     with server:
-        yield url, path, nodes
+        yield Lathe(url, plan, nodes)
+
+
+def steady_policy() -> PolicyFactory:
+    """Return a policy that lowers speed and feed a little."""
+    return as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # asyncua's own
-def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(
-    served: tuple[str, Path, dict[str, Any]],
-) -> None:
-    url, path, nodes = served
-    policy = as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
-    controller, stop = Controller(Scenario.load("rough_turning"), policy), threading.Event()
+def test_the_policy_commands_a_server_and_falls_back_to_the_safe_feed(lathe: Lathe) -> None:
+    controller = Controller(Scenario.load("rough_turning"), steady_policy())
+    stop = threading.Event()
     thread = threading.Thread(
-        target=opcua.drive, args=(controller, url, path, INTERVAL, lambda: not stop.is_set())
+        target=opcua.drive,
+        args=(controller, lathe.url, lathe.plan, INTERVAL, lambda: not stop.is_set()),
     )
+    random = np.random.default_rng(0)
 
     def status() -> int:
-        nodes["power"].write_value(4.0 + 0.1 * np.random.default_rng(time.time_ns()).random())
-        nodes["thrust_force"].write_value(700.0 + np.random.default_rng(time.time_ns()).random())
-        return int(nodes["status"].read_value())
+        # Sensors that work never read the same twice.
+        lathe.nodes["power"].write_value(4.0 + 0.1 * random.random())
+        lathe.nodes["thrust_force"].write_value(700.0 + random.random())
+        return int(lathe.value("status"))
+
+    def is_stopped() -> bool:
+        is_with_operator = lathe.value("status") == Status.OPERATOR
+        return bool(is_with_operator and lathe.value("adaptive_feed") == 0.0)
 
     thread.start()
     try:
         until(lambda: status() in (Status.POLICY, Status.SHIELD))
-        assert nodes["adaptive_feed"].read_value() > 0.1
-        alive = nodes["alive"].read_value()
-        until(lambda: nodes["alive"].read_value() != alive)
-        nodes["spindle_speed"].write_value(0.0)
-        until(
-            lambda: (
-                nodes["status"].read_value() == Status.OPERATOR
-                and nodes["adaptive_feed"].read_value() == 0.0
-            )
-        )
-        nodes["spindle_speed"].write_value(400.0)
-        nodes["power"].write_value(math.nan)
-        until(lambda: nodes["status"].read_value() == Status.SAFE)
+        assert lathe.value("adaptive_feed") > 0.1
+        alive = lathe.value("alive")
+        until(lambda: lathe.value("alive") != alive)
+
+        lathe.nodes["spindle_speed"].write_value(0.0)
+        until(is_stopped)
+
+        lathe.nodes["spindle_speed"].write_value(400.0)
+        lathe.nodes["power"].write_value(math.nan)
+        until(lambda: lathe.value("status") == Status.SAFE)
     finally:
         stop.set()
         thread.join(30.0)
     assert not thread.is_alive()
-    assert nodes["adaptive_feed"].read_value() == pytest.approx(controller.safe_feed)
-    assert nodes["status"].read_value() == Status.SAFE
+    assert lathe.value("adaptive_feed") == pytest.approx(controller.safe_feed)
+    assert lathe.value("status") == Status.SAFE
+
+
+NEEDED_READINGS = "\n".join(["[readings]", *(f"{name} = 'i=1'" for name in opcua.NEEDED)])
 
 
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("[readings]\nload = 'i=1'", "load"),
-        ("[readings]\nspindle_speed = 'i=1'", "feed_velocity"),
-        (
-            "\n".join(
-                [
-                    "[readings]",
-                    *(f"{name} = 'i=1'" for name in opcua.NEEDED),
-                    "[commands]",
-                    "feed = 'i=2'",
-                ]
-            ),
-            "feed",
-        ),
+        pytest.param("[readings]\nload = 'i=1'", "load", id="unknown reading"),
+        pytest.param("[readings]\nspindle_speed = 'i=1'", "feed_velocity", id="missing reading"),
+        pytest.param(f"{NEEDED_READINGS}\n[commands]\nfeed = 'i=2'", "feed", id="unknown command"),
+        pytest.param(NEEDED_READINGS, "adaptive_feed", id="missing command"),
     ],
 )
 def test_a_file_of_nodes_that_does_not_fit_is_refused(
@@ -148,30 +159,34 @@ def certified(folder: Path, name: str) -> tuple[Path, Path]:
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
-    builder = (
+    day = datetime.timedelta(days=1)
+    address = x509.UniformResourceIdentifier(f"urn:{name}")
+    host = x509.DNSName(socket.gethostname())
+    certificate = (
         x509.CertificateBuilder()
         .subject_name(subject)
         .issuer_name(subject)
         .public_key(key.public_key())
-    )
-    builder = builder.serial_number(x509.random_serial_number())
-    builder = builder.not_valid_before(now - datetime.timedelta(days=1)).not_valid_after(
-        now + datetime.timedelta(days=1)
-    )
-    address = x509.UniformResourceIdentifier(f"urn:{name}")
-    builder = builder.add_extension(
-        x509.SubjectAlternativeName([address, x509.DNSName(socket.gethostname())]), critical=False
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - day)
+        .not_valid_after(now + day)
+        .add_extension(x509.SubjectAlternativeName([address, host]), critical=False)
+        .sign(key, hashes.SHA256())
     )
     pem = serialization.Encoding.PEM
-    certificate_path, key_path = folder / f"{name}.pem", folder / f"{name}_key.pem"
-    certificate_path.write_bytes(builder.sign(key, hashes.SHA256()).public_bytes(pem))
     plain = serialization.NoEncryption()
+    certificate_path = folder / f"{name}.pem"
+    certificate_path.write_bytes(certificate.public_bytes(pem))
+    key_path = folder / f"{name}_key.pem"
     key_path.write_bytes(key.private_bytes(pem, serialization.PrivateFormat.PKCS8, plain))
     return certificate_path, key_path
 
 
 class Guarded:
-    """A server that wants the user "turner" with a password, or the certificate of a client, over protected connections."""
+    """A server that lets in who is known, over protected connections only.
+
+    Known are the user "turner" with a password, and clients with a certificate.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.certificate, self.key = certified(folder, "server")
@@ -196,10 +211,9 @@ class Guarded:
                 password: Any = None,
                 certificate: Any = None,
             ) -> Any:
-                known = (username, password) == ("turner", "secret") or (
-                    username is None and certificate is not None
-                )
-                return User(role=UserRole.User) if known else None
+                is_turner = (username, password) == ("turner", "secret")
+                is_certified = username is None and certificate is not None
+                return User(role=UserRole.User) if is_turner or is_certified else None
 
         server.load_certificate(str(self.certificate))
         server.load_private_key(str(self.key))
@@ -208,26 +222,27 @@ class Guarded:
         server.aio_obj.iserver.set_user_manager(Users())
 
     def security(self, **changed: Any) -> Security:
-        given = {
-            "user": "turner",
-            "password": "secret",
-            "certificate": self.client_certificate,
-            "key": self.client_key,
-        }
-        return Security(**(given | {"server_certificate": self.certificate} | changed))
+        """Return credentials that the server accepts, with some values changed."""
+        accepted = Security(
+            user="turner",
+            password="secret",
+            certificate=self.client_certificate,
+            key=self.client_key,
+            server_certificate=self.certificate,
+        )
+        return replace(accepted, **changed)
 
 
-def driven(url: str, nodes: Path, security: Security) -> None:
+def drive(lathe: Lathe, security: Security) -> None:
     """Drive a server for three cycles."""
-    policy = as_factory(lambda observations: np.full((len(observations), 2), -0.1, np.float32))
     cycles = iter([True, True, True, False])
     opcua.drive(
-        Controller(Scenario.load("rough_turning"), policy),
-        url,
-        nodes,
-        INTERVAL,
-        lambda: next(cycles),
-        security,
+        Controller(Scenario.load("rough_turning"), steady_policy()),
+        lathe.url,
+        nodes=lathe.plan,
+        interval=INTERVAL,
+        runs=lambda: next(cycles),
+        security=security,
     )
 
 
@@ -237,30 +252,31 @@ def test_a_guarded_server_is_driven_with_user_and_certificate_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     guarded = Guarded(tmp_path)
-    with serving(tmp_path, guarded.protect) as (url, nodes, values):
-        driven(url, nodes, guarded.security())
-        assert values["status"].read_value() == Status.SAFE
-        said = capsys.readouterr().err
-        assert "SignAndEncrypt" in said
-        assert "NOT" not in said
+    lacking = [
+        Security(),
+        Security(user="turner", password="secret"),
+        guarded.security(user=None),
+        guarded.security(policy="Aes256Sha256RsaPss"),
+    ]
+    with serving(tmp_path, guarded.protect) as lathe:
+        drive(lathe, guarded.security())
+        assert lathe.value("status") == Status.SAFE
+        notice = capsys.readouterr().err
+        assert "SignAndEncrypt" in notice
+        assert "NOT" not in notice
 
-        driven(url, nodes, guarded.security(server_certificate=None, mode="Sign"))
-        said = capsys.readouterr().err
-        assert "NOT ENCRYPTED" in said
-        assert "NOT CHECKED" in said
+        drive(lathe, guarded.security(server_certificate=None, mode="Sign"))
+        notice = capsys.readouterr().err
+        assert "NOT ENCRYPTED" in notice
+        assert "NOT CHECKED" in notice
 
-        for lacking in (
-            Security(),
-            Security(user="turner", password="secret"),
-            guarded.security(user=None),
-            guarded.security(policy="Aes256Sha256RsaPss"),
-        ):
+        for security in lacking:
             with pytest.raises(UserError, match="Basic256Sha256, mode SignAndEncrypt"):
-                driven(url, nodes, lacking)
+                drive(lathe, security)
         with pytest.raises(OSError, match="another certificate"):
-            driven(url, nodes, guarded.security(server_certificate=guarded.other_certificate))
+            drive(lathe, guarded.security(server_certificate=guarded.other_certificate))
         with pytest.raises(OSError, match=r"BadUserAccessDenied|BadIdentityToken"):
-            driven(url, nodes, guarded.security(password="guess"))
+            drive(lathe, guarded.security(password="guess"))
 
 
 @pytest.mark.slow
@@ -268,50 +284,57 @@ def test_a_guarded_server_is_driven_with_user_and_certificate_only(
 def test_a_certificate_can_be_the_user(tmp_path: Path) -> None:
     guarded = Guarded(tmp_path)
     guarded.tokens = ["X509IdentityToken"]
-    with serving(tmp_path, guarded.protect) as (url, nodes, values):
-        driven(url, nodes, guarded.security(user=None, password=None))
-        assert values["status"].read_value() == Status.SAFE
+    with serving(tmp_path, guarded.protect) as lathe:
+        drive(lathe, guarded.security(user=None, password=None))
+        assert lathe.value("status") == Status.SAFE
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_a_certificate_is_never_given_up_for_an_open_connection(
-    served: tuple[str, Path, dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lathe: Lathe, tmp_path: Path
 ) -> None:
-    url, nodes, _ = served
-    guarded = Guarded(tmp_path)
+    with_certificate = Guarded(tmp_path).security(user=None, server_certificate=None)
     with pytest.raises(UserError, match="not protected"):
-        driven(url, nodes, guarded.security(user=None, server_certificate=None))
+        drive(lathe, with_certificate)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_a_password_goes_unencrypted_only_if_the_user_says_so(
+    lathe: Lathe, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(UserError, match="password unencrypted"):
-        driven(url, nodes, Security(user="turner", password="secret"))
-    capsys.readouterr()
-    driven(url, nodes, Security(user="turner", password="secret", policy="None"))
+        drive(lathe, Security(user="turner", password="secret"))
+    drive(lathe, Security(user="turner", password="secret", policy="None"))
     assert "sent unencrypted" in capsys.readouterr().err
 
 
-def test_what_does_not_belong_together_is_a_mistake(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    "values",
+    [
+        pytest.param({"certificate": Path("client.pem")}, id="certificate without key"),
+        pytest.param({"key": Path("client.pem")}, id="key without certificate"),
+        pytest.param({"policy": "Basic256Sha256"}, id="policy without certificate"),
+        pytest.param({"policy": "None", "mode": "Sign"}, id="signed without policy"),
+        pytest.param(
+            {"policy": "None", "server_certificate": Path("client.pem")},
+            id="trust without policy",
+        ),
+    ],
+)
+def test_values_that_contradict_one_another_are_a_mistake(values: dict[str, Any]) -> None:
+    with pytest.raises(UserError):
+        Security(**values)
+
+
+def test_without_a_password_or_a_terminal_a_user_is_a_mistake(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    path = tmp_path / "client.pem"
-    for given in (
-        {"certificate": path},
-        {"key": path},
-        {"policy": "Basic256Sha256"},
-        {"policy": "None", "mode": "Sign"},
-        {"policy": "None", "server_certificate": path},
-    ):
-        with pytest.raises(UserError):
-            Security(**given)  # type: ignore[arg-type]
     monkeypatch.delenv(PASSWORD, raising=False)
-    options = [
-        "--policy",
-        "programmed",
-        "--url",
-        "opc.tcp://127.0.0.1:1",
-        "--nodes",
-        "nodes.toml",
-        "--user",
-        "turner",
-    ]
-    assert main(["opcua", *options]) == 2  # no password, and no terminal to ask
+    words = "opcua --policy programmed --url opc.tcp://127.0.0.1:1 --nodes nodes.toml --user turner"
+    assert main(words.split()) == 2
+
+
+def test_a_password_is_not_shown() -> None:
     assert "secret" not in repr(Security(user="turner", password="secret"))

@@ -1,4 +1,4 @@
-"""A policy in a process of its own: what it cannot do to the control's process."""
+"""A policy in a process of its own, which cannot harm the control's process."""
 
 import os
 import sys
@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from turning_control.policy_process import PolicyEndedError, in_own_process
-from turning_control.shield import PATIENCE, Settings, Shield
+from turning_control.shield import PATIENCE, Shield
 
 from turning_env import Scenario
-from turning_env.scoring.policy import Policy
+from turning_env.scoring.policy import Observations, Policy
 from turning_env.vector_env import RoughTurningVectorEnv
 
 POLICIES = """
@@ -52,18 +52,19 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return "misbehaves"
 
 
-def observed() -> np.ndarray:
+def observed() -> Observations:
     observations, _ = RoughTurningVectorEnv(1, Scenario.load("rough_turning")).reset(seed=0)
     return observations
 
 
-def policy_of(name: str, deadline: float = 20.0) -> Policy:
+def start(name: str, deadline: float = 20.0) -> Policy:
+    """Return a policy of one environment in a process of its own."""
     return in_own_process(name, deadline)(1)
 
 
 @pytest.mark.slow
 def test_a_policy_answers_whatever_it_prints(module: str) -> None:
-    policy = policy_of(f"{module}:steady")
+    policy = start(f"{module}:steady")
     for _ in range(3):
         policy.reset(np.ones(1, np.bool_))
         np.testing.assert_array_equal(policy.act(observed()), [[-0.25, -0.25]])
@@ -72,42 +73,61 @@ def test_a_policy_answers_whatever_it_prints(module: str) -> None:
 @pytest.mark.slow
 def test_a_policy_that_hangs_is_late_and_the_shield_commands_the_safe_feed(module: str) -> None:
     scenario = Scenario.load("rough_turning")
-    shield = Shield(policy_of(f"{module}:hangs_after_one", deadline=0.2), scenario, 1, Settings())
+    policy = start(f"{module}:hangs_after_one", deadline=0.2)
+    shield = Shield(policy, scenario, 1)
     shield.act(observed())
     assert shield.reasons == ["passed"]
-    begun = time.monotonic()
+    asked_at = time.monotonic()
     actions = shield.act(observed())
     assert shield.reasons == ["error"]
     assert np.isfinite(actions).all()
-    assert time.monotonic() - begun < 10.0
+    assert time.monotonic() - asked_at < 10.0
     for _ in range(PATIENCE):
         shield.act(observed())
-    assert shield.takeover.all()
+    assert shield.takeover.tolist() == [True]
 
 
 @pytest.mark.slow
-def test_a_policy_that_fails_or_ends_raises_in_act(module: str) -> None:
-    failing = policy_of(f"{module}:fails")
+def test_a_policy_that_fails_raises_in_act(module: str) -> None:
+    policy = start(f"{module}:fails")
     for _ in range(2):
         with pytest.raises(RuntimeError, match="no more"):
-            failing.act(observed())
-    ending = policy_of(f"{module}:ends")
-    for _ in range(2):
-        with pytest.raises(PolicyEndedError):
-            ending.act(observed())
-        ending.reset(np.ones(1, np.bool_))
+            policy.act(observed())
 
 
 @pytest.mark.slow
-def test_a_policy_that_cannot_be_loaded_is_a_mistake(module: str, tmp_path: Path) -> None:
+def test_a_policy_that_gives_no_numbers_is_refused_by_the_shield(module: str) -> None:
+    shield = Shield(start(f"{module}:not_numbers"), Scenario.load("rough_turning"), 1)
+    shield.act(observed())
+    assert shield.reasons == ["error"]
+
+
+@pytest.mark.slow
+def test_a_policy_that_ends_raises_in_act(module: str) -> None:
+    policy = start(f"{module}:ends")
+    for _ in range(2):
+        with pytest.raises(PolicyEndedError):
+            policy.act(observed())
+        policy.reset(np.ones(1, np.bool_))
+
+
+@pytest.mark.slow
+def test_an_unknown_object_of_a_module_is_a_mistake(module: str) -> None:
     with pytest.raises(ValueError, match="nothing"):
-        policy_of(f"{module}:nothing")
+        start(f"{module}:nothing")
+
+
+def test_a_missing_file_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        policy_of(str(tmp_path / "missing.onnx"))
+        start(str(tmp_path / "missing.onnx"))
+
+
+@pytest.mark.slow
+def test_a_file_without_a_network_is_a_mistake(tmp_path: Path) -> None:
     broken = tmp_path / "broken.onnx"
     broken.write_bytes(b"no network")
     with pytest.raises(ValueError, match="broken"):
-        policy_of(str(broken))
+        start(str(broken))
 
 
 @pytest.mark.slow
@@ -117,14 +137,15 @@ def test_a_file_that_takes_memory_without_end_is_ended(tmp_path: Path) -> None:
     pytest.importorskip("onnxruntime")
     path = tmp_path / "greedy.onnx"
     onnx.save(greedy_network(onnx, entries=observed().shape[1]), path)
-    policy = policy_of(str(path))
+    policy = start(str(path))
     with pytest.raises(RuntimeError):
         policy.act(observed())
 
 
 def greedy_network(onnx, entries: int):  # type: ignore[no-untyped-def]
     """Return a network that fills 8 GiB with zeros to get two of them."""
-    make, floats = onnx.helper, onnx.TensorProto.FLOAT
+    make = onnx.helper
+    floats = onnx.TensorProto.FLOAT
     size = make.make_tensor("size", onnx.TensorProto.INT64, [1], [2**31])
     axes = make.make_tensor("axes", onnx.TensorProto.INT64, [1], [0])
     nodes = [

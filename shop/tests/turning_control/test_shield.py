@@ -5,20 +5,30 @@ from typing import Any
 
 import numpy as np
 import pytest
-from turning_control.adversary import Adversaries, Budget, attack, badness, switching, table
+from turning_control.adversary import (
+    Adversaries,
+    Attack,
+    Budget,
+    attack,
+    badness,
+    switching,
+    table,
+)
 from turning_control.measure import UniformRandom, play_guarded, rows
 from turning_control.shield import PATIENCE, Settings, Shield
 
 from turning_env import Scenario, read
 from turning_env.action import commanded
 from turning_env.physics.quantities import action_size
-from turning_env.scoring.play import play
+from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import Actions, Observations, Policy
 from turning_env.scoring.seeds import tuning_seeds
 from turning_env.vector_env import RoughTurningVectorEnv
 
 
 class Constant(Policy):
+    """Gives the same answer again and again."""
+
     def __init__(self, answer: Any) -> None:
         self.answer = answer
 
@@ -26,9 +36,32 @@ class Constant(Policy):
         return self.answer  # type: ignore[no-any-return]
 
 
-def first(scenario: Scenario, num_envs: int) -> Observations:
+def first_observations(scenario: Scenario, num_envs: int) -> Observations:
     observations, _ = RoughTurningVectorEnv(num_envs, scenario).reset(seed=0)
     return observations
+
+
+def limited(scenario: Scenario, minutes: float) -> Scenario:
+    """Return a scenario whose episodes end after some minutes."""
+    control = scenario.control.model_copy(update={"time_limit": minutes})
+    return scenario.model_copy(update={"control": control})
+
+
+def quickly_worn(wear_factor: float) -> Scenario:
+    """Return the scenario of RoughTurning-v0 with faster wear, so that a test sees its end.
+
+    With the factor 1.4 edges last a quarter as long, with 2.5 about two minutes.
+    """
+    scenario = Scenario.load("rough_turning")
+    wear = scenario.material.wear
+    faster = wear.model_copy(update={"coefficient": wear_factor * wear.coefficient})
+    material = scenario.material.model_copy(update={"wear": faster})
+    return scenario.model_copy(update={"material": material})
+
+
+def severe_share(episodes: Episodes) -> float:
+    """Return the share of cutting time in severe overload [-]."""
+    return float(episodes["severe_overload_time"].sum() / episodes["engaged_time"].sum())
 
 
 @pytest.mark.parametrize("preset", ["rough_turning", "override", "paper", "shift"])
@@ -36,58 +69,75 @@ def test_actions_far_from_the_limits_pass_unchanged(preset: str) -> None:
     scenario = Scenario.load(preset)
     action = np.full((2, action_size(scenario)), -0.9, np.float32)
     shield = Shield(Constant(action), scenario, 2)
-    np.testing.assert_array_equal(shield.act(first(scenario, 2)), action)
-    assert shield.reasons == ["passed"] * 2
+    np.testing.assert_array_equal(shield.act(first_observations(scenario, 2)), action)
+    assert shield.reasons == ["passed", "passed"]
 
 
 @pytest.mark.parametrize(
-    "answer", [np.full((2, 2), np.nan), np.zeros((2, 3)), [["a", "b"]] * 2, None]
+    "answer",
+    [
+        pytest.param(np.full((2, 2), np.nan), id="not finite"),
+        pytest.param(np.zeros((2, 3)), id="too many entries"),
+        pytest.param([["a", "b"], ["a", "b"]], id="text"),
+        pytest.param(None, id="nothing"),
+    ],
 )
 def test_wrong_answers_command_the_safe_feed_and_then_the_operator(answer: Any) -> None:
     scenario = Scenario.load("rough_turning")
     shield = Shield(Constant(answer), scenario, 2)
-    observations = first(scenario, 2)
-    expected = np.log(0.5) / scenario.control.feed_step  # towards half the programmed feed
+    observations = first_observations(scenario, 2)
+    towards_half_of_programmed = np.log(0.5) / scenario.control.feed_step
     for _ in range(PATIENCE):
         actions = shield.act(observations)
         assert np.isfinite(actions).all()
-        np.testing.assert_allclose(actions[:, 1], max(expected, -1.0))
-    assert shield.takeover.all()
+        np.testing.assert_allclose(actions[:, 1], max(towards_half_of_programmed, -1.0))
+    assert shield.takeover.tolist() == [True, True]
+
+
+def test_a_reset_ends_the_takeover_of_its_environments() -> None:
+    scenario = Scenario.load("rough_turning")
+    shield = Shield(Constant(None), scenario, 2)
+    for _ in range(PATIENCE):
+        shield.act(first_observations(scenario, 2))
     shield.reset(np.array([True, False]))
     assert shield.takeover.tolist() == [False, True]
 
 
-def test_a_wrong_row_leaves_the_others_alone_and_a_late_answer_none() -> None:
+def test_a_wrong_row_leaves_the_others_alone() -> None:
     scenario = Scenario.load("rough_turning")
-    policy = Constant(np.array([[-0.5, -0.5], [np.nan, 0.0]], np.float32))
-    shield, impatient = (
-        Shield(policy, scenario, 2),
-        Shield(policy, scenario, 2, Settings(deadline=-1.0)),
-    )
-    actions = shield.act(first(scenario, 2))
-    np.testing.assert_array_equal(actions[0], np.float32([-0.5, -0.5]))
+    answer = np.array([[-0.5, -0.5], [np.nan, 0.0]], np.float32)
+    shield = Shield(Constant(answer), scenario, 2)
+    actions = shield.act(first_observations(scenario, 2))
+    np.testing.assert_array_equal(actions[0], answer[0])
     assert shield.reasons == ["passed", "not finite"]
-    impatient.act(first(scenario, 2))
-    assert impatient.reasons == ["late"] * 2
+
+
+def test_a_late_answer_is_refused_whole() -> None:
+    scenario = Scenario.load("rough_turning")
+    answer = np.full((2, 2), -0.5, np.float32)
+    shield = Shield(Constant(answer), scenario, 2, Settings(deadline=-1.0))
+    shield.act(first_observations(scenario, 2))
+    assert shield.reasons == ["late", "late"]
 
 
 @pytest.mark.slow
 def test_an_override_of_the_highest_feed_is_brought_below_the_limit() -> None:
-    scenario = Scenario.load("override")
-    high = play(lambda n: Constant(np.ones((n, 1), np.float32)), scenario, [0, 1])
-    held = play(
-        lambda n: Shield(Constant(np.ones((n, 1), np.float32)), scenario, n), scenario, [0, 1]
-    )
-    share = [
-        each["severe_overload_time"].sum() / each["engaged_time"].sum() for each in (high, held)
-    ]
-    assert share[0] > 0.3
-    assert share[1] < 0.01
+    scenario = limited(Scenario.load("override"), minutes=0.1)
+
+    def highest(num_envs: int) -> Policy:
+        return Constant(np.ones((num_envs, 1), np.float32))
+
+    free = play(highest, scenario, range(4))
+    held = play(lambda n: Shield(highest(n), scenario, n), scenario, range(4))
+    assert severe_share(free) > 0.3
+    assert severe_share(held) < 0.01
 
 
 def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
-    scenario, random = Scenario.load("rough_turning"), np.random.default_rng(0)
-    env, policy = RoughTurningVectorEnv(8, scenario), Constant(None)
+    scenario = Scenario.load("rough_turning")
+    random = np.random.default_rng(0)
+    env = RoughTurningVectorEnv(8, scenario)
+    policy = Constant(None)
     shield = Shield(policy, scenario, 8)
     observations, _ = env.reset(seed=0)
     shield.reset(np.ones(8, np.bool_))
@@ -96,75 +146,85 @@ def test_the_shield_never_asks_for_more_removal_than_the_policy() -> None:
         policy.answer = random.uniform(-0.5, 1.0, (8, 2)).astype(np.float32)
         reading = read(observations, scenario)
         actions = shield.act(observations)
-        before = reading.commanded_cutting_speed, reading.commanded_feed
-        asked, (speed, feed) = (
-            commanded(each, *before, scenario) for each in (policy.answer, actions)
+        speed_before = reading.commanded_cutting_speed
+        feed_before = reading.commanded_feed
+        asked_speed, asked_feed = commanded(
+            policy.answer, speed_before, feed=feed_before, scenario=scenario
         )
-        assert (
-            speed * feed
-            <= np.maximum(np.prod(asked, axis=0), scenario.machine.feed_min * speed) * (1 + 1e-5)
-        ).all()
+        speed, feed = commanded(actions, speed_before, feed=feed_before, scenario=scenario)
+        # The feed cannot fall below the lowest, whatever the speed.
+        allowed = np.maximum(asked_speed * asked_feed, scenario.machine.feed_min * speed)
+        assert (speed * feed <= allowed * (1 + 1e-5)).all()
         changed += sum(reason != "passed" for reason in shield.reasons)
         observations, *_ = env.step(actions)
     assert changed > 20
 
 
 @pytest.mark.slow
-def test_random_actions_break_no_edge() -> None:
-    scenario = Scenario.load("rough_turning")
-    free = play(lambda n: UniformRandom(2), scenario, range(2))
-    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(2))
+def test_random_actions_break_edges_without_the_shield_only() -> None:
+    scenario = limited(quickly_worn(2.5), minutes=2.5)
+    free = play(lambda n: UniformRandom(2), scenario, range(16))
+    held = play(lambda n: Shield(UniformRandom(2), scenario, n), scenario, range(16))
     assert free["edges_broken"].sum() > 0
     assert held["edges_broken"].sum() == 0
-
-
-def quickly_worn() -> Scenario:
-    """Return the scenario of RoughTurning-v0 with edges that last a quarter as long, so that a test sees their end."""
-    scenario = Scenario.load("rough_turning")
-    wear = scenario.material.wear
-    faster = wear.model_copy(update={"coefficient": 1.4 * wear.coefficient})
-    return scenario.model_copy(
-        update={"material": scenario.material.model_copy(update={"wear": faster})}
-    )
+    assert severe_share(free) > 0.1
+    assert severe_share(held) <= 0.001
 
 
 @pytest.mark.slow
 def test_adversaries_stay_within_the_limits_and_break_no_edge() -> None:
-    scenario, seeds = quickly_worn(), tuning_seeds(8)[4:]
-    tried = [switching(50), switching(10)]
+    scenario = quickly_worn(1.4)
+    seeds = tuning_seeds(8)[4:]
+    adversaries = [switching(50), switching(10)]
     played = play_guarded(
         scenario,
-        Adversaries(tried, len(seeds), scenario),
-        seeds * len(tried),
-        Settings(),
-        "adversaries",
+        Adversaries(adversaries, len(seeds), scenario),
+        seeds=seeds * len(adversaries),
+        settings=Settings(),
+        label="adversaries",
     )
-    for k in range(len(tried)):
-        figures = played.total(slice(k * len(seeds), (k + 1) * len(seeds)))
+    for group in (slice(0, 4), slice(4, 8)):
+        figures = played.total(group)
+        assert figures.episodes == len(seeds)
         assert figures.severe <= 0.001
         assert figures.edges_broken == 0
 
 
-@pytest.mark.slow
-def test_a_search_reports_the_worst_adversaries_of_its_seeds() -> None:
-    brief = Scenario.load("rough_turning")
-    brief = brief.model_copy(
-        update={"control": brief.control.model_copy(update={"time_limit": 1.0})}
-    )
+@pytest.fixture(scope="module")
+def attacks() -> list[Attack]:
+    """Return the result of a small search: the three worst adversaries, on both kinds of seeds."""
+    scenario = limited(Scenario.load("rough_turning"), minutes=1.0)
     budget = Budget(candidates=10, generations=2, episodes=1, worst=3, held_out=2)
-    attacks = list(attack("RoughTurning-v0", brief, budget, Settings()))
-    assert [(each.seeds, each.figures.episodes) for each in attacks] == [("tuning", 1)] * 3 + [
-        ("held-out", 2)
-    ] * 3
-    assert [each.adversary for each in attacks[:3]] == [each.adversary for each in attacks[3:]]
-    assert sorted(map(badness, attacks[:3]), reverse=True) == list(map(badness, attacks[:3]))
-    assert table(attacks).count("RoughTurning-v0") == 6
+    return list(attack("RoughTurning-v0", scenario, budget, Settings()))
 
 
 @pytest.mark.slow
-def test_the_measurement_plays_with_and_without_the_shield(tmp_path: Path) -> None:
-    measured = list(rows(["RoughTurning-Surface-v1"], 1, tmp_path, Settings()))
-    assert [row.shielded for row in measured] == [False, True]
+def test_a_search_reports_the_worst_adversaries_first(attacks: list[Attack]) -> None:
+    severities = [badness(attack) for attack in attacks[:3]]
+    assert severities == sorted(severities, reverse=True)
+
+
+@pytest.mark.slow
+def test_a_search_plays_the_same_adversaries_on_held_out_seeds(attacks: list[Attack]) -> None:
+    assert [attack.seeds for attack in attacks] == ["tuning"] * 3 + ["held-out"] * 3
+    assert [attack.figures.episodes for attack in attacks] == [1] * 3 + [2] * 3
+    adversaries = [attack.adversary for attack in attacks]
+    assert adversaries[:3] == adversaries[3:]
+
+
+@pytest.mark.slow
+def test_the_table_of_a_search_has_a_row_per_attack(attacks: list[Attack]) -> None:
+    assert table(attacks).count("RoughTurning-v0") == len(attacks)
+
+
+@pytest.mark.slow
+def test_the_measurement_plays_without_and_with_the_shield(tmp_path: Path) -> None:
+    without, shielded = rows(["RoughTurning-Paper-v0"], 1, tmp_path, Settings())
+    assert not without.shielded
+    assert shielded.shielded
+    assert without.overridden == 0.0
+    assert shielded.overridden > 0.0
+    assert shielded.severe < without.severe
 
 
 def test_whole_parts_are_refused() -> None:
