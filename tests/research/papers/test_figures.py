@@ -1,4 +1,4 @@
-"""The figures of the papers: fit for print, true to what is played and printed, and written the same every time."""
+"""The figures of the papers: complete, true to the printed numbers, and the same every time."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,19 +29,20 @@ def test_points_lie_on_what_the_paper_prints(minute: int) -> None:
         "wear [mm]": 1e-5,
         "removal rate [cm³/min]": 0.5,
     }
-    for axes in minutes.draw_best(minute).axes:
+    panels = minutes.draw_best(minute).axes
+    assert [axes.get_ylabel() for axes in panels] == list(roundings)
+    for axes, rounding in zip(panels, roundings.values(), strict=True):
         ours, _, printed, *_ = axes.lines
-        np.testing.assert_allclose(
-            np.asarray(ours.get_ydata()),
-            np.asarray(printed.get_ydata()),
-            atol=roundings[axes.get_ylabel()],
-        )
+        ours_values = np.asarray(ours.get_ydata())
+        printed_values = np.asarray(printed.get_ydata())
+        np.testing.assert_allclose(ours_values, printed_values, atol=rounding)
 
 
 def test_the_figures_that_come_with_the_project_are_all_figures() -> None:
+    files = {f"{name}.png" for name in FIGURES}
     assert DRAW.keys() == FIGURES.keys()
-    assert {path.name for path in DOCS.iterdir()} == {INDEX, *(f"{name}.png" for name in FIGURES)}
-    assert max((DOCS / f"{name}.png").stat().st_size for name in FIGURES) < 150_000
+    assert {path.name for path in DOCS.iterdir()} == files | {INDEX}
+    assert max((DOCS / file).stat().st_size for file in files) < 150_000
 
 
 @pytest.mark.slow
@@ -50,13 +51,11 @@ def test_a_figure_is_written_the_same_every_time(
 ) -> None:
     written = []
     for folder in (tmp_path / "a", tmp_path / "b"):
-        assert (
-            main(
-                ["--out", str(folder), "--only", "part_programming_psi", "--format", *style.FORMATS]
-            )
-            == 0
-        )
-        written.append({path.name: path.read_bytes() for path in folder.iterdir()})
+        arguments = ["--out", str(folder), "--only", "part_programming_psi"]
+        arguments += ["--format", *style.FORMATS]
+        assert main(arguments) == 0
         assert capsys.readouterr().out.startswith("part_programming_psi\n  The gain psi")
-    assert written[0] == written[1]
-    assert written[0].keys() == {f"part_programming_psi.{kind}" for kind in style.FORMATS}
+        written.append({path.name: path.read_bytes() for path in folder.iterdir()})
+    first, second = written
+    assert first == second
+    assert first.keys() == {f"part_programming_psi.{kind}" for kind in style.FORMATS}

@@ -9,11 +9,11 @@ from tools.audit import complaints
 
 
 def installed(folder: Path, metadata: str, **licences: str) -> PathDistribution:
+    """Return a made-up distribution with metadata and files of licences."""
     information = folder / "made_up-1.0.dist-info"
     (information / "licenses").mkdir(parents=True)
-    (information / "METADATA").write_text(
-        f"Metadata-Version: 2.4\nName: made-up\nVersion: 1.0\n{metadata}\n"
-    )
+    lines = ["Metadata-Version: 2.4", "Name: made-up", "Version: 1.0", metadata, ""]
+    (information / "METADATA").write_text("\n".join(lines))
     for name, text in licences.items():
         (information / "licenses" / name).write_text(text)
     return PathDistribution(information)
@@ -35,13 +35,15 @@ def installed(folder: Path, metadata: str, **licences: str) -> PathDistribution:
     ],
 )
 def test_licences_are_read_and_judged(metadata: str, allowed: bool, tmp_path: Path) -> None:
-    found = installed(
+    distribution = installed(
         tmp_path, metadata, LICENSE="\nMIT License\n", NOTICE="GNU General Public License\n"
     )
-    assert bool(complaints([found], {"made-up": "1.0"})) != allowed
+    is_allowed = complaints([distribution], {"made-up": "1.0"}) == []
+    assert is_allowed == allowed
 
 
 def test_another_version_is_a_complaint(tmp_path: Path) -> None:
-    found = installed(tmp_path, "License: MIT")
-    assert complaints([found], {"made-up": "1.1"}) == ["made-up is 1.0, but pinned to 1.1"]
-    assert complaints([found], {}) == ["made-up is 1.0, but not pinned"]
+    distribution = installed(tmp_path, "License: MIT")
+    pinned_to_another = complaints([distribution], {"made-up": "1.1"})
+    assert pinned_to_another == ["made-up is 1.0, but pinned to 1.1"]
+    assert complaints([distribution], {}) == ["made-up is 1.0, but not pinned"]

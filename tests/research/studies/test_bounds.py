@@ -1,4 +1,4 @@
-"""Beliefs are as uncertain as they say, and bounds lie where they must."""
+"""Bounds lie between the best policies and the bounds of those that know more."""
 
 import numpy as np
 import pytest
@@ -9,16 +9,17 @@ from turning_env import Scenario
 from turning_env.scoring.seeds import tuning_seeds
 
 SCENARIO = Scenario.load("rough_turning")
-BARS, CELLS = 40, 94
 
 
 @pytest.mark.slow
-def test_a_bound_on_beliefs_is_below_the_one_that_knows_the_bars() -> None:
+def test_the_bound_on_beliefs_is_below_the_clairvoyant_bound() -> None:
     seeds = tuning_seeds(1)
-    knows = clairvoyant.bounds(SCENARIO, seeds, clairvoyant.Grid(10.0, 60, 8))
-    believes = np.array([belief_bound.bound(SCENARIO, seed, 10.0, 40) for seed in seeds])
-    assert (believes < knows).all()
-    assert (believes > knows - 400.0).all()
+    grid = clairvoyant.Grid(cell=10.0, lives=60, speeds=8)
+    clairvoyant_bounds = clairvoyant.bounds(SCENARIO, seeds, grid)
+    belief_bounds = np.array([belief_bound.bound(SCENARIO, seed, 10.0, 40) for seed in seeds])
+    assert len(belief_bounds) == 1
+    assert (belief_bounds < clairvoyant_bounds).all()
+    assert (belief_bounds > clairvoyant_bounds - 400.0).all()
 
 
 @pytest.mark.slow

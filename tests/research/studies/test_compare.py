@@ -1,4 +1,4 @@
-"""Studies train and play what they say, once, and compare variants seed by seed."""
+"""Studies train and play their variants once, and compare them seed by seed."""
 
 from pathlib import Path
 
@@ -12,12 +12,13 @@ from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.statistics import Floats
 
 SMALL = PARAMETERS["ppo"] | {"total_timesteps": 600, "n_steps": 32, "batch_size": 64}
+SETTINGS = ", ".join(f"{key} = {value}" for key, value in SMALL.items())
 TRAINED = f"""
 question = "Does it train?"
 task = "RoughTurning-v0"
 episodes = 2
 trainings = 2
-settings = {{ {", ".join(f"{key} = {value}" for key, value in SMALL.items())} }}
+settings = {{ {SETTINGS} }}
 
 [variants.whole]
 algorithm = "ppo"
@@ -32,11 +33,19 @@ policy = "fixed_tuned"
 
 
 def cells(line: str) -> list[str]:
+    """Return the cells of a line of a table."""
     return [cell.strip() for cell in line.strip("|").split(" | ")]
 
 
-def test_every_study_asks_for_what_there_is() -> None:
-    assert all(Study.read(name).question for name in STUDIES)
+def records(text: str) -> list[dict[str, str]]:
+    """Return the lines of a table as cells by heading."""
+    headings, _, *lines = text.splitlines()
+    return [dict(zip(cells(headings), cells(line), strict=True)) for line in lines]
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_study_that_ships_can_be_read_and_asks_a_question(name: str) -> None:
+    assert Study.read(name).question
 
 
 def assumed_scenarios() -> dict[str, Scenario]:
@@ -85,15 +94,15 @@ def test_what_was_trained_and_played_is_kept(
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [cells(line)[0] for line in lines[2:]] == ["`whole`", "`set_point`", "`rule`"]
-    kept = {
-        path: path.stat().st_mtime_ns
-        for path in tmp_path.rglob("*")
-        if path.name in ("policy.zip", "episodes")
-    }
+    # Three trained agents, and one file of all episodes.
+    kept = [path for path in tmp_path.rglob("*") if path.name in ("policy.zip", "episodes")]
+    written_at = [path.stat().st_mtime_ns for path in kept]
     assert len(kept) == 3 + 1
+
     assert main(arguments) == 0
     assert capsys.readouterr().out.splitlines() == lines
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert [path.stat().st_mtime_ns for path in kept] == written_at
+
     assert main([*arguments, "--variants", "rule", "--episodes", "3"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 3
 
@@ -103,77 +112,90 @@ def test_leads_are_over_another_variant_seed_by_seed() -> None:
     study = Study.read("overload_price").model_copy(update={"episodes": 40})
     returns = np.linspace(-500.0, 500.0, 40)
     variants = {
-        name: [_played(rough_turning=returns + more)]
-        for name, more in (("margin_1", 0.0), ("margin_0.9", 30.0))
+        "margin_1": [_played(rough_turning=returns)],
+        "margin_0.9": [_played(rough_turning=returns + 30.0)],
     }
-    headings, _, first, second = (cells(line) for line in table(study, variants).splitlines())
-    column = headings.index("Difference [s]")
-    assert (first[column], second[column]) == ("", "30.0 (30.0 to 30.0)")
-    assert (
-        second[headings.index("Median [s]")],
-        second[headings.index("Better [% of seeds]")],
-    ) == ("30.0", "100")
-    assert second[headings.index("At price 10 [s]")] == "19"
-    assert second[headings.index("By > 5 % [%]")] == "100.00, infeasible"
+    first, second = records(table(study, variants))
+    assert first["Difference [s]"] == ""
+    assert second["Difference [s]"] == "30.0 (30.0 to 30.0)"
+    assert second["Median [s]"] == "30.0"
+    assert second["Better [% of seeds]"] == "100"
+    assert second["At price 10 [s]"] == "19"
+    assert second["By > 5 % [%]"] == "100.00, infeasible"
 
 
 def test_rankings_are_compared_with_that_of_the_first_scenario() -> None:
     study = Study.read("assumptions").model_copy(update={"episodes": 4})
-    costs = {"predictive": (1.0, 2.0), "optimiser": (2.0, 1.0), "fixed_tuned": (3.0, 3.0)}
+    # The first two change places in the second scenario.
     variants = {
-        name: [_played(a=np.full(4, -a), b=np.full(4, -b))] for name, (a, b) in costs.items()
+        "predictive": [_played(a=np.full(4, -1.0), b=np.full(4, -2.0))],
+        "optimiser": [_played(a=np.full(4, -2.0), b=np.full(4, -1.0))],
+        "fixed_tuned": [_played(a=np.full(4, -3.0), b=np.full(4, -3.0))],
     }
-    _, _, home, other = (cells(line) for line in table(study, variants).splitlines())
-    assert home[:3] == ["`a`", "1.00", "`predictive`"]
-    assert other == ["`b`", "0.33", "`optimiser`", "", "`optimiser` before `predictive`"]
+    _, _, first, second = table(study, variants).splitlines()
+    assert cells(first)[:3] == ["`a`", "1.00", "`predictive`"]
+    expected = ["`b`", "0.33", "`optimiser`", "", "`optimiser` before `predictive`"]
+    assert cells(second) == expected
 
 
 def _played(**returns: Floats) -> Played:
     """Return made-up episodes by scenario, of given returns."""
-    ones = {
-        name: dict.fromkeys(EPISODE_FIELDS, np.ones(len(values)))
-        for name, values in returns.items()
-    }
-    return Played({name: ones[name] | {"return": values} for name, values in returns.items()}, None)
+    episodes = {}
+    for scenario, values in returns.items():
+        episodes[scenario] = dict.fromkeys(EPISODE_FIELDS, np.ones(len(values)))
+        episodes[scenario]["return"] = values
+    return Played(episodes, None)
 
 
 @pytest.mark.slow
-def test_a_controller_is_told_the_truth_on_jobs(
+def test_true_laws_change_what_a_controller_earns_on_a_job(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = [
-        "--variants",
-        "as_it_is",
-        "true_laws",
-        "--episodes",
-        "1",
-        "--runs",
-        str(tmp_path / "runs"),
-    ]
-    assert main(["family_ablation", *arguments]) == 0
-    _, _, told, true = (cells(line)[1] for line in capsys.readouterr().out.splitlines())
-    assert told != true
+    arguments = ["family_ablation", "--variants", "as_it_is", "true_laws"]
+    arguments += ["--episodes", "1", "--runs", str(tmp_path / "runs")]
+    assert main(arguments) == 0
+    _, _, nominal_laws, true_laws = capsys.readouterr().out.splitlines()
+    assert cells(nominal_laws)[1] != cells(true_laws)[1]
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("text", "wrong", "complaint"),
     [
-        (("episodes = 2", "episodes = 0"), "episodes"),
-        (('like = "whole"', 'like = "none"'), "like is 'none'"),
-        (('like = "whole"', 'like = "set_point"'), "like is 'set_point'"),
-        (('algorithm = "ppo"', 'algorithm = "dqn"'), "algorithm is 'dqn'"),
-        (("gamma = 0.5", "gammas = 0.5"), "settings has 'gammas'"),
-        (("scenario.control.action", "scenario.controls.action"), "controls"),
-        (('policy = "fixed_tuned"', ""), "needs one of algorithm, policy and like"),
-        (("RoughTurning-v0", "RoughTurning-v9"), "task is 'RoughTurning-v9'"),
-        (("[variants.rule]", "[variants.rule"), "Expected ']'"),
+        pytest.param("episodes = 2", "episodes = 0", "episodes", id="no episodes"),
+        pytest.param(
+            'like = "whole"', 'like = "none"', "like is 'none'", id="like an unknown variant"
+        ),
+        pytest.param(
+            'like = "whole"', 'like = "set_point"', "like is 'set_point'", id="like itself"
+        ),
+        pytest.param(
+            'algorithm = "ppo"',
+            'algorithm = "dqn"',
+            "algorithm is 'dqn'",
+            id="unknown algorithm",
+        ),
+        pytest.param("gamma = 0.5", "gammas = 0.5", "settings has 'gammas'", id="unknown setting"),
+        pytest.param(
+            "scenario.control.action", "scenario.controls.action", "controls", id="unknown section"
+        ),
+        pytest.param(
+            'policy = "fixed_tuned"',
+            "",
+            "needs one of algorithm, policy and like",
+            id="nothing to play",
+        ),
+        pytest.param(
+            "RoughTurning-v0", "RoughTurning-v9", "task is 'RoughTurning-v9'", id="unknown task"
+        ),
+        pytest.param("[variants.rule]", "[variants.rule", "Expected ']'", id="no TOML"),
     ],
 )
 def test_a_wrong_study_is_refused(
-    change: tuple[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, wrong: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "mine.toml").write_text(TRAINED.replace(*change))
+    assert text in TRAINED
+    (tmp_path / "mine.toml").write_text(TRAINED.replace(text, wrong))
     assert main([str(tmp_path / "mine.toml")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: ")
-    assert said in line
+    assert complaint in line
