@@ -5,7 +5,9 @@ import pytest
 
 from tests.turning_env.playing import UNDISTURBED, changed, infos
 
-GAIN, WORST_SPEED, WIDTH = 0.4, 500.0, 0.1
+GAIN = 0.4  # share of the static force [-]
+WORST_SPEED = 500.0  # [rev/min]
+WIDTH = 0.1  # of log speed [-]
 CHATTERING = changed(
     UNDISTURBED,
     machine={"chatter": GAIN, "chatter_speed": WORST_SPEED, "chatter_width": WIDTH},
@@ -17,8 +19,8 @@ def test_a_bar_chatters_about_one_spindle_speed():
     for action in np.linspace(-0.5, 0.5, 21):
         (still,) = infos(UNDISTURBED, [(action, 0.0)])
         (chattering,) = infos(CHATTERING, [(action, 0.0)])
-        distance = np.log(still["spindle_speed"] / WORST_SPEED) / WIDTH
-        dynamic_share = GAIN * np.exp(-(distance**2))
+        log_ratio = np.log(still["spindle_speed"] / WORST_SPEED)
+        dynamic_share = GAIN * np.exp(-((log_ratio / WIDTH) ** 2))
         expected_force = still["thrust_force"] * (1 + dynamic_share)
         assert chattering["thrust_force"] == pytest.approx(expected_force, rel=1e-9)
         assert chattering["power"] == still["power"]

@@ -22,10 +22,12 @@ SCENARIO = changed(
 def test_metal_time_and_edge():
     """One minute at 125 m/min, 0.33 mm/rev and 2.5 mm."""
     (info,) = infos(SCENARIO, ACTION)
-    assert info["removed"] == pytest.approx(125 * 0.33 * 2.5)
+    removed = 125 * 0.33 * 2.5
+    edge_price = EDGE_PRICE * info["used_life"]
+    assert info["removed"] == pytest.approx(removed)
     assert info["reward_metal"] == pytest.approx(60 * info["removed"] / 100)
     assert info["reward_time"] == pytest.approx(-60)
-    assert info["reward_edge"] == pytest.approx(-EDGE_PRICE * info["used_life"])
+    assert info["reward_edge"] == pytest.approx(-edge_price)
     assert info["cost"] == 0
     assert info["reward_overload"] == 0
     assert info["reward_breakage"] == 0
@@ -36,9 +38,10 @@ def test_overload_is_the_excess_over_each_limit():
     (free,) = infos(single_sub_step, ACTION)
     limits = {"thrust_force": free["thrust_force"] / 1.25, "power": free["power"] / 1.5}
     (info,) = infos(changed(single_sub_step, limits=limits), ACTION)
+    overload_price = 5 * 30 * (0.25 + 0.5)
     assert info["cost_force"] == pytest.approx(0.25)
     assert info["cost_power"] == pytest.approx(0.5)
-    assert info["reward_overload"] == pytest.approx(-5 * 30 * (0.25 + 0.5))
+    assert info["reward_overload"] == pytest.approx(-overload_price)
     assert info["overload_time"] == pytest.approx(30)
     assert info["severe_overload_time"] == pytest.approx(30)
 
@@ -54,6 +57,7 @@ def test_overload_within_the_tolerance_is_not_severe():
 def test_a_broken_edge_pays_the_remaining_life_and_the_downtime():
     (info,) = infos(changed(SCENARIO, tool={"edge_strength": 100}), ACTION)
     remaining_life = 1 - info["used_life"]
+    downtime = 60 * 7
     assert info["broken"]
     assert info["thrust_force"] > info["edge_strength"]
-    assert info["reward_breakage"] == pytest.approx(-EDGE_PRICE * remaining_life - 60 * 7)
+    assert info["reward_breakage"] == pytest.approx(-EDGE_PRICE * remaining_life - downtime)

@@ -17,7 +17,8 @@ def test_every_edge_is_paid_for_whole(source):
         # Changes take no time, so their time is part of the price.
         edge_price += 60 * economics.edge_change_time
         breakage_price = 60 * economics.breakage_downtime
-    record = play(RoughTurningEnv(scenario), 1, fixed_actions(600, 1, scenario)[:, 0])
+    actions = fixed_actions(600, 1, scenario)[:, 0]
+    record = play(RoughTurningEnv(scenario), seed=1, actions=actions)
     downtime = breakage_price * record["edges_broken"]
     paid = -record["reward_edge"] - record["reward_breakage"] - downtime
     assert paid == pytest.approx(edge_price * record["edges_used"], rel=1e-9, abs=1e-9)
@@ -29,8 +30,13 @@ def test_a_worn_edge_ends_the_step_at_once():
     wear_law = UNDISTURBED.material.wear
     criterion = UNDISTURBED.tool.wear_criterion
     scenario = changed(UNDISTURBED, control={"sub_steps": 10000, "time_limit": 1e4})
-    record = play(RoughTurningEnv(scenario), 0, np.ones((100, 2), np.float32))
+    actions = np.ones((100, 2), np.float32)
+    record = play(RoughTurningEnv(scenario), seed=0, actions=actions)
     end = int(np.flatnonzero(record["terminated"])[0])
-    taylor_life = (criterion / wear_law(200, 0.6, 2.5)) ** (1 / wear_law.time)
-    assert record["time"][: end + 1].sum() / 60 == pytest.approx(taylor_life, abs=1e-4)
+    life = record["time"][: end + 1].sum() / 60
+
+    # W = W_1 t^n, so the Taylor life is T = (W_max / W_1)^(1 / n).
+    wear_after_minute = wear_law(200, 0.6, depth_of_cut=2.5)
+    taylor_life = (criterion / wear_after_minute) ** (1 / wear_law.time)
+    assert life == pytest.approx(taylor_life, abs=1e-4)
     assert record["wear"][end] == pytest.approx(criterion, rel=1e-4)

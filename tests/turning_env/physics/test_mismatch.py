@@ -18,6 +18,11 @@ def steps(scenario, count, action=(0.0, 0.0)):
     return play(RoughTurningEnv(scenario), 3, actions)
 
 
+def first_end(record):
+    """Return the row in which the first episode of a record ends."""
+    return int(np.flatnonzero(record["terminated"])[0])
+
+
 def with_mismatch(**mismatch):
     return changed(STEADY, mismatch=mismatch)
 
@@ -41,23 +46,27 @@ def reading_of(scenario):
 def test_the_nominal_predictions_ignore_the_mismatch(mismatch):
     nominal = reading_of(STEADY)
     mismatched = reading_of(with_mismatch(**mismatch))
+    nominal_power = nominal.power / nominal.power_ratio
+    nominal_force = nominal.thrust_force / nominal.force_ratio
     assert not np.allclose(nominal.power_ratio, mismatched.power_ratio, rtol=1e-4)
     assert mismatched.nominal_wear.tolist() == nominal.nominal_wear.tolist()
     predicted_power = mismatched.power / mismatched.power_ratio
     predicted_force = mismatched.thrust_force / mismatched.force_ratio
-    assert predicted_power == pytest.approx(nominal.power / nominal.power_ratio, rel=1e-6)
-    assert predicted_force == pytest.approx(nominal.thrust_force / nominal.force_ratio, rel=1e-6)
+    assert predicted_power == pytest.approx(nominal_power, rel=1e-6)
+    assert predicted_force == pytest.approx(nominal_force, rel=1e-6)
 
 
 def test_skin_hardens_the_cut_and_wears_the_edge_by_its_share_of_depth():
-    share = SKIN["skin_thickness"] / STEADY.workpiece.depth_of_cut
     nominal = steps(STEADY, 20)
     skinned = steps(with_mismatch(**SKIN), 20)
+    share = SKIN["skin_thickness"] / STEADY.workpiece.depth_of_cut
     hardness = 1 + share * (SKIN["skin_hardness"] - 1)
     assert skinned["hardness"] == pytest.approx(hardness, rel=1e-12)
-    wear_of_hardness = hardness**STEADY.material.wear.hardness
-    wear = wear_of_hardness * (1 + share * (SKIN["skin_wear"] - 1))
-    assert skinned["wear"][1:] / nominal["wear"][1:] == pytest.approx(wear, rel=1e-9)
+
+    wear_by_hardness = hardness**STEADY.material.wear.hardness
+    wear_by_skin = 1 + share * (SKIN["skin_wear"] - 1)
+    relative_wear = skinned["wear"][1:] / nominal["wear"][1:]
+    assert relative_wear == pytest.approx(wear_by_hardness * wear_by_skin, rel=1e-9)
 
 
 def test_a_cut_within_the_skin_has_the_skins_hardness():
@@ -73,10 +82,12 @@ def test_a_worn_edge_goes_on_from_its_wear_and_is_charged_its_further_use():
     assert record["cutting_time"][0] == 0.0
     assert nominal_wear[0] == 0.0
 
-    end = int(np.flatnonzero(record["terminated"])[0])
+    remaining_life = 1 - INITIAL_USED_LIFE
+    end = first_end(record)
+    charged = record["edges_used"][: end + 1].sum()
     assert record["wear"][end] == pytest.approx(0.3, rel=1e-3)
-    assert record["edges_used"][: end + 1].sum() == pytest.approx(1 - INITIAL_USED_LIFE, rel=1e-9)
+    assert charged == pytest.approx(remaining_life, rel=1e-9)
 
     fresh = steps(STEADY, 3000, (0.5, 0.0))
-    life = int(np.flatnonzero(fresh["terminated"])[0])
-    assert end / life == pytest.approx(1 - INITIAL_USED_LIFE, abs=2 / life)
+    life = first_end(fresh)
+    assert end / life == pytest.approx(remaining_life, abs=2 / life)

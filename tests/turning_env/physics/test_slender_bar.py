@@ -10,9 +10,10 @@ from turning_env import RoughTurningEnv, Scenario
 from turning_env.physics.records import parameter_records
 from turning_env.physics.slender_bar import compliance
 
-LENGTH, DIAMETER, MODULUS = 200.0, 30.0, 210_000.0
-STIFFNESS = MODULUS * math.pi * DIAMETER**4 / 64.0
-"""E I [N mm2]."""
+LENGTH = 200.0  # [mm]
+DIAMETER = 30.0  # [mm]
+MODULUS = 210_000.0  # Young's modulus E [N/mm2]
+STIFFNESS = MODULUS * math.pi * DIAMETER**4 / 64.0  # E I [N mm2]
 
 
 def bar(support: str) -> Scenario:
@@ -48,7 +49,8 @@ def test_the_depth_of_cut_lacks_the_deflection() -> None:
     """The deflection is compliance times radial force, to the first order of a sub-step."""
     scenario = bar("chuck")
     p = parameter_records(scenario)[0]
-    record = play(RoughTurningEnv(scenario), 0, np.zeros((20, 2), np.float32))
+    actions = np.zeros((20, 2), np.float32)
+    record = play(RoughTurningEnv(scenario), seed=0, actions=actions)
     cut = record["cutting"] & (record["path"] > 5.0)
     compliances = np.array([compliance(p, 0, along) for along in record["path"][cut]])
     radial_force = scenario.workpiece.radial_share * record["thrust_force"][cut]

@@ -1,9 +1,12 @@
 """Used life and wear, as functions and in the environment."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from tests.turning_env.playing import UNDISTURBED, changed, play
 from turning_env import RoughTurningEnv
@@ -39,49 +42,53 @@ def used_life(wear):
     return (wear / WEAR_CRITERION) ** (1 / WEAR_LAW.time)
 
 
-def rates_of_wear(actions, **failure):
-    """Play steps of one sub-step.
+class Rates(NamedTuple):
+    """Rates of wear; arrays over steps."""
 
-    Return their speed [m/min], wear before [mm], and rate of wear over that of the power law [-].
-    """
+    speed: NDArray[np.float64]  # cutting speed [m/min]
+    wear: NDArray[np.float64]  # wear before the step [mm]
+    rate: NDArray[np.float64]  # rate of wear over that of the power law [-]
+
+
+def rates_of_wear(actions, **failure):
+    """Play steps of one sub-step; return their rates of wear."""
     scenario = changed(UNDISTURBED, edge_failure=failure, control={"interval": 3, "sub_steps": 1})
-    record = play(RoughTurningEnv(scenario), 0, np.array(actions, np.float32))
+    record = play(RoughTurningEnv(scenario), seed=0, actions=np.array(actions, np.float32))
     speed = record["cutting_speed"][1:]
     feed = record["feed"][1:]
     growth = np.diff(used_life(record["wear"]))
-    growth_by_law = used_life(WEAR_LAW(speed, feed, 2.5, time=3 / 60))
-    return speed, record["wear"][:-1], growth / growth_by_law
+    wear_by_law = WEAR_LAW(speed, feed, depth_of_cut=2.5, time=3 / 60)
+    return Rates(speed=speed, wear=record["wear"][:-1], rate=growth / used_life(wear_by_law))
 
 
 def test_an_edge_runs_in_and_wears_fast_again_at_the_end():
-    _, wear, rate = rates_of_wear(
+    rates = rates_of_wear(
         [(1.0, 1.0)] * 64,
         running_in=0.6,
         running_in_wear=0.1,
         tertiary_wear=0.2,
         tertiary_rate=12.0,
     )
-    running_in = 1 + 0.6 * np.exp(-wear / 0.1)
-    tertiary = np.exp(12 * np.maximum(wear - 0.2, 0))
-    assert wear[-1] > 0.25
-    assert rate == pytest.approx(running_in * tertiary, rel=1e-6)
+    running_in = 1 + 0.6 * np.exp(-rates.wear / 0.1)
+    tertiary = np.exp(12 * np.maximum(rates.wear - 0.2, 0))
+    assert rates.wear[-1] > 0.25
+    assert rates.rate == pytest.approx(running_in * tertiary, rel=1e-6)
 
 
 def test_wear_has_a_minimum_above_the_speed_at_which_edges_build_up():
     """One slow step at each speed; the power law's exponent over the range is taken out."""
     built_up = {"built_up_edge": 40.0, "built_up_speed": 90.0, "built_up_width": 0.25}
-    speeds = []
-    rates = []
-    for action in np.linspace(-1, 1, 81):
-        speed, _, rate = rates_of_wear([(action, -1.0)], **built_up)
-        speeds.append(speed[0])
-        rates.append(rate[0])
-    speed = np.array(speeds)
-    rate = np.array(rates)
+    single_steps = [
+        rates_of_wear([(action, -1.0)], **built_up) for action in np.linspace(-1, 1, 81)
+    ]
+    speed = np.concatenate([step.speed for step in single_steps])
+    rate = np.concatenate([step.rate for step in single_steps])
     distance = np.log(speed / 90) / 0.25
     assert rate == pytest.approx(1 + 40 * np.exp(-(distance**2)), rel=1e-6)
 
-    wear = rate * (speed / 90) ** (WEAR_LAW.cutting_speed / WEAR_LAW.time)
+    # Life goes with V^-mu, so the rate of the power law goes with V^mu.
+    mu = WEAR_LAW.cutting_speed / WEAR_LAW.time
+    wear = rate * (speed / 90) ** mu
     lowest_above = wear[speed > 90].min()
     assert lowest_above < wear[np.abs(speed - 90).argmin()]
     assert lowest_above < wear[-1]
