@@ -49,8 +49,11 @@ def test_the_log_speed_is_linear_in_the_numbers_of_the_catalogue() -> None:
     law = {"speed": -0.3, "speed_heat": -1.0, "speed_toughness": 0.5, "change_at": 0.8}
     numbers = [{"heat": 0.5, "toughness": 0.5}, {"heat": 0.7, "toughness": 0.1}]
     first, second = log_speeds(law, numbers)
+    # Numbers count from 0.5, the middle of the catalogue's scale.
+    by_heat = -1.0 * (0.7 - 0.5)
+    by_toughness = 0.5 * (0.1 - 0.5)
     assert first == pytest.approx(-0.3)
-    assert second == pytest.approx(-0.3 - 1.0 * 0.2 - 0.5 * 0.4)
+    assert second == pytest.approx(-0.3 + by_heat + by_toughness)
     with pytest.raises(ValueError, match="toughness"):
         log_speeds(law, [{"heat": 0.5}])
 
@@ -59,14 +62,16 @@ def test_a_job_has_the_numbers_of_its_context() -> None:
     job = FAMILY.job(5)
     assert tuple(job.numbers) == FAMILY.context_names
     mean, spread = FAMILY.context_scale
-    scaled = (np.array(list(job.numbers.values())) - mean) / spread
-    np.testing.assert_allclose(np.clip(scaled, -10.0, 10.0), job.context)
+    numbers = np.array(list(job.numbers.values()))
+    scaled = np.clip((numbers - mean) / spread, -10.0, 10.0)
+    np.testing.assert_allclose(scaled, job.context)
 
 
 def test_no_job_is_cut_faster_than_its_law_allows() -> None:
     env, observations = environments(5, 7)
-    models = [FAMILY.job(job).scenario.nominal() for job in (5, 7)]
-    numbers = [FAMILY.job(job).numbers for job in (5, 7)]
+    jobs = [FAMILY.job(5), FAMILY.job(7)]
+    models = [job.scenario.nominal() for job in jobs]
+    numbers = [job.numbers for job in jobs]
     law = {"speed": -0.8, "speed_heat": -0.5, "change_at": 0.8}
     policy = RULES["contextual"].controller(models, 2, numbers=numbers, **FIXED, **law)
     fastest = np.zeros(2)
@@ -74,8 +79,8 @@ def test_no_job_is_cut_faster_than_its_law_allows() -> None:
         observations, *_, infos = env.step(policy.act(observations))
         if step > 60:  # a job starts at a speed of its own
             fastest = np.maximum(fastest, infos["commanded_cutting_speed"])
-    start = START_SHARE * np.array([model.machine.cutting_speed_max for model in models])
-    allowed = start * np.exp(log_speeds(law, numbers))
+    max_speeds = np.array([model.machine.cutting_speed_max for model in models])
+    allowed = START_SHARE * max_speeds * np.exp(log_speeds(law, numbers))
     assert (fastest <= allowed * (1.0 + 1e-6)).all()
     assert (fastest > 0.9 * allowed).any()
 
@@ -123,8 +128,10 @@ def test_batches_that_were_played_come_from_the_log(tmp_path: Path) -> None:
     made_up = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     log.write_text(json.dumps([batch, made_up]) + '\n["cut short', "utf-8")
     plays = Plays(family, log)
-    assert sorted(plays.laws("test", laws, "train", 3).ravel()) == made_up
-    assert plays.laws("test", laws, "train", 2).shape == (2, 2)
+    logged = plays.laws("test", laws, "train", 3)
+    assert sorted(logged.ravel()) == made_up
+    fewer = plays.laws("test", laws, "train", 2)
+    assert fewer.shape == (2, 2)
 
 
 @pytest.mark.slow
@@ -134,22 +141,31 @@ def test_the_command_writes_the_same_file_again(
     source = tmp_path / "short.toml"
     target = tmp_path / "found.json"
     source.write_text(tomli_w.dumps(SHORT), "utf-8")
+    arguments = [str(source), "--jobs", "16", "--out", str(target)]
     written = []
     for _ in range(2):
-        assert tune_contextual.main([str(source), "--jobs", "16", "--out", str(target)]) == 0
+        assert tune_contextual.main(arguments) == 0
         written.append(target.read_text("utf-8"))
-    assert written[0] == written[1]
-    entry = json.loads(written[0])["rules"]["contextual"]
+    first, second = written
+    assert first == second
+    entry = json.loads(first)["rules"]["contextual"]
     assert {"speed", "change_at"} <= entry["parameters"].keys()
     assert entry["candidate"] in entry["validation_returns"]
     assert {path.name for path in tmp_path.iterdir()} == {source.name, target.name}
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("words", [["missing.toml"], ["shop", "--jobs", "3"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        pytest.param(["missing.toml"], id="no file"),
+        pytest.param(["shop", "--jobs", "3"], id="too few jobs"),
+    ],
+)
 def test_the_command_refuses_what_it_cannot_tune(
-    tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert tune_contextual.main([*words, "--out", str(tmp_path / "found.json")]) == 2
-    assert not any(tmp_path.iterdir())
+    target = tmp_path / "found.json"
+    assert tune_contextual.main([*arguments, "--out", str(target)]) == 2
+    assert list(tmp_path.iterdir()) == []
     assert capsys.readouterr().err.startswith("error: ")
