@@ -1,13 +1,21 @@
 """Compile what the tests play: ``python -m tests.compile``.
 
-Run it before the tests start in several processes, which would all compile the same functions.
-The machine code is kept on disk, so a second run takes two seconds.
+Run it before the tests start in several processes, which would wait for one another's compilation.
+The machine code is kept on disk, so a second run takes a few seconds.
 """
+
+import numpy as np
+from turning_control.core import Controller, Readings
+from turning_control.plant import Plant
 
 from baselines.grid_search import GridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
+from baselines.oracles.perfect_state import PerfectState
 from baselines.predictive import Predictive
-from turning_env import FamilyVectorEnv, RoughTurningVectorEnv, Scenario
+from baselines.trivial import ConstantActions
+from research.studies import belief_bound
+from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv, Scenario
+from turning_env.action import commanded
 from turning_env.scoring.seeds import tuning_seeds
 
 
@@ -32,9 +40,52 @@ def compile_families() -> None:
     envs.step(envs.action_space.sample())
 
 
+def compile_pictures() -> None:
+    """Draw a bar, and decode the actions of a policy that a picture shows."""
+    env = RoughTurningEnv(render_mode="rgb_array")
+    env.reset(seed=0)
+    env.render()
+    ones = np.ones(1)
+    commanded(np.zeros((1, 2)), cutting_speed=ones, feed=ones, scenario=Scenario())
+
+
+def compile_bounds() -> None:
+    """Compute the bounds of the oracles on coarse grids."""
+    bounds(Scenario(), tuning_seeds(1), Grid(cell=10.0, lives=60, speeds=8))
+    belief_bound.bound(Scenario(), seed=0, stretch=50.0, lives=10)
+    envs = RoughTurningVectorEnv(1)
+    observations, infos = envs.reset(seed=0)
+    oracle = PerfectState(Scenario(), 1)
+    oracle.tell(infos)
+    oracle.act(observations)
+
+
+def compile_control() -> None:
+    """Observe the readings of a control, and move the plant."""
+    scenario = Scenario()
+    controller = Controller(
+        scenario, lambda num_envs: ConstantActions(np.zeros((num_envs, 2), np.float32))
+    )
+    readings = Readings(
+        spindle_speed=400.0,
+        feed_velocity=100.0,
+        in_feed=True,
+        cutting=True,
+        engaged_time=1.0,
+        power=4.0,
+        thrust_force=700.0,
+    )
+    controller.decide(readings)
+    Plant(scenario, seed=0).advance(
+        0.012, along=0.05, spindle_speed=400.0, velocity=4.0, in_feed=True
+    )
+
+
 if __name__ == "__main__":
     # One environment has functions of its own.
     compile_rules(num_envs=1)
     compile_rules(num_envs=2)
     compile_families()
-    bounds(Scenario(), tuning_seeds(1), Grid(cell=10.0, lives=60, speeds=8))
+    compile_pictures()
+    compile_bounds()
+    compile_control()

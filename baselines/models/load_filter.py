@@ -316,7 +316,14 @@ class LoadFilter:
         """
         outlook = Outlook(*np.empty((len(Outlook._fields), *distance.shape)))
         kalman_steps.look_ahead(
-            self.parameters, self.memory, self.mean, self.covariance, distance, entering, outlook
+            self.parameters,
+            self.memory,
+            self.mean,
+            self.covariance,
+            distance,
+            # A copy, because Numba compiles once more for a mask that is read-only or broadcast.
+            np.array(entering, order="C"),
+            outlook,
         )
         return outlook
 

@@ -346,7 +346,13 @@ class Batch:
         self._states["episode"][slots] += np.uint64(1)
         self._take_jobs(env_indices)
         start_episodes(
-            self._states, self._parameters, self._scratches, chosen, self.observations, self.table
+            self._states,
+            self._parameters,
+            self._scratches,
+            # A copy, because Numba compiles once more for a mask that is read-only.
+            np.array(chosen),
+            self.observations,
+            self.table,
         )
         self.observations[:, self._entries :] = self._context
         self.seeded = True
