@@ -15,10 +15,10 @@ from turning_env import FAMILY_ID, Family, FamilyVectorEnv, RoughTurningVectorEn
 
 FAMILY = Family.load("unmodelled")
 SMALL = {
-    "total_timesteps": 192,
+    "total_timesteps": 64,
     "num_envs": 4,
-    "n_steps": 16,
-    "batch_size": 32,
+    "n_steps": 8,
+    "batch_size": 16,
     "n_epochs": 2,
     "guide": True,
 }
@@ -30,12 +30,12 @@ def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_
         Run.plan("guided_ppo", FAMILY_ID, FAMILY, 1, tmp_path / name, "a command", SMALL)
         for name in ("whole", "cut")
     )
-    train(whole, algorithm, checkpoint_every=64)
+    train(whole, algorithm, checkpoint_every=32)
     with pytest.raises(KeyboardInterrupt):
         train(
-            cut, replace(algorithm, callbacks=lambda run: [Interruption(100)]), checkpoint_every=64
+            cut, replace(algorithm, callbacks=lambda run: [Interruption(40)]), checkpoint_every=32
         )
-    train(cut, algorithm, checkpoint_every=64)
+    train(cut, algorithm, checkpoint_every=32)
     files = [
         export.export(run.folder, tmp_path / "agents" / name)
         for name, run in (("whole", whole), ("cut", cut))

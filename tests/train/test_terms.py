@@ -25,6 +25,8 @@ MIXED = changed(
 )
 NUM_ENVS = 8
 FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
+FEW_STEPS = 512
+"""One update: what an agent sees does not depend on the length of its training."""
 
 
 @pytest.mark.parametrize("life_price", ["end", "marginal"])
@@ -98,7 +100,13 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
 
 def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
     run = small_run(
-        ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, frames=2, hides_context=True
+        ppo.ALGORITHM,
+        tmp_path,
+        env_id=FAMILY_ID,
+        scenario=FAMILY,
+        total_timesteps=FEW_STEPS,
+        frames=2,
+        hides_context=True,
     )
     train(run, ppo.ALGORITHM)
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
@@ -116,7 +124,13 @@ def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
 
 def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
     run = small_run(
-        ppo.ALGORITHM, tmp_path, env_id=FAMILY_ID, scenario=FAMILY, belief=True, asymmetric=True
+        ppo.ALGORITHM,
+        tmp_path,
+        env_id=FAMILY_ID,
+        scenario=FAMILY,
+        total_timesteps=FEW_STEPS,
+        belief=True,
+        asymmetric=True,
     )
     model = ppo.LeanPPO.load(train(run, ppo.ALGORITHM), device="cpu")
     agent = onnx_policy.load(Path(export.export(run.folder, tmp_path)["path"]))
