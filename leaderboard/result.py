@@ -55,6 +55,8 @@ MANIFEST_FILE = "manifest.json"
 SUFFIX = ".json.xz"
 RESULTS = Path(__file__).parent / "results"  # the results that come with the project
 MAX_BYTES = 200_000_000  # largest size of a file, uncompressed
+MIN_DICTIONARY = 4096  # smallest that xz allows [bytes]
+MAX_DICTIONARY = 64 << 20  # that of xz's preset 9 [bytes]
 MAX_SEEDS = 10_000_000  # largest number of seeds in a range
 SCENARIO_FIELDS = tuple(name for name in EPISODE_FIELDS if name not in EXCESS_TIMES)
 """The fields of an episode that results keep.
@@ -459,8 +461,23 @@ def write_part(part: Part, path: Path) -> None:
     text = json.dumps(part.model_dump(by_alias=True), allow_nan=False)
     content = f"{text}\n".encode()
     if path.name.endswith(".xz"):
-        content = lzma.compress(content, preset=9 | lzma.PRESET_EXTREME)
+        content = _compressed(content)
     write_whole(path, content)
+
+
+def _compressed(content: bytes) -> bytes:
+    """Return content in xz's strongest compression.
+
+    A dictionary as large as the content compresses as well as the preset's one of 64 MiB, whose
+    set-up takes most of the time of a small file.
+    """
+    dictionary = min(max(len(content), MIN_DICTIONARY), MAX_DICTIONARY)
+    strongest = {
+        "id": lzma.FILTER_LZMA2,
+        "preset": 9 | lzma.PRESET_EXTREME,
+        "dict_size": dictionary,
+    }
+    return lzma.compress(content, filters=[strongest])
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
