@@ -38,11 +38,12 @@ SMALLER = {
     "make leaderboard": Smaller(
         "SCENARIO=short.toml STEPS=20000 NUM_SEEDS=1 RUNS=few-runs RESULTS=few-results"
     ),
+    # Episodes of RoughTurning-Batch-v0 have twenty steps.
     "make agents": Smaller(
-        "STEPS=20000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/surface/ppo.md"
+        "STEPS=3000 RUNS=few-seeds SHIPPED=few-agents SEEDS=0 CARDS=agents/*/batch_casting/ppo.md"
     ),
     "make results": Smaller(
-        "TASK_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Surface-v1"
+        "NUM_SEEDS=2 SHIPPED=few-agents SHIPPED_RESULTS=few-shipped ENVS=RoughTurning-Batch-v0"
     ),
     "make verify": Smaller(
         "VERIFY='--seeds 2 --env RoughTurning-Batch-v0 --policies parts_fixed_tuned ppo-seed0'"
@@ -54,8 +55,13 @@ SMALLER = {
         {"rough_turning": "short.toml", "my_tool.toml": "short.toml", "--shipped": "--quick"},
     ),
     "python -m leaderboard run --policies steady_load": Smaller("--scenario short.toml"),
-    "python -m leaderboard run --policy my_module": Smaller("--policies fixed_tuned --seeds 2"),
-    "python -m leaderboard run --agents": Smaller("--policies fixed_tuned grid_search"),
+    "python -m leaderboard run --policies grid_search": Smaller("--scenario short.toml"),
+    "python -m leaderboard run --policy my_module": Smaller(
+        "--policies fixed_tuned --scenario short.toml"
+    ),
+    "python -m leaderboard run --agents": Smaller(
+        "--policies fixed_tuned grid_search --scenario short.toml"
+    ),
     "python -m leaderboard run": Smaller("--seeds 2"),
     "python -m leaderboard.watch": Smaller("--steps 6"),
 }
