@@ -86,6 +86,7 @@ def loaded(code: str) -> set[str]:
     return set(finished.stdout.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["turning_env", "baselines", *WORKSHOP])
 def test_an_installed_package_loads_only_packages_below_it(package: str) -> None:
     # These need a program or a library that is not always there.
@@ -150,6 +151,7 @@ HEAVY = {
 }
 
 
+@pytest.mark.slow
 def test_importing_the_environment_loads_no_heavy_library() -> None:
     """Numba and Pydantic take half a second; they are loaded with the first environment."""
     assert not loaded("import turning_env") & (HEAVY | {"numba", "pydantic"})

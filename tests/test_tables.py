@@ -20,6 +20,8 @@ from research.studies import paired
 from tests.walking import ROOT
 from train import curves
 
+pytestmark = pytest.mark.slow
+
 PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text("utf-8")
     for path in (ROOT / "README.md", *ROOT.glob("docs/**/*.md"))

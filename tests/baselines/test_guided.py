@@ -44,6 +44,7 @@ class Constant(Policy):
         return np.tile(self.decision, (len(observations), 1))
 
 
+@pytest.mark.slow
 def test_decisions_limit_the_speed_and_the_used_life():
     speeds = []
     lives = []

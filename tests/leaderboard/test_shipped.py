@@ -34,6 +34,7 @@ AGENTS_OF_ALL_KINDS = [
 ]
 
 
+@pytest.mark.slow
 def test_every_result_is_valid() -> None:
     assert verify.check(RESULTS, AGENTS, Selection()) == []
 

@@ -24,6 +24,7 @@ SMALL = {
 }
 
 
+@pytest.mark.slow
 def test_an_interrupted_training_gives_the_same_guide_whose_file_plays_jobs(tmp_path: Path) -> None:
     algorithm = guided_ppo.ALGORITHM
     whole, cut = (

@@ -98,6 +98,7 @@ def test_the_hidden_state_is_that_of_the_step_and_of_the_job() -> None:
     assert (first != second).all()
 
 
+@pytest.mark.slow
 def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
     run = small_run(
         ppo.ALGORITHM,
@@ -122,6 +123,7 @@ def test_an_agent_does_not_see_a_hidden_context(tmp_path: Path) -> None:
     assert (agent.make(5).act(other) != expected).any()
 
 
+@pytest.mark.slow
 def test_only_the_critic_sees_the_hidden_state(tmp_path: Path) -> None:
     run = small_run(
         ppo.ALGORITHM,

@@ -354,6 +354,7 @@ def test_mistakes_end_in_one_line_and_status_2(
     assert printed.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_page_prints_what_the_commands_print(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

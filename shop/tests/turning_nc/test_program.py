@@ -30,6 +30,7 @@ PROGRAMS = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(PROGRAMS, st.text(max_size=200))
 def test_a_written_program_reads_back_equal(program: Program, comment: str) -> None:

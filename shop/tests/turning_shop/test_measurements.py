@@ -271,6 +271,7 @@ def test_huge_sheets_are_refused(tmp_path: Path) -> None:
         read_measurements(reading(tmp_path, HEADER + "100,0.3,2.5,0.2,4.5\n" * 100_001))
 
 
+@pytest.mark.slow
 def test_huge_workbooks_are_refused(tmp_path: Path) -> None:
     book = pytest.importorskip("openpyxl").Workbook(write_only=True)
     sheet = book.create_sheet()

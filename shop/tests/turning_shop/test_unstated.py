@@ -235,6 +235,7 @@ def test_the_strength_of_edges_bounds_programs_too(
     assert loads["strong.toml"] > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.4, 0.8])
 def test_the_nose_radius_limits_the_feed_of_every_command(
     folder: Path, radius: float, monkeypatch: pytest.MonkeyPatch, capsys

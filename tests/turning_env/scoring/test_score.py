@@ -90,6 +90,7 @@ def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
     assert played.episodes["return"].tolist() == expected.episodes["return"].tolist()
 
 
+@pytest.mark.slow
 def test_a_file_that_ships_reaches_the_return_that_ships() -> None:
     agent = ROOT / "agents" / OVERRIDE / "override" / "ppo-seed0.onnx"
     played = score(agent, OVERRIDE, seeds=8)
@@ -219,6 +220,7 @@ def returns_of(policy: Any) -> list[float]:
     return returns
 
 
+@pytest.mark.slow
 def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: Path) -> None:
     env = VecNormalize(RoughTurningVecEnv("paper", 2))
     model = learned(env)
