@@ -21,9 +21,13 @@ def code_cells(path: Path) -> list[dict[str, Any]]:
 
 
 def script(cells: list[dict[str, Any]]) -> str:
-    """Return the cells as a script: without magics, and with shell commands as processes."""
+    """Return the cells as a script.
+
+    Magics are left out, shell commands are processes, and agents learn for a few steps only.
+    """
     code = "\n".join("".join(cell["source"]) for cell in cells)
     code = re.sub(r"^%.*", "", code, flags=re.MULTILINE)
+    code = re.sub(r"^STEPS = .*", "STEPS = 4096", code, flags=re.MULTILINE)
     command = r"import subprocess; subprocess.run('''\1''', shell=True, check=True)"
     return re.sub(r"^!(.*)", command, code, flags=re.MULTILINE)
 
