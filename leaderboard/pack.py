@@ -29,7 +29,7 @@ from leaderboard.result import (
     write_whole,
 )
 from turning_env import FAMILY_ID, IDS
-from turning_env.scenario.family import families
+from turning_env.scenario.family import DRAFTS, families
 from turning_env.scoring.score import FOLDER, SPLIT
 
 DIGITS = 2  # decimals of the times [s] in the wheel
@@ -76,6 +76,8 @@ def contents(results: Path) -> dict[Path, str]:
         path = FOLDER / f"{env_id}{SUFFIX}"
         texts[path] = _returns(env_id, result_folder(results, env_id, scenario))
     for family in families():
+        if family in DRAFTS:
+            continue
         path = FOLDER / f"{FAMILY_ID}-{family}{SUFFIX}"
         folder = result_folder(results, FAMILY_ID, f"{family}-{SPLIT}")
         texts[path] = _returns(FAMILY_ID, folder)

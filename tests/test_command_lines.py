@@ -214,6 +214,10 @@ MISTAKES = {
     "train.guided_ppo": [
         "--env nothing",
     ],
+    "research.studies.family_sources": [
+        "nothing",
+        "shop --list nothing",
+    ],
     "research.studies.paired": [
         "ppo causal --scenarios nothing",
         "ppo causal",

@@ -16,7 +16,7 @@ from PIL import Image
 from leaderboard.__main__ import main as leaderboard
 from leaderboard.ranking import read_leaderboard
 from leaderboard.result import RESULTS
-from research.studies import paired
+from research.studies import family_sources, paired
 from tests.walking import ROOT
 from train import curves
 
@@ -30,6 +30,7 @@ COMMAND = r"(?:```bash\n|<!-- )python -m ({}[^\n]*?)(?:\n```| -->)\n\n"
 TABLE = r"((?:\|.*\n)*)"
 SHOW = re.compile(COMMAND.format(r"leaderboard show [^\n]*--markdown") + TABLE)
 PAIRED = re.compile(COMMAND.format("research.studies.paired ") + TABLE)
+SOURCES = re.compile(COMMAND.format("research.studies.family_sources") + TABLE)
 DRAW = re.compile(COMMAND.format(r"(?:leaderboard figure|train.curves)") + r"!\[[^]]*\]\((\S+?)\)")
 
 
@@ -58,6 +59,15 @@ def test_differences_are_what_their_command_prints(
 ) -> None:
     monkeypatch.chdir(ROOT)
     assert paired.main(shlex.split(command)[1:]) == 0
+    assert capsys.readouterr().out == table
+
+
+@pytest.mark.parametrize(("command", "table", "page"), cases(SOURCES))
+def test_counts_of_sources_are_what_their_command_prints(
+    command: str, table: str, page: Path, monkeypatch, capsys
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert family_sources.main(shlex.split(command)[1:]) == 0
     assert capsys.readouterr().out == table
 
 

@@ -13,7 +13,7 @@ from leaderboard.result import MANIFEST_FILE, Manifest, read_part, read_results
 from leaderboard.verify import Selection
 from train.agents import agent_file
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
-from turning_env.scenario.family import families
+from turning_env.scenario.family import DRAFTS, families
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"
@@ -90,7 +90,8 @@ def test_every_rule_and_oracle_has_a_result(env_id: str, preset: str) -> None:
 
 def test_policies_of_the_family_play_every_job_of_the_three_splits() -> None:
     splits = ("unseen_jobs", "unseen_machines", "unseen_materials")
-    expected = {f"{family}-{split}" for family in families() for split in splits}
+    published = set(families()) - set(DRAFTS)
+    expected = {f"{family}-{split}" for family in published for split in splits}
     assert {folder.name for folder in (RESULTS / FAMILY_ID).iterdir()} == expected
     for name in sorted(expected):
         # Unranked: tests/test_tables.py ranks them.

@@ -13,6 +13,7 @@ from turning_env.scenario.scenario import flat
 from turning_env.scenario.sections import EdgeFailure, Mismatch
 
 SHOP = Family.load("shop")
+SHOP2 = Family.load("shop2")
 UNMODELLED = Family.load("unmodelled")
 JOBS = {
     "train": "67b14524b7e305a5",
@@ -125,7 +126,7 @@ def test_jobs_are_as_released_on_every_processor(split):
 
 
 def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
-    assert families() == ("shop", "unmodelled")
+    assert families() == ("shop", "shop2", "unmodelled")
     assert Family.load(SHOP.model_dump(mode="json", exclude_none=True)) == SHOP
     path = tmp_path / "mine.toml"
     path.write_text('[variables]\n[fields]\n"limits.power" = 6.5\n')
@@ -147,6 +148,52 @@ def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
         assert true[name] == drawn[3]
         varies = len(np.unique(drawn)) > 1
         assert varies == isinstance(formula, str)
+
+
+def test_forms_of_the_laws_differ_between_truth_and_nominal_model_in_a_known_share_of_jobs():
+    jobs = SHOP2.draw("train", 0)
+    assert makes_sense(jobs.true, jobs.plan).all()
+    for name in ("thrust_force", "power"):
+        true = getattr(jobs.true.material, name)
+        nominal = getattr(jobs.nominal.material, name)
+        true_form = true.wear_growth > 0.0
+        nominal_form = nominal.wear_growth > 0.0
+        # Of 256 jobs; 0.92, 0.5 and 0.42 of all that are drawn, whether they make sense or not.
+        assert true_form.mean() == pytest.approx(0.92, abs=0.06)
+        assert nominal_form.mean() == pytest.approx(0.5, abs=0.1)
+        assert (true_form != nominal_form).mean() == pytest.approx(0.42, abs=0.1)
+        # U = 1 + b W has no exponent.
+        assert (true.wear[true_form] == 1.0).all()
+        assert (nominal.wear[~nominal_form] < 1.2).all()
+
+
+def test_both_forms_of_a_law_need_the_same_load_at_a_half_worn_edge():
+    share_of_a_fresh_edge = []
+    for seed in range(16):
+        job = SHOP2.job(seed)
+        material = job.scenario.nominal().material
+        place = {"cutting_speed": job.cutting_speed, "feed": 0.25, "depth_of_cut": 2.0}
+        worn = material.power(**place, wear=0.15)
+        fresh = material.power(**place, wear=1e-9)
+        share_of_a_fresh_edge.append(fresh / worn)
+        if material.power.wear_growth > 0.0:
+            assert worn / fresh == pytest.approx(1.0 + 0.15 * material.power.wear_growth)
+    assert min(share_of_a_fresh_edge) < 0.3
+    assert max(share_of_a_fresh_edge) > 0.7
+
+
+def test_start_speeds_depend_on_the_grade():
+    materials = SHOP2.tables["material"]
+    usual_speeds = {row[2] for row in materials.rows.values()}
+    grades = [row[0] for row in SHOP2.tables["grade"].rows.values()]
+    jobs = SHOP2.draw("train", 0)
+    # The machine's highest speed is 1.6 times the start speed.
+    start_speeds = jobs.nominal_fields["machine.cutting_speed_max"] / 1.6
+    for start_speed in start_speeds:
+        usual = [start_speed / grade for grade in grades]
+        assert any(
+            abs(speed - usual_speed) < 1e-9 for speed in usual for usual_speed in usual_speeds
+        )
 
 
 def test_a_family_extends_another_and_shows_values_of_a_catalogue(tmp_path):
