@@ -1,4 +1,7 @@
-"""Links of the package: they follow from the repository's address, ``[tool.hatch.metadata.hooks.custom]`` in pyproject.toml."""
+"""Links of the package, which follow from the repository's address.
+
+The address is ``[tool.hatch.metadata.hooks.custom]`` in pyproject.toml.
+"""
 
 import re
 from pathlib import Path
@@ -8,7 +11,10 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 
 class Links(MetadataHookInterface):
-    """Adds the README, with absolute links, and the package's addresses. Without an address, links stay relative."""
+    """Adds the README, with absolute links, and the package's addresses.
+
+    Without an address, links stay relative.
+    """
 
     def update(self, metadata: dict[str, Any]) -> None:
         repository, version = self.config["repository"].rstrip("/"), metadata["version"]

@@ -1,1 +1,4 @@
-"""The workshop: its packages are installed under their own names; only `shop.tests` and `shop.examples` belong here."""
+"""The workshop: its packages are installed under their own names.
+
+Only ``shop.tests`` and ``shop.examples`` belong here.
+"""

@@ -363,7 +363,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if parsed.only != "kills":
         came = step_long(parsed.steps)
         print(
-            "\n| steps | episodes | per second | growth [MB] | differing from single environments |\n"
+            "\n| steps | episodes | per second | growth [MB] "
+            "| differing from single environments |\n"
             "|---|---|---|---|---|"
         )
         rate, growth = f"{came.steps / came.seconds:.0f}", f"{came.growth / 1e6:.1f}"

@@ -1,4 +1,6 @@
-"""Adapt every part program of shop/examples/programs to the scenario `rough_turning`, and print the times before and after.
+"""Adapt every part program of shop/examples/programs to the scenario `rough_turning`.
+
+Prints the times before and after.
 
 python -m shop.examples.adapt_programs
 python -m shop.examples.adapt_programs --max-feed 0.4 --adapt blocks
@@ -58,7 +60,8 @@ def main() -> int:
     options = parser.parse_args()
     totals = [0.0, 0.0]
     print(
-        f"{'program':<24}{'before':>9}{'after':>9}{'saved':>10}{'load before':>13}{'after':>7}{'life':>7}"
+        f"{'program':<24}{'before':>9}{'after':>9}{'saved':>10}"
+        f"{'load before':>13}{'after':>7}{'life':>7}"
     )
     for name in COLLECTION:
         situation = situation_of(name, Machine(max_feed=options.max_feed))
@@ -67,14 +70,16 @@ def main() -> int:
         after = summary(adapted.situation, adapted.played)
         life = sum(after.used_life.values()) / sum(before.used_life.values())
         print(
-            f"{name:<24}{before.time:>7.1f} s{after.time:>7.1f} s{100 * (1 - after.time / before.time):>8.1f} %"
+            f"{name:<24}{before.time:>7.1f} s{after.time:>7.1f} s"
+            f"{100 * (1 - after.time / before.time):>8.1f} %"
             f"{100 * before.max_load:>11.0f} %{100 * after.max_load:>5.0f} %{100 * life:>5.0f} %"
         )
         if before.max_load <= 1.0:
             totals = [totals[0] + before.time, totals[1] + after.time]
     saved = 100 * (1 - totals[1] / totals[0])
     print(
-        f"all that kept the limits before: {totals[0]:.0f} s before, {totals[1]:.0f} s after: {saved:.1f} % saved"
+        f"all that kept the limits before: {totals[0]:.0f} s before, {totals[1]:.0f} s after: "
+        f"{saved:.1f} % saved"
     )
     return 0
 

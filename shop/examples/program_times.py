@@ -3,8 +3,9 @@
     python -m shop.examples.program_times
     python -m shop.examples.program_times --moves 1000 10000 --kinds passes contour --adapt words
 
-It prints a Markdown table: seconds of processor time, also for each 1,000 straight moves (arcs are run as chords), and the
-highest memory of the process so far. The time must grow in proportion to the moves.
+It prints a Markdown table: seconds of processor time, also for each 1,000 straight moves (arcs are
+run as chords), and the highest memory of the process so far. The time must grow in proportion to
+the moves.
 """
 
 import argparse
@@ -108,10 +109,12 @@ def cycles(moves: int) -> str:
         first, last = 2 * number + 1, 2 * number + 2
         diameter = 60.0 - depth * number
         blocks.append(
-            f"G0 X{diameter + 1.0:.3f} Z2.\nG71 U{depth / 6.0:.4f} R0.3\nG71 P{first} Q{last} U0.02 W0.01 F0.25"
+            f"G0 X{diameter + 1.0:.3f} Z2.\nG71 U{depth / 6.0:.4f} R0.3\n"
+            f"G71 P{first} Q{last} U0.02 W0.01 F0.25"
         )
         blocks.append(
-            f"N{first} G0 X{diameter - depth:.3f}\nG1 Z-50.\nX{diameter:.3f} Z-100.\nN{last} Z-{LENGTH}"
+            f"N{first} G0 X{diameter - depth:.3f}\nG1 Z-50.\n"
+            f"X{diameter:.3f} Z-100.\nN{last} Z-{LENGTH}"
         )
         blocks.append(f"G70 P{first} Q{last}")
     return HEAD + "\n".join(blocks)
@@ -164,13 +167,15 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("--moves must be 10 or more")
     scenario = Scenario.load("rough_turning")
     print(
-        "| Program | Straight moves | Time [s] | Per 1,000 moves [s] | Memory [MB] |\n|---|---|---|---|---|"
+        "| Program | Straight moves | Time [s] | Per 1,000 moves [s] | Memory [MB] |\n"
+        "|---|---|---|---|---|"
     )
     for kind in options.kinds:
         for moves in options.moves:
             count, seconds = measure(KINDS[kind](moves), scenario, options.adapt)
             print(
-                f"| {kind} | {count:,} | {seconds:.1f} | {1000.0 * seconds / count:.2f} | {highest_memory()} |",
+                f"| {kind} | {count:,} | {seconds:.1f} "
+                f"| {1000.0 * seconds / count:.2f} | {highest_memory()} |",
                 flush=True,
             )
     return 0

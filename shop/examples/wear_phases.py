@@ -1,10 +1,13 @@
-"""Compare the power law of wear with laws that have a running-in or a tertiary phase, on measured wear over time.
+"""Compare the power law of wear with laws that have a running-in or a tertiary phase.
+
+The data are measured wear over time.
 
     python shop/examples/wear_phases.py aist_turning_wear.csv
 
-Edges of one pair of materials share the exponent of time n; each has a scale of its own. With D = W^(1/n), dD/dt is 1 + size
-exp(-W / 0.05 mm) times as large while an edge runs in, or exp(size (W - 0.2 mm)) times beyond 0.2 mm. A phase is better for a
-pair if its corrected Akaike criterion (Hurvich and Tsai 1989) is lower. The common size is the likeliest for all pairs.
+Edges of one pair of materials share the exponent of time n; each has a scale of its own. With D =
+W^(1/n), dD/dt is 1 + size exp(-W / 0.05 mm) times as large while an edge runs in, or exp(size (W -
+0.2 mm)) times beyond 0.2 mm. A phase is better for a pair if its corrected Akaike criterion
+(Hurvich and Tsai 1989) is lower. The common size is the likeliest for all pairs.
 """
 
 import csv
@@ -25,7 +28,10 @@ EDGE = "organization", "nose_radius_mm", "cutting_speed_m_min", "feed_mm_rev", "
 
 
 def misfit(edges: Any, exponent: float, factor: Any) -> float:
-    """Return the mean squared deviation of log wear of edges, arrays of log time and log wear, each with its best scale."""
+    """Return the mean squared deviation of edges' log wear, each with its best scale.
+
+    An edge is its arrays of log time and log wear.
+    """
     life, deviations = WEAR ** (1.0 / exponent), []
     time = np.log(
         life[0]
@@ -78,7 +84,8 @@ def main(path: str) -> None:
         common, better = deviance.sum(axis=1), deviance.min(axis=0) + more < deviance[0] + plain
         own = [SIZES[k] for k in deviance.argmin(axis=0)[better]]
         print(
-            f"{name}: better for {better.sum()} pairs, of sizes {own}; common size {SIZES[common.argmin()]}"
+            f"{name}: better for {better.sum()} pairs, of sizes {own}; "
+            f"common size {SIZES[common.argmin()]}"
         )
         print(
             "  deviance by size:",

@@ -25,8 +25,10 @@ def program(options: argparse.Namespace) -> int:
     limits and without using more edges. The adapted program is simulation output. Do not run it on
     a machine without review.
 
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --figure part.png
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 --adapt words --out part.simulated.mpf
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \\
+        --figure part.png
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \\
+        --adapt words --out part.simulated.mpf
     """
     from turning_nc.play_command import play_program
 

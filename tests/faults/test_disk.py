@@ -1,4 +1,7 @@
-"""A disk that is full, and folders that must not be written: a message, and what was there before stays as it was."""
+"""A disk that is full, and folders that must not be written.
+
+Both give a message, and earlier files stay as they were.
+"""
 
 import os
 import resource

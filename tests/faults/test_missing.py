@@ -62,15 +62,18 @@ def python(without: Path, package: str, *arguments: str) -> "subprocess.Complete
         ),
         (
             "onnxruntime",
-            "leaderboard run --results FILE --policies --agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
+            "leaderboard run --results FILE --policies "
+            "--agents agents/RoughTurning-Batch-v0/batch_casting/ppo-seed0.onnx",
         ),
         (
             "PIL",
-            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --out FILE.gif",
+            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 "
+            "--steps 1 --out FILE.gif",
         ),
         (
             "pygame",
-            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 --steps 1 --human",
+            "leaderboard.watch --policy programmed_feed --env RoughTurning-Override-v1 "
+            "--steps 1 --human",
         ),
     ],
 )
@@ -92,8 +95,8 @@ def test_an_environment_that_needs_more_says_how_to_install_it(without: Path) ->
     assert finished.stderr.count("Traceback") == 1
     last = finished.stderr.splitlines()[-1]
     assert (
-        last
-        == "ModuleNotFoundError: shapely is not installed: pip install 'rough-turning-shop[programs]'"
+        last == "ModuleNotFoundError: shapely is not installed: "
+        "pip install 'rough-turning-shop[programs]'"
     )
 
 

@@ -32,7 +32,9 @@ def assert_sound(
 
 
 def tried(short: int, soak: int) -> Any:
-    """Return settings for a property: ``short`` inputs in the suite, ``soak`` where ``HYPOTHESIS_PROFILE`` is ``soak``.
+    """Return settings for a property: ``short`` inputs in the suite, ``soak`` in a soak.
+
+    A soak sets ``HYPOTHESIS_PROFILE`` to ``soak``.
 
     A file in pytest's ``tmp_path`` is written anew for every input, so the folder may be shared.
     """

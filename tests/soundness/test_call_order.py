@@ -1,4 +1,7 @@
-"""Whatever the order of calls: a batch does what as many single environments do, and neither goes on without a reset."""
+"""Calls in any order.
+
+A batch does what as many single environments do, and neither goes on without a reset.
+"""
 
 import re
 

@@ -102,5 +102,6 @@ def test_a_formula_has_a_finite_value_or_is_refused(formula: str) -> None:
     assert np.isfinite(value).all()
     with np.errstate(all="ignore"):
         expected = eval(formula.strip(), {"__builtins__": {}}, PYTHON | VARIABLES)
-    # Sums that cancel keep few digits, so that the difference is seen beside the largest number of the formula.
+    # Sums that cancel keep few digits, so that the difference is seen beside the largest number of
+    # the formula.
     np.testing.assert_allclose(value, np.asarray(expected, np.float64), rtol=1e-6, atol=1e-6)

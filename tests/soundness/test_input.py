@@ -1,4 +1,7 @@
-"""For any scenario, actions and seed, outputs are finite and within their spaces, or the environment refuses."""
+"""Outputs are finite and within their spaces, or the environment refuses.
+
+This holds for any scenario, actions and seed.
+"""
 
 import copy
 import decimal

@@ -40,7 +40,10 @@ def intervals(
 def test_the_info_of_a_step_adds_up_and_wear_never_falls(
     data: st.DataObject, scenario: Scenario, seed: int
 ) -> None:
-    """The reward is the sum of its terms; power, torque and speed agree; no share is more than its whole."""
+    """The reward is the sum of its terms; power, torque and speed agree.
+
+    No share is more than its whole.
+    """
     told = intervals(data, scenario, seed)
     for number, (reward, info) in enumerate(told):
         terms = [info[f"reward_{term}"] for term in TERMS]
@@ -90,7 +93,7 @@ def test_the_info_of_a_step_adds_up_and_wear_never_falls(
 def test_removed_volume_is_the_allowance_over_the_way_cut(
     seed, sub_steps, actions, along, offset
 ) -> None:
-    """Compared with an integral over the bar's own fields, in steps that are finer than the environment's."""
+    """Compared with an integral over the bar's own fields, in finer steps."""
     scenario = changed(
         Scenario(),
         workpiece={
@@ -111,7 +114,8 @@ def test_removed_volume_is_the_allowance_over_the_way_cut(
     places = (np.arange(steps) + 0.5) * cut / steps
     _, depth = Fields(scenario).along((seed, 0), 0, places)
     volume = math.pi * scenario.workpiece.diameter * depth.mean() * cut / 1000.0  # [cm3]
-    # The middle of a sub-step stands for all of it: the error is of second order in its length, 4 mm at most here.
+    # The middle of a sub-step stands for all of it: the error is of second order in its length, 4
+    # mm at most here.
     correlated = scenario.workpiece.depth_correlation_length
     step = cut / (sub_steps * len(actions))
     assert removed == pytest.approx(volume, rel=1e-6 + 2.0 * along * min(step / correlated, 1.0))
@@ -172,7 +176,10 @@ VARIED = changed(
 def test_energy_impulse_and_used_life_do_not_depend_on_how_time_is_split(
     seed, set_points, pieces, sub_steps
 ) -> None:
-    """Mean power over the time in metal is the work done, and adds up over one interval as over its pieces; so does wear."""
+    """Mean power over the time in metal is the work done.
+
+    It adds up over one interval as over its pieces; so does wear.
+    """
     done = []
     for parts in (1, pieces):
         control = {"interval": 6.0 / parts, "sub_steps": sub_steps * pieces // parts}
