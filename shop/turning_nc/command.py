@@ -14,7 +14,7 @@ from turning_env.console import number_within, picture_path
 
 
 def program(options: argparse.Namespace) -> int:
-    """Play a part program on a stock, and adapt its feeds and speeds.
+    r"""Play a part program on a stock, and adapt its feeds and speeds.
 
     Shows depth of cut, load, wear and time of every block. The program is Fanuc's (ISO) or
     SINUMERIK's. An error names words that are not understood, with their lines. Loads are nominal,
@@ -25,9 +25,9 @@ def program(options: argparse.Namespace) -> int:
     limits and without using more edges. The adapted program is simulation output. Do not run it on
     a machine without review.
 
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \\
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --figure part.png
-    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \\
+    python -m turning_env program part.mpf --scenario my_tool.toml --stock bar:80x120+1 \
         --adapt words --out part.simulated.mpf
     """
     from turning_nc.play_command import play_program
