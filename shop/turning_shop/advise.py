@@ -173,7 +173,8 @@ def plan(
     life_doubt = np.full(cuts.time.shape, np.nan)
     wear_law = scenario.material.wear
     if law := evidence.laws.get("wear"):
-        life_doubt = law.quantile * law.log_deviation(wear_law, factors, 0.0) / wear_law.time
+        deviation = law.log_deviation(wear_law, factors, of_reading=False)
+        life_doubt = law.quantile * deviation / wear_law.time
     parts = parts_if(0.0)
     return Plan(
         cuts=cuts,

@@ -18,6 +18,7 @@ from scipy import optimize, special
 from turning_shop import WorkshopError
 from turning_shop.whatif import NO_LIMIT, Cuts
 
+from turning_env.numerics.wear_term import term_of_factor, wear_term_slope
 from turning_env.physics.spindle import capacity_at
 from turning_env.scenario import Scenario
 
@@ -141,9 +142,10 @@ def load_spread(scenario: Scenario, name: str) -> float:
 def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
     """Return the largest load of a nominal bar at the edge change over its limit [-].
 
-    During an edge's life, with g the exponent of time in wear and e that of wear in the load,
+    During an edge's life, with g the exponent of time in wear and e that of U, the term of wear,
 
-        load = load at the change * (time / life)^(e g)
+        load = load at the change * (U(wear) / U(wear at the change))^e
+        wear = wear at the change * (time / life)^g
 
     Bars that vary multiply it by a log-normal number. The share of time above
     limit * (1 + tolerance) is the mean of the normal distribution over the life. The limits share
@@ -156,12 +158,16 @@ def _overload_factor(scenario: Scenario, name: str, num_limits: int) -> float:
     allowance = max(limits.overload_allowance / num_limits, MIN_ALLOWANCE)
     if bar_spread == 0.0 or allowance >= 0.5:
         return 1.0
-    edge_spread = law.wear * scenario.tool.wear_factor_spread
+    # U is the wear or 1 + b wear: turning_env/numerics/wear_term.py.
+    log_wear = math.log(scenario.tool.wear_criterion)
+    slope = float(wear_term_slope(law.wear_growth, log_wear))
+    edge_spread = law.wear * slope * scenario.tool.wear_factor_spread
     spread = math.hypot(bar_spread, edge_spread)
     used_life = (np.arange(MOMENTS) + 0.5) / MOMENTS
     # The usual edge is changed before it reaches the wear at the change.
     at_change = -LASTING_DEVIATIONS * edge_spread
-    log_load = at_change + law.wear * scenario.material.wear.time * np.log(used_life)
+    log_wear_share = scenario.material.wear.time * np.log(used_life)
+    log_load = at_change + law.wear * term_of_factor(law.wear_growth, log_wear, log_wear_share)
 
     def excess_time(log_factor: float) -> float:
         """Return the share of time in overload above the allowance [-]."""

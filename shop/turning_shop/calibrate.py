@@ -7,7 +7,7 @@ The command is ``python -m turning_env calibrate``; shop/docs/your_own_machine.m
 import difflib
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +19,15 @@ from turning_shop import WorkshopError
 from turning_shop.copies import ROUNDING, without_copies
 from turning_shop.fit import (
     FACTORS,
+    TYPICAL_EDGE_SPREAD,
     Fit,
     complete_rows,
     fit,
-    fresh_rows,
     rows_correlate,
     tells_no_edges,
     validated_law,
 )
-from turning_shop.form import Misfit, misfit
+from turning_shop.form import FormChoice, choose_form, misfit
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
 from turning_shop.plausibility import (
@@ -44,6 +44,7 @@ from turning_shop.whatif import NO_LIMIT
 
 from turning_env.files import replace_file
 from turning_env.scenario import Scenario, presets
+from turning_env.scenario.power_law import PowerLaw
 from turning_env.scenario.scenario import name_of_file
 from turning_env.scenario.sections import Material
 from turning_env.scoring.statistics import Estimate
@@ -73,6 +74,9 @@ class Calibration:
 
     fits: dict[str, Fit]  # by predicted response
     kept: dict[str, str]  # laws kept from the base, with the reason
+    forms: dict[str, str]  # form of each law in the wear, and what decided, for people
+    # Log standard deviation of wear from edge to edge, if it was assumed [-].
+    assumed_edge_spread: float | None
     material: Material  # the fitted and the kept laws
     problems: tuple[str, ...]  # implausible values, if the calibration was forced
     warnings: tuple[str, ...]  # for the use of the laws
@@ -84,6 +88,8 @@ class Calibration:
 
         None if it is unknown or outside the scenario's range.
         """
+        if self.assumed_edge_spread is not None:
+            return self.assumed_edge_spread
         edges = self.fits["wear"].edges if "wear" in self.fits else None
         if edges is None or edges.spread > MAX_SPREAD:
             return None
@@ -101,13 +107,14 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
     notes = list(_notes_on_rows(measurements, copied))
     problems = [*row_problems(measurements), *_contradictions(measurements)]
     fits: dict[str, Fit] = {}
+    forms: dict[str, str] = {}
     kept: dict[str, str] = {}
     for response in FACTORS:
         if not complete_rows(response, measurements).any():
             kept[response] = _why_kept(response, measurements)
             continue
         try:
-            fits[response], warning = _fit_where_it_holds(response, measurements, base)
+            choice = fitted_law(response, measurements, base)
         except WorkshopError as error:
             # Wrong rows, or copies, are the likely reason.
             if problems and not force:
@@ -115,13 +122,22 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
             if len(copied):
                 raise WorkshopError(f"{error}; {notes[0]}") from error
             raise
-        if warning:
-            notes.append(warning)
+        fits[response] = choice.fitted
+        if choice.reason:
+            forms[response] = choice.reason
     if not fits:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in kept.items())
         raise WorkshopError(f"no law can be fitted: {reasons}")
 
-    robust = {response: robust_fit(fitted) for response, fitted in fits.items()}
+    robust = {}
+    for response, fitted in fits.items():
+        robust_law = robust_fit(fitted)
+        wrong_form = misfit(fitted, robust_law.distance)
+        if wrong_form is None:
+            robust[response] = robust_law
+        else:
+            # Far from a law of a wrong form, rows may well be right.
+            notes.append(wrong_form.describe(response))
     problems += outliers(fits, robust)
     # Wrong rows make laws wrong, too, so that only the rows are named.
     if not problems or force:
@@ -132,6 +148,8 @@ def calibrate(measurements: Measurements, base: Scenario, force: bool = False) -
     return Calibration(
         fits=fits,
         kept=kept,
+        forms=forms,
+        assumed_edge_spread=_assumed_edge_spread(fits, measurements, base),
         material=_material(fits, base),
         problems=tuple(problems),
         warnings=tuple(warnings),
@@ -194,52 +212,53 @@ def _why_kept(response: str, measurements: Measurements) -> str:
     return f"no row has all of {', '.join(needed)}"
 
 
-def _fit_where_it_holds(
-    response: str, measurements: Measurements, base: Scenario
-) -> tuple[Fit, str]:
-    """Return a law fitted to the rows for which its form holds, and a warning if not to all."""
-    fitted = _fit(response, measurements, base)
-    wrong = misfit(fitted)
-    if wrong is None:
-        return fitted, ""
-    unit = COLUMNS[wrong.factor].unit
-    reason = _why_form_is_wrong(response, wrong)
-    used = measurements.columns[response].copy()
-    used[np.isin(measurements.lines, fitted.lines[wrong.beyond])] = np.nan
-    reduced = replace(measurements, columns=measurements.columns | {response: used})
-    try:
-        refitted = _fit(response, reduced, base)
-    except WorkshopError as error:
-        above = f"too few rows are left above {wrong.holds_from:.3g} {unit}, where it fits"
-        raise WorkshopError(f"{reason}; {above}: {error}") from error
-    lines = name_lines(fitted.lines[wrong.beyond])
-    warning = (
-        f"{reason}. It was fitted to {wrong.factor} from {wrong.holds_from:.3g} {unit} up, "
-        f"and holds only there: rows below were left out, in {lines}"
-    )
-    return refitted, warning
+def fitted_law(response: str, measurements: Measurements, base: Scenario) -> FormChoice:
+    """Return a law in the form that fits, and why.
 
+    Taylor's n is that of catalogues if the sheet cannot tell it. This replaces only the paper's n,
+    which is that of presets.
 
-def _why_form_is_wrong(response: str, wrong: Misfit) -> str:
-    """Return the straight line that fits better than a power, for people."""
-    line = f"c (1 + {wrong.slope:.3g} {wrong.factor})"
-    return (
-        f"{response}: the law's form, c {wrong.factor}^x, does not fit near {wrong.factor} 0; "
-        f"{line} fits all rows with a scatter of {100 * wrong.scatter:.2g} %"
-    )
-
-
-def _fit(response: str, measurements: Measurements, base: Scenario) -> Fit:
-    """Fit a law, with Taylor's n of catalogues if the sheet cannot tell it.
-
-    This replaces only the paper's n, which is that of presets.
+    Raises:
+        WorkshopError: There are too few rows, or a fitted number is out of the law's range.
     """
-    edge_spread = base.tool.wear_factor_spread if response == "wear" else 0.0
-    law = getattr(base.material, response)
-    fitted = fit(response, measurements, law, edge_spread=edge_spread)
-    if response == "wear" and is_papers(base.material.wear):
-        return _with_taylor(fitted, measurements, base)
-    return fitted
+    edge_spread = _edge_spread(response, base)
+
+    def fit_law(rows: Measurements, law: PowerLaw) -> Fit:
+        fitted = fit(response, rows, law, edge_spread=edge_spread)
+        if response == "wear" and is_papers(base.material.wear):
+            return _with_taylor(fitted, rows, base)
+        return fitted
+
+    return choose_form(response, measurements, getattr(base.material, response), fit_law)
+
+
+def _edge_spread(response: str, base: Scenario) -> float:
+    """Return how edges differ if a sheet does not tell it, as a log standard deviation [-].
+
+    That of wear may be stated by the base's files.
+    """
+    if response == "wear" and _states_edge_spread(base):
+        return base.tool.wear_factor_spread
+    return TYPICAL_EDGE_SPREAD[response]
+
+
+def _states_edge_spread(base: Scenario) -> bool:
+    """Return whether a file of the user states how the wear of edges differs."""
+    if base.file is None:
+        return False
+    return "wear_factor_spread" in stated_by(base.file)[0].get("tool", {})
+
+
+def _assumed_edge_spread(
+    fits: Mapping[str, Fit], measurements: Measurements, base: Scenario
+) -> float | None:
+    """Return the spread of edges in wear that was assumed, or None if it was measured or stated."""
+    fitted = fits.get("wear")
+    if fitted is None or fitted.edges or _states_edge_spread(base):
+        return None
+    if not tells_no_edges(measurements, fitted.factors):
+        return None
+    return TYPICAL_EDGE_SPREAD["wear"]
 
 
 def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit:
@@ -263,7 +282,7 @@ def _with_taylor(fitted: Fit, measurements: Measurements, base: Scenario) -> Fit
         return fitted
     law = validated_law("wear", base.material.wear, {name: exponent})
     reasons = {name: f"{assumed[name]}; {CATALOGUE}"}
-    return fit("wear", measurements, law, reasons, edge_spread=base.tool.wear_factor_spread)
+    return fit("wear", measurements, law, reasons, edge_spread=_edge_spread("wear", base))
 
 
 def _is_vague(estimate: Estimate) -> bool:
@@ -293,7 +312,6 @@ def _used_rows(measurements: Measurements) -> NDArray[np.bool_]:
     used = np.zeros(len(measurements.lines), np.bool_)
     for response in FACTORS:
         used |= complete_rows(response, measurements)
-        used |= fresh_rows(response, measurements)
     if {"wear", "time"} <= measurements.columns.keys():
         no_wear = measurements.columns["wear"] == 0.0
         used |= no_wear & (measurements.columns["time"] == 0.0)
@@ -305,8 +323,8 @@ def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> It
     response = fitted.response
     if fitted.fresh.any() and fitted.fresh.all():
         yield (
-            f"{response}: all rows are of fresh edges: "
-            "loads of worn edges are higher, so limits may not hold with them"
+            f"{response}: all rows are of fresh edges: how the load grows with wear "
+            "was not measured but assumed"
         )
     if fitted.edges is None:
         if measurements.edges is not None:
@@ -315,7 +333,7 @@ def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> It
                 "rows were taken as independent"
             )
         if response == "wear" and tells_no_edges(measurements, fitted.factors):
-            spread = f"{100 * base.tool.wear_factor_spread:g} %"
+            spread = f"{100 * _edge_spread('wear', base):g} %"
             yield (
                 "wear: too few edges or settings to tell how edges differ: "
                 f"{spread} is assumed, tool.wear_factor_spread"
@@ -323,7 +341,7 @@ def _law_warnings(fitted: Fit, measurements: Measurements, base: Scenario) -> It
         if rows_correlate(fitted):
             yield (
                 f"{response}: rows at the same settings deviate together, so intervals are too "
-                "narrow: name edges in a column 'edge'; otherwise no power law fits"
+                "narrow: name edges in a column 'edge'; otherwise the law's form does not fit"
             )
     for name in fitted.exponents:
         estimate = fitted.estimates[name]
@@ -341,6 +359,8 @@ def summary(calibration: Calibration) -> Iterator[str]:
     yield f"columns: {', '.join(calibration.readings)}"
     for response, fitted in calibration.fits.items():
         yield f"{response}: {fitted.quality}"
+        if response in calibration.forms:
+            yield f"  form: {calibration.forms[response]}"
         if fitted.edges:
             spread = f"{100 * fitted.edges.spread:.2g} % (one standard deviation)"
             yield f"  {fitted.edges.count} edges, which differ by {spread}"
@@ -349,35 +369,23 @@ def summary(calibration: Calibration) -> Iterator[str]:
             yield f"  {name:<14}{estimate.value:>12.6g}   {interval}"
         for name, reason in fitted.assumed.items():
             yield f"  {name:<14}{getattr(fitted.law, name):>12.6g}   assumed: {reason}"
-        if fitted.fresh.any():
-            yield f"  {_on_fresh_edges(fitted)}"
+        if response == "power" and fitted.has_growth:
+            yield f"  {_specific_force(fitted)}"
     for response, reason in calibration.kept.items():
         yield f"{response}: as in the base, {reason}"
 
 
-def _on_fresh_edges(fitted: Fit) -> str:
-    """Return what rows with a wear of 0 tell, for people; of a power also kc1.1 and mc."""
-    if fitted.fresh.all():
-        level = 1.0
-        mean_wear = 1.0
-        text = "all rows are of fresh edges: the law does not depend on wear"
-    else:
-        wear = fitted.factors["wear"][~fitted.fresh]
-        level = fitted.fresh_level
-        mean_wear = float(np.exp(np.log(wear).mean()))
-        text = (
-            f"{fitted.fresh.sum()} rows of fresh edges, {level:.3g} times the law at "
-            f"{mean_wear:.3g} mm, tell the exponents of speed, feed and depth; "
-            f"the law holds from {wear.min():.3g} mm of wear"
-        )
-    if fitted.response == "power":
-        # Kienzle: Fc = kc1.1 b h^(1 - mc), and P [kW] = Fc [N] V [m/min] / 60,000. At a depth and
-        # a feed of 1 mm, and an entering angle of 90 degrees, b and h are 1 mm, and Fc is kc1.1.
-        speed = float(np.exp(np.log(fitted.factors["cutting_speed"]).mean()))
-        power = level * float(fitted.law(speed, 1.0, 1.0, wear=mean_wear))
-        specific_force = f"kc1.1 {60e3 * power / speed:.4g} N/mm2"
-        text += f"; {specific_force}, mc {1.0 - fitted.law.feed:.2f} at {speed:.3g} m/min"
-    return text
+def _specific_force(fitted: Fit) -> str:
+    """Return Kienzle's kc1.1 and mc of a fresh edge by a law of power, for people.
+
+    Fc = kc1.1 b h^(1 - mc), and P [kW] = Fc [N] V [m/min] / 60,000. At a depth and a feed of 1 mm,
+    and an entering angle of 90 degrees, b and h are 1 mm, and Fc is kc1.1.
+    """
+    speed = float(np.exp(np.log(fitted.factors["cutting_speed"]).mean()))
+    power = float(fitted.law(speed, 1.0, 1.0, wear=0.0))
+    specific_force = f"kc1.1 {60e3 * power / speed:.4g} N/mm2"
+    exponent = f"mc {1.0 - fitted.law.feed:.2f}"
+    return f"a fresh edge has {specific_force}, {exponent} at {speed:.3g} m/min"
 
 
 def write_scenario(calibration: Calibration, base: str, source: str, out: Path) -> Scenario:
@@ -460,12 +468,16 @@ def _toml_lines(
     for name in stated.get("limits", {}):
         yield f"# limits.{name} is off, as its law was not measured and no file states it."
     if calibration.wear_factor_spread is not None:
-        yield "# tool.wear_factor_spread is the deviation of edges from the law of wear."
+        measured = calibration.assumed_edge_spread is None
+        source = "" if measured else ", assumed: the sheet tells it not, and AIST's edges have it"
+        yield f"# tool.wear_factor_spread is the deviation of edges from the law of wear{source}."
     yield ""
     yield tomli_w.dumps(stated)
     for response, fitted in calibration.fits.items():
         yield f"[material.{response}]"
         yield f"# {fitted.quality}."
+        if response in calibration.forms:
+            yield f"# Form: {calibration.forms[response]}."
         for name, value in fitted.law.model_dump().items():
             yield f"{name} = {value!r}{_comment(fitted, name)}"
         yield ""

@@ -3,15 +3,24 @@
 The laws are the extended Taylor equation of tool life, solved for the wear, and Kienzle's equation
 of forces with factors for speed and wear. In the symbols of ``turning_env.scenario.power_law``:
 
-    response = coefficient * V^a * f^b * (d / d0)^c * t^g * W^e * H^h
+    response = coefficient * V^a * f^b * (d / d0)^c * t^g * U^e * H^h
 
 Its logarithm is linear in the logarithms of the factors, so exponents are slopes. If a factor never
 varies, or varies only together with others, its exponent cannot be estimated. The base law's
 exponent is then kept, and the others are fitted given it.
 
+U is the flank wear W, or 1 + B W in a law of force or power with a fresh edge's share. ``fit``
+keeps the base's form, and ``form.py`` chooses it. B enters the logarithm as log(1 + B W), the only
+term that is not linear in the number that is fitted. So B is searched, with the others by least
+squares at each trial value. Intervals follow from the slope W / (1 + B W), as in a Gauss-Newton
+step.
+
 Confidence intervals assume the same relative scatter in all rows. If the file does not name edges,
 rows count as independent. If it does, the rows of one edge share a deviation: a random effect,
-whose variance is estimated by the method of Swamy and Arora (Econometrica 40, 1972).
+whose variance is estimated by the method of Swamy and Arora (Econometrica 40, 1972). Edges also
+differ in how fast they wear and how fast their load grows with wear. So the interval of the growth,
+or of the exponent of wear or time, allows for any correlation of an edge's rows, however many they
+are (Liang and Zeger, Biometrika 73, 1986). Readings of other edges scatter more along the curve.
 
 ``calibrate.py`` fits the laws of a material and judges them; ``prediction.py`` uses the intervals.
 """
@@ -24,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
-from scipy import stats
+from scipy import optimize, stats
 from turning_shop import Values, WorkshopError
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
@@ -41,12 +50,30 @@ FACTORS = {
 
 A law is named after the column that it predicts.
 """
+PROGRESS = ("time", "wear", "wear_growth")
+"""Numbers of a law by which the response of an edge grows."""
 SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
 """Factors that are equal in all readings of one edge in one bar."""
 MIN_VARIATION = 1e-3
 """Variation of a factor, unexplained by other factors, from which its exponent is fitted [-]."""
 MIN_SHARE = 0.1
 """Share of a factor's variance within edges from which its exponent is estimated there [-]."""
+MIN_GROWTH, MAX_GROWTH = 1e-3, 1000.0
+"""Range in which the growth of a load with the wear is searched [1/mm]; the law allows no more."""
+GROWTHS = np.geomspace(MIN_GROWTH, MAX_GROWTH, 43)  # tried first, seven in a decade
+MAX_ROUNDS = 10  # of growth and edge effect, each estimated with the other
+GROWTH_TOLERANCE = 1e-4  # relative change of the growth at which the rounds end [-]
+TYPICAL_EDGE_SPREAD = {"wear": 0.34, "thrust_force": 0.12, "power": 0.03}
+"""Log standard deviation of edges that is assumed if a sheet does not tell it [-].
+
+Source: wear of 72 pairs of work and tool material (AIST), loads of 13 tools (Vicomtech); see
+shop/docs/measured_data.md.
+"""
+TYPICAL_GROWTH = {"thrust_force": 4.0, "power": 0.8}
+"""Growth that is assumed if all edges are fresh [1/mm].
+
+Source: the 13 tools of Vicomtech (shop/docs/measured_data.md), which differ by a factor of 2.
+"""
 MIN_KEPT = 1e-3
 """Lowest share of its edge's mean that a row keeps [-]; at 0, settings would all be the same."""
 SIGNIFICANCE = 0.01
@@ -55,17 +82,27 @@ LEVEL = 0.95  # confidence level of all intervals [-]
 MIN_SCATTER = 1e-4  # lowest scatter of the rows [-]: that of rounding to four digits
 MIN_READING_SCATTER = 0.01
 """Lowest scatter of a reading of an edge that was not measured [-] (assumption)."""
-MIN_TOLD_APART = 0.05
-"""Share of the difference of fresh and worn edges that settings must leave unexplained [-]."""
 MIN_SETTINGS = 3
 """Number of settings below which rows without names of edges do not tell how edges differ."""
 MAX_LOG = 700.0
 """Largest logarithm of an end of the coefficient's interval; it keeps the end finite."""
-FRESH_ONLY = "all rows are of fresh edges: the load of a worn edge is higher, and not known"
+FRESH_ONLY = "all rows are of fresh edges; the growth is that of 13 tools of Vicomtech"
 NO_HARDNESS = "there is no column hardness: nominal in all rows"
 
 Rows = NDArray[np.bool_]
 """Which rows of a sheet are meant, shape (rows,)."""
+
+
+class ReadingScatter(NamedTuple):
+    """The scatter of one reading of an edge that was not measured, about the law.
+
+    The variance of its logarithm is level^2 + (curve * curve_slope)^2: see ``curve_slope``.
+    """
+
+    level: float  # standard deviation at the reference [-]
+    curve: float  # standard deviation of the slopes of edges [-]
+    reference: float  # wear [mm] or time [min] at which the slopes of edges have no effect
+    degrees: float  # of freedom
 
 
 @dataclass(frozen=True)
@@ -73,8 +110,10 @@ class EdgeEffect:
     """The deviation that readings of one edge share."""
 
     count: int  # of edges
+    readings: float  # of an edge, on average: their mean number, less its variance over that mean
     spread: float  # standard deviation of the logarithm that readings of one edge share [-]
-    degrees: tuple[int, ...]  # of freedom, of the coefficient and of each fitted exponent
+    degrees: tuple[int, ...]  # of freedom, of each fitted number, the coefficient first
+    is_within: tuple[bool, ...]  # whether each is estimated within edges, rather than between them
     group: NDArray[np.int64]  # number of each row's edge, from 0, shape (rows,)
     # Share of its edge's mean to subtract from each row, which makes rows independent [-], (rows,).
     removed: Values
@@ -82,40 +121,53 @@ class EdgeEffect:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted law; arrays have the shape (rows,).
-
-    Rows of fresh edges, whose wear is 0, have a level of their own: they tell the exponents of
-    speed, feed and depth. Their wear in ``factors`` is the mean of the others. If all edges are
-    fresh, the law does not depend on wear.
-    """
+    """A fitted law; arrays have the shape (rows,)."""
 
     response: str  # predicted quantity, a key of ``FACTORS``
     law: PowerLaw
-    estimates: dict[str, Estimate]  # the coefficient and the fitted exponents, named as in the law
-    assumed: dict[str, str]  # factors whose exponents are the base law's, with the reason
-    # Of the coefficient's logarithm and the fitted exponents, in the order of ``estimates``.
+    estimates: dict[str, Estimate]  # the coefficient and the other fitted numbers, as in the law
+    assumed: dict[str, str]  # other numbers, which are the base law's, with the reason
+    # Of the coefficient's logarithm and the other fitted numbers, in the order of ``estimates``.
     covariance: Values
-    # Standard deviation of the logarithm of one reading of an edge that was not measured [-].
-    reading_scatter: float
+    reading: ReadingScatter
     factors: dict[str, Values]  # in the units of ``COLUMNS``
     measured: Values  # response in its unit
     predicted: Values  # response by the law
     lines: NDArray[np.int64]  # of the file
     edges: EdgeEffect | None  # None if they are unknown
-    fresh: Rows  # rows of fresh edges
-    # Response of a fresh edge over that of the law at the rows' mean wear [-]; NaN if not measured.
-    fresh_level: float
+
+    @property
+    def terms(self) -> list[str]:
+        """Fitted numbers but the coefficient: factors whose exponents they are, and wear_growth."""
+        return list(self.estimates)[1:]
 
     @property
     def exponents(self) -> list[str]:
         """Factors whose exponents were fitted."""
-        return list(self.estimates)[1:]
+        return [name for name in self.terms if name in FACTORS[self.response]]
+
+    @property
+    def has_growth(self) -> bool:
+        """Whether the law has a fresh edge's share, 1 + wear_growth * wear."""
+        return self.law.wear_growth > 0.0
+
+    @property
+    def fresh(self) -> Rows:
+        """Rows of fresh edges, whose wear is 0."""
+        if self.response == "wear":
+            return np.zeros(len(self.lines), np.bool_)
+        return np.asarray(self.factors["wear"] == 0.0)
 
     @property
     def degrees(self) -> int:
         """Degrees of freedom of the residuals: number of rows - number of fitted parameters."""
-        has_fresh_level = int(np.isfinite(self.fresh_level))
-        return len(self.lines) - len(self.estimates) - has_fresh_level
+        return len(self.lines) - len(self.estimates)
+
+    def regressors(self) -> Values:
+        """Return the derivatives of log response by its fitted numbers, (rows, terms + 1)."""
+        columns = [np.ones(len(self.lines))]
+        columns += [regressor(self.law, name, self.factors) for name in self.terms]
+        return np.column_stack(columns)
 
     @property
     def log_residuals(self) -> Values:
@@ -145,20 +197,42 @@ class Fit:
         return f"{len(self.lines)} rows, {explained}scatter {100 * self.scatter:.2g} %"
 
 
+def regressor(law: PowerLaw, term: str, factors: Mapping[str, Values]) -> Values:
+    """Return the derivative of the logarithm of a law's response by one of its numbers.
+
+    ``term`` is a factor, for its exponent, or "wear_growth".
+    """
+    if term == "wear_growth":
+        wear = factors["wear"]
+        return np.asarray(law.wear * wear / (1.0 + law.wear_growth * wear))
+    if term == "depth_of_cut":
+        return np.asarray(np.log(factors[term] / law.reference_depth_of_cut))
+    if term == "wear":
+        return np.asarray(np.log(law.wear_term(factors["wear"])))
+    return np.asarray(np.log(factors[term]))
+
+
+def curve_slope(law: PowerLaw, factors: Mapping[str, Values], reference: float) -> Values:
+    """Return the derivative of a law's log response by what differs between the curves of edges.
+
+    It is the logarithm of the growth with wear, or else the exponent of wear or time, whose effect
+    is none at a ``reference`` wear or time.
+    """
+    if law.wear_growth > 0.0:
+        growth = law.wear_growth * factors["wear"]
+        return np.asarray(law.wear * growth / (1.0 + growth))
+    name = "time" if law.time else "wear"
+    return np.asarray(np.log(factors[name] / reference))
+
+
 @dataclass(frozen=True)
 class _Sample:
     """The rows with a response and all its factors; arrays have the shape (rows,)."""
 
     measured: Values
-    factors: dict[str, Values]  # with a wear of fresh edges as in ``Fit``
+    factors: dict[str, Values]
     lines: NDArray[np.int64]
     edges: NDArray[np.int64] | None
-    fresh: Rows
-
-    @property
-    def is_mixed(self) -> bool:
-        """Whether both fresh and worn edges were measured."""
-        return bool(self.fresh.any() and not self.fresh.all())
 
 
 def fit(
@@ -170,152 +244,215 @@ def fit(
 ) -> Fit:
     """Fit the law of one response to all rows with that response and all its factors.
 
-    Without a hardness column or value, hardness is nominal. Exponents that cannot be estimated, and
-    those of ``given`` factors with the reason, are the base's. ``edge_spread`` is the log standard
-    deviation of edges [-] that is assumed if the rows are of too few to tell it.
+    The law has the base's form: with a ``wear_growth``, that number is fitted in place of the
+    exponent of wear. A power of the wear is fitted to the rows of worn edges. If all edges are
+    fresh, the law has a typical growth.
+
+    Without a hardness column or value, hardness is nominal. Numbers that cannot be estimated, and
+    those ``given`` with the reason, are the base's. ``edge_spread`` is the log standard deviation
+    of edges [-] that is assumed if the rows are of too few to tell it.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number is out of the law's range.
     """
-    sample = _sample(response, measurements)
-    fresh_only = bool(sample.fresh.any()) and not sample.is_mixed
-    if fresh_only:
-        base = base.model_copy(update={"wear": 0.0})
-    candidates = [name for name in sample.factors if name not in given]
-    fitted, assumed = _identifiable(sample.factors, candidates)
-    assumed |= given
-    if fresh_only:
-        assumed["wear"] = FRESH_ONLY
+    given = dict(given)
+    fresh = fresh_rows(response, measurements)
+    if fresh.any() and base.wear_growth == 0.0 and not worn_rows(response, measurements).any():
+        base = with_growth(base, TYPICAL_GROWTH[response])
+        given["wear_growth"] = FRESH_ONLY
+    rows = complete_rows(response, measurements)
+    if base.wear_growth == 0.0:
+        rows &= ~fresh
+    sample = _sample(response, measurements, rows)
+
+    candidates = _candidates(response, base)
+    fitted, assumed = _identifiable(sample.factors, base, candidates=candidates, given=given)
     if "hardness" not in measurements.columns:
         assumed["hardness"] = NO_HARDNESS
-    if len(sample.lines) < len(fitted) + 2 + int(sample.is_mixed):
-        raise WorkshopError(f"{response}: {_too_few(sample)}")
+    if len(sample.lines) < len(fitted) + 2:
+        raise WorkshopError(f"{response}: {_too_few(sample, base, candidates)}")
 
-    target, design = _regression(sample, base, fitted)
-    edges = None
-    if sample.edges is not None:
-        edges = _edge_effect(target, design[:, 1:], sample.edges)
-    solved = _least_squares(target, design, edges)
-
-    # The level of fresh edges, the last parameter, is no part of the law.
+    regression = _regression(sample, base, fitted)
+    solved = _solve(regression, sample.edges)
+    edges = solved.edges
     names = ("coefficient", *fitted)
-    count = len(names)
-    solution = solved.parameters[:count]
-    covariance = solved.covariance[:count, :count]
-    degrees = (len(target) - design.shape[1],) * count
-    if edges:
-        degrees = edges.degrees[:count]
-    numbers = dict(zip(names, solution, strict=True))
+    numbers = dict(zip(names, solved.parameters, strict=True))
     # A coefficient that overflows is infinite, and ``validated_law`` refuses it.
     with np.errstate(over="ignore"):
-        numbers["coefficient"] = np.exp(solution[0])
+        numbers["coefficient"] = np.exp(solved.parameters[0])
     law = validated_law(response, base, numbers)
-    fresh_level = np.nan
-    level = np.ones(len(target))
-    if sample.is_mixed:
-        fresh_level = float(np.exp(solved.parameters[-1]))
-        level[sample.fresh] = fresh_level
 
-    spread = edges.spread if edges else 0.0
-    if edges is None and tells_no_edges(measurements, sample.factors):
-        spread = edge_spread
+    if edges:
+        reading = _reading_of_other_edge(law, sample, solved=solved, edges=edges)
+    else:
+        spread = edge_spread if tells_no_edges(measurements, sample.factors) else 0.0
+        level = max(float(np.hypot(solved.scatter, spread)), MIN_READING_SCATTER)
+        degrees = float(len(sample.lines) - len(names))
+        reading = ReadingScatter(level, curve=0.0, reference=1.0, degrees=degrees)
     return Fit(
         response=response,
         law=law,
-        estimates=_estimates(law, names, solution, covariance, degrees),
+        estimates=_estimates(law, names, solved),
         assumed=assumed,
-        covariance=covariance,
-        reading_scatter=max(float(np.hypot(solved.scatter, spread)), MIN_READING_SCATTER),
+        covariance=solved.covariance,
+        reading=reading,
         factors=sample.factors,
         measured=sample.measured,
-        predicted=np.asarray(law(**sample.factors)) * level,
+        predicted=np.asarray(law(**sample.factors)),
         lines=sample.lines,
         edges=edges,
-        fresh=sample.fresh,
-        fresh_level=fresh_level,
     )
 
 
-def _sample(response: str, measurements: Measurements) -> _Sample:
+def with_growth(law: PowerLaw, growth: float) -> PowerLaw:
+    """Return a law with a fresh edge's share, which is proportional to 1 + growth * wear."""
+    return law.model_copy(update={"wear": 1.0, "wear_growth": growth})
+
+
+def without_growth(law: PowerLaw) -> PowerLaw:
+    """Return a law that is proportional to a power of the wear, of the same exponent."""
+    return law.model_copy(update={"wear_growth": 0.0})
+
+
+def _sample(response: str, measurements: Measurements, rows: Rows) -> _Sample:
     """Return the rows to which the law of a response is fitted."""
-    present = complete_rows(response, measurements)
     columns = measurements.columns
-    count = int(present.sum())
     factors = {}
     for name in FACTORS[response]:
         # Only hardness may be missing: it is then nominal, 1.
-        known = columns[name][present] if name in columns else np.ones(count)
+        known = columns[name][rows] if name in columns else np.ones(int(rows.sum()))
         factors[name] = np.nan_to_num(known, nan=1.0)
-    fresh = fresh_rows(response, measurements)[present]
-    if fresh.all() and fresh.any():
-        factors["wear"] = np.ones(count)
-    elif fresh.any():
-        mean = np.exp(np.log(factors["wear"][~fresh]).mean())
-        factors["wear"] = np.where(fresh, mean, factors["wear"])
     edges = measurements.edges
     return _Sample(
-        measured=columns[response][present],
+        measured=columns[response][rows],
         factors=factors,
-        lines=measurements.lines[present],
-        edges=None if edges is None else edges[present],
-        fresh=fresh,
+        lines=measurements.lines[rows],
+        edges=None if edges is None else edges[rows],
     )
 
 
-def _too_few(sample: _Sample) -> str:
+def _candidates(response: str, base: PowerLaw) -> list[str]:
+    """Return the numbers of a law that may be fitted, but the coefficient; the growth is last."""
+    candidates = list(FACTORS[response])
+    if response != "wear" and base.wear_growth > 0.0:
+        candidates.remove("wear")
+        candidates.append("wear_growth")
+    return candidates
+
+
+def _too_few(sample: _Sample, base: PowerLaw, candidates: Sequence[str]) -> str:
     """Return the message on a sample with too few rows."""
     varying = []
-    for name, values in sample.factors.items():
-        if _variation(np.log(values)) >= MIN_VARIATION:
+    for name in candidates:
+        if _variation(_log_factor(name, sample.factors, base)) >= MIN_VARIATION:
             varying.append(name)
     numbers = "the coefficient"
     if varying:
         numbers += f" and {len(varying)} exponents ({', '.join(varying)})"
-    if sample.is_mixed:
-        numbers += " and the level of fresh edges"
     count = len(sample.lines)
-    needed = len(varying) + 2 + int(sample.is_mixed)
     return (
         f"{count} row{'' if count == 1 else 's'} with this and all its factors, "
-        f"but {needed} are needed: for {numbers}, and one more to estimate the scatter"
+        f"but {len(varying) + 2} are needed: for {numbers}, and one more to estimate the scatter"
     )
 
 
-def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> tuple[Values, Values]:
-    """Return the target (rows,) and the design (rows, parameters) of the regression.
+@dataclass(frozen=True)
+class _Regression:
+    """A regression that is linear in its parameters, except in the growth with wear.
 
-    log(response) - log(assumed part) = log c + a log V + b log f + e log(d / d0) + ...
-
-    The parameters are the coefficient's logarithm, the fitted exponents and, if both fresh and worn
-    edges were measured, the logarithm of the level of fresh ones.
+    target = design @ parameters + wear_exponent * log(1 + growth * wear)
     """
-    assumed_part = base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(fitted, 0.0)
+
+    target: Values  # log(response) - log(assumed part), shape (rows,)
+    design: Values  # of the coefficient's logarithm and the exponents, shape (rows, exponents + 1)
+    wear: Values | None  # [mm], shape (rows,); None if no growth is fitted
+    wear_exponent: float
+    progress: int | None  # place of the parameter of wear or time, by which an edge proceeds
+
+    def without_wear(self, growth: float) -> Values:
+        """Return the target less the term of wear with this growth [1/mm], shape (rows,)."""
+        if self.wear is None:
+            return self.target
+        return np.asarray(self.target - self.wear_exponent * np.log1p(growth * self.wear))
+
+    def tangent(self, growth: float) -> Values:
+        """Return the design with a column for the growth, (rows, parameters)."""
+        if self.wear is None:
+            return self.design
+        slope = self.wear_exponent * self.wear / (1.0 + growth * self.wear)
+        return np.column_stack([self.design, slope])
+
+
+def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> _Regression:
+    """Return the regression of a law on the numbers that are fitted."""
+    has_growth = "wear_growth" in fitted
+    exponents = [name for name in fitted if name != "wear_growth"]
+    assumed_part = base.model_dump() | {"coefficient": 1.0} | dict.fromkeys(exponents, 0.0)
+    if has_growth:
+        assumed_part |= {"wear": 0.0, "wear_growth": 0.0}
     known = PowerLaw.model_validate(assumed_part)
-    target = np.log(sample.measured) - np.log(known(**sample.factors))
-    columns = [np.ones(len(target))]
-    for name in fitted:
-        log = np.log(sample.factors[name])
-        if name == "depth_of_cut":
-            log = log - np.log(base.reference_depth_of_cut)
-        columns.append(log)
-    if sample.is_mixed:
-        columns.append(sample.fresh.astype(float))
-    return target, np.column_stack(columns)
+    columns = [np.ones(len(sample.measured))]
+    columns += [regressor(base, name, sample.factors) for name in exponents]
+    return _Regression(
+        target=np.log(sample.measured) - np.log(known(**sample.factors)),
+        design=np.column_stack(columns),
+        wear=sample.factors["wear"] if has_growth else None,
+        wear_exponent=base.wear,
+        progress=next((1 + fitted.index(name) for name in PROGRESS if name in fitted), None),
+    )
 
 
-def _estimates(
-    law: PowerLaw,
-    names: Sequence[str],
-    solution: Values,
-    covariance: Values,
-    degrees: Sequence[int],
-) -> dict[str, Estimate]:
+def _reading_of_other_edge(
+    law: PowerLaw, sample: _Sample, solved: "_Solution", edges: EdgeEffect
+) -> ReadingScatter:
+    """Return the scatter of a reading of an edge that was not measured.
+
+    Squared residuals are regressed on the squared slope of the curve, by non-negative least
+    squares. Each edge counts as one, however often it was read.
+    """
+    reference = 1.0
+    if law.wear_growth == 0.0:
+        progress = sample.factors["time" if law.time else "wear"]
+        reference = float(np.exp(np.log(progress).mean()))
+    slope = curve_slope(law, sample.factors, reference)
+    residual = np.log(sample.measured / law(**sample.factors))
+    members = np.bincount(edges.group)
+    root_weight = 1.0 / np.sqrt(members[edges.group])
+    design = np.column_stack([np.ones(len(slope)), slope**2]) * root_weight[:, np.newaxis]
+    variances = optimize.nnls(design, residual**2 * root_weight)[0]
+    # Each number that is estimated between edges takes one of them away.
+    variances *= edges.count / edges.degrees[0]
+    level, curve = np.sqrt(variances)
+    return ReadingScatter(
+        level=max(float(level), MIN_READING_SCATTER),
+        curve=float(curve),
+        reference=reference,
+        degrees=_degrees_of_reading(solved.scatter**2, edges),
+    )
+
+
+def _degrees_of_reading(variance_within: float, edges: EdgeEffect) -> float:
+    """Return the degrees of freedom of the variance of a reading of another edge.
+
+    By Satterthwaite (Biometrics Bulletin 2, 1946), for the sum of the variances within edges and
+    between them. The latter is (mean square of edges - variance within) / readings of an edge.
+    """
+    rows = len(edges.group)
+    degrees_between = edges.degrees[0]
+    degrees_within = max(rows - edges.count - sum(edges.is_within), 1)
+    of_edges = variance_within / edges.readings + edges.spread**2
+    of_rows = variance_within * (1.0 - 1.0 / edges.readings)
+    total = variance_within + edges.spread**2
+    return total**2 / (of_edges**2 / degrees_between + of_rows**2 / degrees_within)
+
+
+def _estimates(law: PowerLaw, names: Sequence[str], solved: "_Solution") -> dict[str, Estimate]:
     """Return the numbers of a fitted law with their intervals of confidence ``LEVEL``."""
     # Student's t, as the scatter is estimated from the same rows.
-    quantiles = stats.t.ppf(0.5 + 0.5 * LEVEL, degrees)
-    margins = np.sqrt(np.diag(covariance)) * quantiles
-    low = solution - margins
-    high = solution + margins
+    quantiles = stats.t.ppf(0.5 + 0.5 * LEVEL, solved.degrees)
+    margins = np.sqrt(np.diag(solved.covariance)) * quantiles
+    low = solved.unbounded - margins
+    high = solved.unbounded + margins
     # The first parameter is the coefficient's logarithm.
     low[0] = np.exp(max(low[0], -MAX_LOG))
     high[0] = np.exp(min(high[0], MAX_LOG))
@@ -344,19 +481,20 @@ def tells_no_edges(measurements: Measurements, factors: Mapping[str, Values]) ->
 def complete_rows(response: str, measurements: Measurements) -> Rows:
     """Return which rows have a response and all its factors; hardness may be missing.
 
-    Rows of fresh edges count for force and power, unless their level cannot be told. They tell
-    nothing of the law of wear.
+    Rows of fresh edges, whose wear is 0, count for force and power, and tell nothing of the law of
+    wear.
     """
-    complete = _filled_rows(response, measurements)
+    complete = np.ones(len(measurements.lines), np.bool_)
+    for name in (response, *FACTORS[response]):
+        if name in measurements.columns:
+            complete &= np.isfinite(measurements.columns[name]) | (name == "hardness")
+        elif name != "hardness":
+            complete[:] = False
     if response == "wear":
         # The logarithms of wear and time are fitted.
         for name in ("wear", "time"):
             if name in measurements.columns:
                 complete &= measurements.columns[name] > 0.0
-        return complete
-    fresh = fresh_rows(response, measurements)
-    if (complete & ~fresh).any() and not _told_apart(response, measurements, complete):
-        complete &= ~fresh
     return complete
 
 
@@ -365,36 +503,13 @@ def fresh_rows(response: str, measurements: Measurements) -> Rows:
     if response == "wear" or "wear" not in measurements.columns:
         return np.zeros(len(measurements.lines), np.bool_)
     unworn = measurements.columns["wear"] == 0.0
-    return np.asarray(_filled_rows(response, measurements) & unworn)
+    return np.asarray(complete_rows(response, measurements) & unworn)
 
 
-def _filled_rows(response: str, measurements: Measurements) -> Rows:
-    """Return which rows have a response and all its factors, also a wear of 0."""
-    filled = np.ones(len(measurements.lines), np.bool_)
-    for name in (response, *FACTORS[response]):
-        if name in measurements.columns:
-            filled &= np.isfinite(measurements.columns[name]) | (name == "hardness")
-        elif name != "hardness":
-            filled[:] = False
-    return filled
-
-
-def _told_apart(response: str, measurements: Measurements, rows: Rows) -> bool:
-    """Return whether fresh edges were measured at settings that tell their level.
-
-    It must not be a combination of the terms of speed, feed and depth.
-    """
-    fresh = fresh_rows(response, measurements)
-    if not fresh.any():
-        return True
-    columns = [np.ones(int(rows.sum()))]
-    for name in SETTINGS:
-        if name in FACTORS[response] and name != "hardness":
-            columns.append(np.log(measurements.columns[name][rows]))
-    others = np.column_stack(columns)
-    indicator = fresh[rows].astype(float)
-    unexplained = indicator - others @ _slopes(others, indicator)
-    return bool(np.abs(unexplained).max() > MIN_TOLD_APART)
+def worn_rows(response: str, measurements: Measurements) -> Rows:
+    """Return which rows of ``complete_rows`` are not of fresh edges."""
+    complete = complete_rows(response, measurements)
+    return np.asarray(complete & ~fresh_rows(response, measurements))
 
 
 def rows_correlate(fitted: Fit) -> bool:
@@ -423,25 +538,38 @@ def rows_correlate(fitted: Fit) -> bool:
     return bool(stats.f.sf(ratio, degrees_between, degrees_within) < SIGNIFICANCE)
 
 
+def _log_factor(term: str, factors: Mapping[str, Values], base: PowerLaw) -> Values:
+    """Return the logarithm of the factor that a number of a law weighs, shape (rows,)."""
+    if term == "wear_growth":
+        return np.asarray(np.log1p(base.wear_growth * factors["wear"]))
+    return np.asarray(np.log(factors[term]))
+
+
 def _identifiable(
-    factors: Mapping[str, Values], candidates: Sequence[str]
+    factors: Mapping[str, Values],
+    base: PowerLaw,
+    candidates: Sequence[str],
+    given: Mapping[str, str],
 ) -> tuple[list[str], dict[str, str]]:
-    """Return the factors whose exponents can be estimated, and the reasons why others cannot.
+    """Return the numbers of a law that can be estimated, and the reasons why others cannot.
 
     If factors vary only together, the first is fitted.
     """
     kept: list[str] = []
     centred: list[Values] = []  # logarithms of the kept factors, less their means
-    reasons: dict[str, str] = {}
-    for name in candidates:
-        log = np.log(factors[name])
+    reasons = dict(given)
+    for term in candidates:
+        if term in given:
+            continue
+        factor = "wear" if term == "wear_growth" else term
+        log = _log_factor(term, factors, base)
         if _variation(log) < MIN_VARIATION:
-            reasons[name] = _never_varies(name, factors[name])
+            reasons[term] = _never_varies(factor, factors[factor])
             continue
         others = np.array(centred).reshape(len(kept), len(log)).T
         weights = _slopes(others, log - log.mean())
         if _variation(log - others @ weights) >= MIN_VARIATION:
-            kept.append(name)
+            kept.append(term)
             centred.append(log - log.mean())
             continue
         shares = np.abs(weights) * np.ptp(others, axis=0)
@@ -449,7 +577,7 @@ def _identifiable(
         for other, share in zip(kept, shares, strict=True):
             if share >= MIN_VARIATION:
                 together.append(other)
-        reasons[name] = f"{name} varies only together with {' and '.join(together)}"
+        reasons[term] = f"{factor} varies only together with {' and '.join(together)}"
     return kept, reasons
 
 
@@ -511,8 +639,10 @@ def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> Edg
         degrees.append(degrees_within if is_within else degrees_between)
     return EdgeEffect(
         count=edges,
+        readings=readings,
         spread=float(np.sqrt(variance_between)),
         degrees=tuple(degrees),
+        is_within=(False, *within.tolist()),
         group=group,
         removed=1.0 - kept[group],
     )
@@ -532,27 +662,104 @@ def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
 
 
 class _Solution(NamedTuple):
-    """The solution of a regression."""
+    """The solution of a regression; its parameters are in the order of ``_Regression.tangent``."""
 
     parameters: Values  # shape (parameters,)
+    unbounded: Values  # parameters, with the growth that least squares ask for, even below 0
     covariance: Values  # of the parameters, shape (parameters, parameters)
+    degrees: tuple[int, ...]  # of freedom, of each parameter
     scatter: float  # standard deviation of a row, without that of its edge [-]
+    edges: EdgeEffect | None
 
 
-def _least_squares(target: Values, design: Values, edges: EdgeEffect | None) -> _Solution:
+def _solve(regression: _Regression, edge: NDArray[np.int64] | None) -> _Solution:
     """Solve a regression: by ordinary least squares, or with an edge effect by generalised ones."""
-    if edges is not None:
-        share = edges.removed
-        target = target - share * _group_means(target, edges.group)
-        design = design - share[:, np.newaxis] * _group_means(design, edges.group)
-    inverse = np.linalg.pinv(design)
-    parameters = inverse @ target
-    degrees = len(target) - len(parameters)
+    growth = MIN_GROWTH
+    edges = None
+    for _ in range(MAX_ROUNDS):
+        previous = growth
+        if regression.wear is not None:
+            growth = _best_growth(regression, edges)
+        if edge is not None:
+            target = regression.without_wear(growth)
+            edges = _edge_effect(target, regression.tangent(growth)[:, 1:], edge)
+        if regression.wear is None or abs(growth / previous - 1.0) < GROWTH_TOLERANCE:
+            break
+
+    target = independent(regression.without_wear(growth), edges)
+    design = independent(regression.design, edges)
+    tangent = independent(regression.tangent(growth), edges)
+    parameters = np.linalg.pinv(design) @ target
     residual = target - design @ parameters
-    scatter = float(np.linalg.norm(residual) / np.sqrt(degrees))
+    inverse = np.linalg.pinv(tangent)
+    unbounded = inverse @ target
+    if regression.wear is not None:
+        # The last parameter of the tangent is the change of the growth.
+        parameters = np.append(parameters, growth)
+        unbounded[-1] += growth
+    degrees_of_rows = len(target) - len(parameters)
+    scatter = float(np.linalg.norm(residual) / np.sqrt(degrees_of_rows))
     scatter = max(scatter, MIN_SCATTER)
     covariance = inverse @ inverse.T * scatter**2
-    return _Solution(parameters, covariance, scatter=scatter)
+    degrees = [degrees_of_rows] * len(parameters)
+    if edges is not None:
+        degrees = list(edges.degrees)
+        place = regression.progress
+        if place is not None and edges.is_within[place]:
+            variance = _variance_of_slopes(inverse[place], residual, edges)
+            if variance > covariance[place, place]:
+                factor = np.sqrt(variance / covariance[place, place])
+                covariance[place] *= factor
+                covariance[:, place] *= factor
+                # It is the scatter of as many slopes as there are edges.
+                degrees[place] = edges.degrees[0]
+    return _Solution(
+        parameters,
+        unbounded,
+        covariance=covariance,
+        degrees=tuple(degrees),
+        scatter=scatter,
+        edges=edges,
+    )
+
+
+def _best_growth(regression: _Regression, edges: EdgeEffect | None) -> float:
+    """Return the growth with wear [1/mm] of least squares, with a known edge effect."""
+    basis = np.linalg.qr(independent(regression.design, edges))[0]
+
+    def misfit(log_growth: float) -> float:
+        target = independent(regression.without_wear(float(np.exp(log_growth))), edges)
+        # The squared length of what the other parameters cannot explain.
+        return float(target @ target - np.sum((basis.T @ target) ** 2))
+
+    # The misfit may have several minima: search the neighbourhood of the lowest.
+    logs = np.log(GROWTHS)
+    misfits = [misfit(log) for log in logs]
+    best = int(np.argmin(misfits))
+    low = logs[max(best - 1, 0)]
+    high = logs[min(best + 1, len(logs) - 1)]
+    minimum = optimize.minimize_scalar(
+        misfit, bounds=(low, high), method="bounded", options={"xatol": 0.1 * GROWTH_TOLERANCE}
+    )
+    found = minimum.x if minimum.fun < misfits[best] else logs[best]
+    return float(np.exp(found))
+
+
+def independent(values: Values, edges: EdgeEffect | None) -> Values:
+    """Return targets or regressors whose rows are independent: less a share of the edge's mean."""
+    if edges is None:
+        return values
+    removed = (edges.removed * _group_means(values, edges.group).T).T
+    return np.asarray(values - removed)
+
+
+def _variance_of_slopes(weights: Values, residual: Values, edges: EdgeEffect) -> float:
+    """Return the variance of a parameter that holds however the rows of an edge correlate.
+
+    The parameter is weights @ target, with weights of shape (rows,) (Liang and Zeger 1986).
+    """
+    sums = np.bincount(edges.group, weights * residual)
+    return float((sums**2).sum()) * edges.count / (edges.count - 1)
 
 
 def validated_law(response: str, base: PowerLaw, numbers: dict[str, float]) -> PowerLaw:

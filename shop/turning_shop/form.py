@@ -1,130 +1,234 @@
-"""Find a factor in which a straight line fits the rows, but a power, the laws' form, does not.
+"""Choose the form in which a load depends on flank wear, and find forms that do not fit.
 
-Forces are not 0 at a fresh edge, and wear is not 0 after the first seconds. Measured over flank
-wear VB, a force often follows F0 (1 + b VB), which no power of VB fits near 0. Rows near 0 then lie
-far from the law, but are no typing errors: the law holds only above a value of the factor, from
-which it agrees with the straight line. ``plausibility.py`` looks for typing errors.
+A force or power is proportional to a power of the wear VB, VB^e, or has a fresh edge's share,
+1 + b VB. Both forms are fitted to part of the edges and predict the others. ``fit.py`` fits one
+law; ``plausibility.py`` looks for typing errors, in the form that was chosen.
 """
 
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
-from turning_shop import Values
-from turning_shop.fit import Fit
+from scipy import stats
+from turning_shop import Values, WorkshopError
+from turning_shop.fit import (
+    FACTORS,
+    TYPICAL_GROWTH,
+    Fit,
+    complete_rows,
+    fresh_rows,
+    independent,
+    with_growth,
+    without_growth,
+    worn_rows,
+)
+from turning_shop.headers import COLUMNS
+from turning_shop.measurements import Measurements
 
-MIN_MISFIT = 0.15
-"""Logarithm of the straight line over the law, at some row, from which the form is wrong [-]."""
-MAX_MISFIT = 0.05
-"""Logarithm of the straight line over the law, at all rows, up to which the law holds [-]."""
-MIN_GAIN = 0.6
-"""Scatter about the straight line over that about the law, below which the line fits better [-]."""
-SPARE_ROWS = 4  # rows beyond the fitted numbers that are needed to tell the form
-SLOPES = np.geomspace(0.03, 3000.0, 60)
-"""Slopes times the largest value of the factor that are tried first [-]."""
-CANDIDATES = 200
-"""Largest number of values of the factor that are tried as the lowest at which the law holds."""
+from turning_env.scenario.power_law import PowerLaw
+
+FitLaw = Callable[[Measurements, PowerLaw], Fit]
+"""Fits a law of the form of a base law to measurements."""
+
+MAX_FOLDS = 10  # parts of the rows that are left out in turn
+MIN_FOLDS = 3  # that tell which form predicts better
+BINS = 6  # ranges of wear or time in which residuals are compared
+MIN_UNITS = 4  # edges, or rows without names of edges, that tell of a range
+MIN_MISFIT = 0.1
+"""Mean logarithm of measured over predicted response in a range from which a form is wrong [-]."""
+SIGNIFICANCE = 1e-3  # probability that a law of the right form has such a range [-]
 
 
-class Misfit(NamedTuple):
-    """A factor in which the response follows c (1 + slope * factor) rather than a power."""
+class FormChoice(NamedTuple):
+    """A law in the form that predicts better, and what decided, for people."""
 
-    factor: str
-    slope: float  # in the inverse of the factor's unit
-    # Standard deviation of the rows from the straight line, of each edge's if edges are named [-].
-    scatter: float
-    holds_from: float  # lowest value of the factor at which a power agrees with the line
-    beyond: NDArray[np.bool_]  # rows below this value, shape (rows,)
+    fitted: Fit
+    reason: str  # empty if there was nothing to decide
 
 
-def misfit(fitted: Fit) -> Misfit | None:
-    """Return the factor of a law in which a straight line fits far better than a power.
+def choose_form(
+    response: str, measurements: Measurements, base: PowerLaw, fit_law: FitLaw
+) -> FormChoice:
+    """Fit a law in the form that predicts left-out edges better, or rows if edges have no names.
 
-    None if there is none, or too few rows tell.
+    The base's form is kept unless the other is better by more than the standard error of the
+    difference. A power of the wear cannot predict fresh edges, so that rows of them decide for
+    1 + b VB.
+
+    Raises:
+        WorkshopError: There are too few rows, or a fitted number is out of the law's range.
     """
-    worn_rows = int((~fitted.fresh).sum())
-    if worn_rows < len(fitted.estimates) + SPARE_ROWS:
+    if response == "wear":
+        return FormChoice(fit_law(measurements, base), "")
+    growing = base if base.wear_growth > 0.0 else with_growth(base, TYPICAL_GROWTH[response])
+    if fresh_rows(response, measurements).any():
+        fitted = fit_law(measurements, growing)
+        count = int(fitted.fresh.sum())
+        reason = f"1 + b VB, as {count} rows are of fresh edges"
+        errors = _errors_of_forms(response, measurements, growing, fit_law)
+        if errors is not None:
+            reason += f"; {errors.compared(measurements)}"
+        return FormChoice(fitted, reason)
+
+    fitted = fit_law(measurements, base)
+    if not {"wear", "wear_growth"} & set(fitted.terms):
+        return FormChoice(fitted, "")
+    errors = _errors_of_forms(response, measurements, growing, fit_law)
+    if errors is None:
+        return FormChoice(fitted, "")
+    has_growth = base.wear_growth > 0.0
+    gain = errors.gain_of_growth if not has_growth else -errors.gain_of_growth
+    if gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)):
+        other = without_growth(base) if has_growth else growing
+        fitted = fit_law(measurements, other)
+    chosen = "1 + b VB" if fitted.has_growth else "a power of VB"
+    reason = f"{chosen}, as {errors.compared(measurements)}"
+    if fitted.has_growth == has_growth and gain.mean() > 0.0:
+        reason = f"{chosen}, as in the base: {errors.compared(measurements)}, too close to tell"
+    return FormChoice(fitted, reason)
+
+
+class _Errors(NamedTuple):
+    """Errors of both forms at worn edges that were left out."""
+
+    with_growth: list[Values]  # absolute logarithms of measured over predicted, by fold
+    as_power: list[Values]
+
+    @property
+    def gain_of_growth(self) -> Values:
+        """Mean error of a power less that of 1 + b VB, of each fold."""
+        pairs = zip(self.as_power, self.with_growth, strict=True)
+        return np.array([power.mean() - growth.mean() for power, growth in pairs])
+
+    def compared(self, measurements: Measurements) -> str:
+        """Return the median errors of both forms for people."""
+        left_out = "rows" if measurements.edges is None else "edges"
+        growth = 100.0 * np.expm1(np.median(np.concatenate(self.with_growth)))
+        power = 100.0 * np.expm1(np.median(np.concatenate(self.as_power)))
+        return (
+            f"the median error at worn {left_out} left out is {growth:.2g} % by 1 + b VB "
+            f"and {power:.2g} % by a power of VB"
+        )
+
+
+def _errors_of_forms(
+    response: str, measurements: Measurements, growing: PowerLaw, fit_law: FitLaw
+) -> _Errors | None:
+    """Return the errors of both forms by cross-validation; None if too few edges tell."""
+    rows = complete_rows(response, measurements)
+    worn = worn_rows(response, measurements)
+    with_share: list[Values] = []
+    as_power: list[Values] = []
+    for left_out in folds(measurements, rows):
+        tested = left_out & worn
+        if not tested.any():
+            continue
+        rest = without_rows(measurements, left_out)
+        try:
+            growth_fit = fit_law(rest, growing)
+            power_fit = fit_law(rest, without_growth(growing))
+        except WorkshopError:
+            continue
+        if "wear_growth" not in growth_fit.terms or "wear" not in power_fit.terms:
+            continue
+        with_share.append(np.abs(log_errors(growth_fit, measurements, tested)))
+        as_power.append(np.abs(log_errors(power_fit, measurements, tested)))
+    if len(with_share) < MIN_FOLDS:
         return None
-    worst = None
-    for factor in fitted.exponents:
-        candidate = _misfit_in(fitted, factor)
-        if candidate and (worst is None or candidate.scatter < worst.scatter):
-            worst = candidate
-    return worst
+    return _Errors(with_share, as_power)
 
 
-def _misfit_in(fitted: Fit, factor: str) -> Misfit | None:
-    """Return the misfit of a law in one factor; None if a power fits well enough."""
-    rows = ~fitted.fresh
-    values = fitted.factors[factor][rows]
-    residual = fitted.log_residuals[rows]
-    by_law = getattr(fitted.law, factor) * np.log(values)
-    columns = [np.ones(len(values))]
-    for name in fitted.exponents:
-        if name != factor:
-            columns.append(np.log(fitted.factors[name][rows]))
-    design = np.column_stack(columns)
+def folds(
+    measurements: Measurements, rows: NDArray[np.bool_], count: int = MAX_FOLDS
+) -> Iterator[NDArray[np.bool_]]:
+    """Yield at most ``count`` parts of rows, each of whole edges if edges have names."""
+    groups = measurements.lines if measurements.edges is None else measurements.edges
+    place = np.unique(groups[rows], return_inverse=True)[1]
+    fold = np.full(len(rows), -1)
+    fold[rows] = place % count
+    for number in range(min(count, int(place.max(initial=-1)) + 1)):
+        yield fold == number
 
-    def about_line(scaled_slope: float) -> Values:
-        """Return the residuals about c (1 + slope * factor), with the other exponents refitted."""
-        target = residual + by_law - np.log1p(scaled_slope * values / values.max())
-        return np.asarray(target - design @ np.linalg.lstsq(design, target, rcond=None)[0])
 
-    def mean_deviation(log_slope: float) -> float:
-        slope = float(np.exp(log_slope))
-        return float(np.abs(about_line(slope)).mean())
-
-    # The deviation may have several minima over the slope: search the neighbourhood of the lowest.
-    deviations = [mean_deviation(float(np.log(slope))) for slope in SLOPES]
-    best = int(np.argmin(deviations))
-    low = float(np.log(SLOPES[max(best - 1, 0)]))
-    high = float(np.log(SLOPES[min(best + 1, len(SLOPES) - 1)]))
-    minimum = optimize.minimize_scalar(mean_deviation, bounds=(low, high), method="bounded")
-    scaled_slope = float(np.exp(minimum.x))
-
-    remaining = about_line(scaled_slope)
-    line_over_law = residual - remaining  # logarithm
-    if np.abs(line_over_law).max() < MIN_MISFIT:
-        return None
-    if np.abs(remaining).mean() > MIN_GAIN * np.abs(residual).mean():
-        return None
-    slope = scaled_slope / float(values.max())
-    holds_from = _holds_from(values, slope)
-    beyond = rows & (fitted.factors[factor] < holds_from)
-    if not beyond.any():
-        return None
-    edge = fitted.edges.group[rows] if fitted.edges else None
-    return Misfit(
-        factor=factor,
-        slope=slope,
-        scatter=_scatter(remaining, edge),
-        holds_from=holds_from,
-        beyond=beyond,
+def without_rows(measurements: Measurements, left_out: NDArray[np.bool_]) -> Measurements:
+    """Return measurements without some rows."""
+    edges = measurements.edges
+    return replace(
+        measurements,
+        columns={name: values[~left_out] for name, values in measurements.columns.items()},
+        lines=measurements.lines[~left_out],
+        edges=None if edges is None else edges[~left_out],
     )
 
 
-def _scatter(residual: Values, edge: NDArray[np.int64] | None) -> float:
-    """Return the standard deviation of residuals, about each edge's mean if edges are named."""
-    if edge is None:
-        return float(residual.std())
-    members = np.maximum(np.bincount(edge), 1)
-    means = np.bincount(edge, residual) / members
-    return float((residual - means[edge]).std())
+def factors_of(
+    response: str, measurements: Measurements, rows: NDArray[np.bool_]
+) -> dict[str, Values]:
+    """Return the factors of a law in some rows; a hardness that is not known is nominal."""
+    factors = {}
+    for name in FACTORS[response]:
+        if name in measurements.columns:
+            factors[name] = np.nan_to_num(measurements.columns[name][rows], nan=1.0)
+        else:
+            factors[name] = np.ones(int(rows.sum()))
+    return factors
 
 
-def _holds_from(values: Values, slope: float) -> float:
-    """Return the lowest value from which a power agrees with 1 + slope * value.
+def log_errors(fitted: Fit, measurements: Measurements, rows: NDArray[np.bool_]) -> Values:
+    """Return the logarithms of measured over predicted responses in some rows [-]."""
+    factors = factors_of(fitted.response, measurements, rows)
+    measured = measurements.columns[fitted.response][rows]
+    return np.asarray(np.log(measured / fitted.law(**factors)))
 
-    The logarithms of both agree to within ``MAX_MISFIT``.
+
+class Misfit(NamedTuple):
+    """A range of wear or time in which readings lie on one side of a law."""
+
+    factor: str
+    low: float  # ends of the range, in the factor's unit
+    high: float
+    ratio: float  # measured over predicted response in this range [-]
+
+    def describe(self, response: str) -> str:
+        """Return the misfit for people."""
+        unit = COLUMNS[self.factor].unit
+        percent = 100.0 * abs(self.ratio - 1.0)
+        side = "above" if self.ratio > 1.0 else "below"
+        return (
+            f"{response}: the law's form does not fit: at a {self.factor} of {self.low:.3g} to "
+            f"{self.high:.3g} {unit}, readings are {percent:.0f} % {side} it"
+        )
+
+
+def misfit(fitted: Fit, distance: Values) -> Misfit | None:
+    """Return the range of wear or time in which a law's form is wrong by most; None if it fits.
+
+    ``distance`` holds the rows' residuals from the law, fitted so that wrong rows hardly count. The
+    means of edges must agree on the side, so that a typing error is no misfit.
     """
-    distinct = np.unique(values)
-    places = np.linspace(0, len(distinct) - 1, CANDIDATES).astype(int)
-    for lowest in distinct[np.unique(places)]:
-        above = distinct[distinct >= lowest]
-        line = np.log1p(slope * above)
-        design = np.column_stack([np.ones(len(above)), np.log(above)])
-        power = design @ np.linalg.lstsq(design, line, rcond=None)[0]
-        if np.abs(line - power).max() <= MAX_MISFIT:
-            return float(lowest)
-    return float(distinct[-1])
+    factor = "time" if fitted.response == "wear" else "wear"
+    values = fitted.factors[factor]
+    residual = independent(distance, fitted.edges)
+    unit = np.arange(len(values)) if fitted.edges is None else fitted.edges.group
+    ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+    place = np.clip(np.searchsorted(ends, values, side="right") - 1, 0, max(len(ends) - 2, 0))
+    worst = None
+    for number in np.unique(place):
+        inside = place == number
+        sums = np.bincount(unit[inside], residual[inside])
+        members = np.bincount(unit[inside])
+        means = sums[members > 0] / members[members > 0]
+        if len(means) < MIN_UNITS:
+            continue
+        error = means.std(ddof=1) / np.sqrt(len(means))
+        quantile = stats.t.isf(0.5 * SIGNIFICANCE / BINS, len(means) - 1)
+        if abs(means.mean()) < max(MIN_MISFIT, quantile * error):
+            continue
+        ratio = float(np.exp(means.mean()))
+        if worst is None or abs(np.log(ratio)) > abs(np.log(worst.ratio)):
+            low = float(values[inside].min())
+            high = float(values[inside].max())
+            worst = Misfit(factor, low=low, high=high, ratio=ratio)
+    return worst

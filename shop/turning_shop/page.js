@@ -6,18 +6,41 @@ const settings = {};
 
 // --- laws -----------------------------------------------------------------------------------------------------------------------
 
+/** The term of wear: wear, or 1 + growth * wear in a law with a fresh edge's share. */
+function wearTerm(law, wear) {
+  return law.wear_growth ? 1 + law.wear_growth * wear : wear;
+}
+
 /** The response of a power law to its factors; those that are not given are 1. */
 function respond(law, at) {
   let sum = law.log_coefficient;
-  for (const name of FACTORS) if (law[name] && name in at) sum += law[name] * Math.log(at[name]);
+  for (const name of FACTORS) {
+    if (!law[name] || !(name in at)) continue;
+    sum += law[name] * Math.log(name === 'wear' ? wearTerm(law, at.wear) : at[name]);
+  }
   return Math.exp(sum);
 }
 
-/** Half the width of a fitted law's 95 % interval of a reading, or with a scatter of 0 of the law, in the response's logarithm. */
-function halfWidth(known, at, scatter = known.scatter) {
-  const x = [1, ...known.terms.map((name) => Math.log(at[name] / (name === 'depth_of_cut' ? known.reference_depth_of_cut : 1)))];
+/** The slope of a fitted law's log response by one of its numbers: `regressor` of fit.py. */
+function regressor(known, name, at) {
+  if (name === 'wear_growth') return known.law.wear * at.wear / wearTerm(known.law, at.wear);
+  if (name === 'wear') return Math.log(wearTerm(known.law, at.wear));
+  return Math.log(at[name] / (name === 'depth_of_cut' ? known.reference_depth_of_cut : 1));
+}
+
+/** What differs between the curves of edges: `curve_slope` of fit.py. */
+function curveSlope(known, at) {
+  const { law, curve_reference: reference } = known;
+  if (law.wear_growth) return law.wear * law.wear_growth * at.wear / wearTerm(law, at.wear);
+  return Math.log(at[law.time ? 'time' : 'wear'] / reference);
+}
+
+/** Half the width of a fitted law's 95 % interval in the response's logarithm: of a reading, or of the law itself. */
+function halfWidth(known, at, ofReading = true) {
+  const x = [1, ...known.terms.map((name) => regressor(known, name, at))];
   const variance = x.reduce((sum, a, i) => sum + x.reduce((row, b, j) => row + a * known.covariance[i][j] * b, 0), 0);
-  return known.quantile * Math.sqrt(Math.max(variance, 0) + scatter ** 2);
+  const scatter = ofReading ? known.scatter ** 2 + (known.curve_scatter * curveSlope(known, at)) ** 2 : 0;
+  return known.quantile * Math.sqrt(Math.max(variance, 0) + scatter);
 }
 
 /** Whether a factor lies outside the range in which a law was measured. */
@@ -87,7 +110,7 @@ function results(at) {
   const intervals = {};
   for (const [name, half] of Object.entries(halves)) intervals[name] = [values[name] * Math.exp(-half), values[name] * Math.exp(half)];
   if (data.known.wear) {
-    const half = halfWidth(data.known.wear, { ...at, time: found.time }, 0) / data.laws.wear.time;
+    const half = halfWidth(data.known.wear, { ...at, time: found.time }, false) / data.laws.wear.time;
     intervals.cost = [part(at, found, half).cost, part(at, found, -half).cost];
   }
   const extrapolated = Object.values(data.known).some((known) => extrapolates(known, { ...at, time: found.time }));

@@ -80,11 +80,19 @@ def page_data(scenario: Scenario, evidence: Evidence, advice: Sequence[Advice]) 
         laws[name] = {key: float(getattr(law, key)) for key in POWER_LAW_RECORD.names or ()}
     known = {}
     for name, law_evidence in evidence.laws.items():
-        fields = {"terms", "covariance", "scatter", "measured"}
+        fields = {
+            "terms",
+            "covariance",
+            "scatter",
+            "curve_scatter",
+            "curve_reference",
+            "measured",
+        }
         known[name] = law_evidence.model_dump(mode="json", include=fields)
         known[name]["quantile"] = law_evidence.quantile
         law = getattr(scenario.material, name)
         known[name]["reference_depth_of_cut"] = law.reference_depth_of_cut
+        known[name]["law"] = laws[name]
 
     # JSON has no infinity: a limit that is off is null.
     limits = {}

@@ -159,11 +159,12 @@ def law_problems(fits: Mapping[str, Fit], wear_criterion: float) -> Iterator[str
         if fitted.edges is None and rows_correlate(fitted):
             continue
         for name in RISING[response]:
-            estimate = fitted.estimates.get(name)
+            term = "wear_growth" if name == "wear" and fitted.has_growth else name
+            estimate = fitted.estimates.get(term)
             if estimate and estimate.high < 0:
                 interval = f"{estimate.low:.3g} to {estimate.high:.3g}"
-                exponent = f"exponent {estimate.value:.3g}, {interval}"
-                yield f"{response}: falls with {name}: {exponent}"
+                number = term if term == "wear_growth" else f"exponent {estimate.value:.3g}"
+                yield f"{response}: falls with {name}: {number}, {interval}"
     if "wear" in fits:
         yield from _wear_law_problems(fits["wear"], wear_criterion)
 
@@ -292,11 +293,8 @@ def robust_fit(fitted: Fit) -> RobustFit:
     law to its row.
     """
     residual = fitted.log_residuals
-    columns = [np.ones(len(residual))]
-    for name in fitted.exponents:
-        log = np.log(fitted.factors[name])
-        columns.append(log - log.mean())
-    design = np.column_stack(columns)
+    design = fitted.regressors()
+    design[:, 1:] -= design[:, 1:].mean(axis=0)
     rows, count = design.shape
     change = np.zeros(count)  # of the law's parameters
     if rows >= count + SPARE_ROWS:
@@ -354,12 +352,16 @@ def _outlying(residual: Values, design: Values, suspect: NDArray[np.bool_]) -> N
 
 
 def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
-    """Yield a message for each row that lies far from a law, which is probably wrong."""
+    """Yield a message for each row that lies far from a law, which is probably wrong.
+
+    ``robust`` holds the laws whose form fits.
+    """
     faults: dict[int, list[str]] = {}  # by line
-    for name, fitted in fits.items():
-        wrong = robust[name].outlying & ~_of_unusual_edge(fitted, robust[name])
+    for name, law in robust.items():
+        fitted = fits[name]
+        wrong = law.outlying & ~_of_unusual_edge(fitted, law)
         for row in np.flatnonzero(wrong):
-            ratio = _times(np.exp(robust[name].distance[row]))
+            ratio = _times(np.exp(law.distance[row]))
             fault = f"{name} is {ratio} the law of the other rows"
             faults.setdefault(int(fitted.lines[row]), []).append(fault)
     for line in sorted(faults):
@@ -385,8 +387,9 @@ def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
 
 def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:
     """Yield a warning for each law from which the readings of whole edges lie far."""
-    for name, fitted in fits.items():
-        odd = robust[name].outlying & _of_unusual_edge(fitted, robust[name])
+    for name, law in robust.items():
+        fitted = fits[name]
+        odd = law.outlying & _of_unusual_edge(fitted, law)
         if odd.any():
             where = f"in {name_lines(fitted.lines[odd])}"
             yield f"{name}: all readings of an edge lie far from the law, {where}: an unusual edge?"

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 from scipy import stats
 from turning_shop import Values, WorkshopError
-from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit
+from turning_shop.fit import FACTORS, LEVEL, SETTINGS, Fit, curve_slope, regressor
 from turning_shop.headers import COLUMNS
 from turning_shop.whatif import Cuts
 
+from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.scenario import Scenario
 from turning_env.scenario.power_law import PowerLaw
 
@@ -29,12 +30,14 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
     """The evidence for one fitted law."""
 
     coefficient: float  # by which the law is recognised
-    terms: tuple[str, ...]  # fitted exponents
-    # Of the coefficient's logarithm and the fitted exponents.
+    terms: tuple[str, ...]  # fitted exponents, named after their factors, and wear_growth
+    # Of the coefficient's logarithm and the terms.
     covariance: tuple[tuple[float, ...], ...]
-    degrees: int  # of freedom
-    # Standard deviation of the logarithm of one reading, of an edge that was not measured [-].
+    degrees: float  # of freedom
+    # Of one reading of an edge that was not measured: see ``ReadingScatter``.
     scatter: float
+    curve_scatter: float = 0.0
+    curve_reference: float = 1.0
     measured: dict[str, tuple[float, float]]  # lowest and highest value of each factor
 
     @property
@@ -43,22 +46,26 @@ class LawEvidence(BaseModel, frozen=True, allow_inf_nan=False):
         return float(stats.t.ppf(0.5 + 0.5 * LEVEL, self.degrees))
 
     def log_deviation(
-        self, law: PowerLaw, factors: Mapping[str, Values], scatter: float | None = None
+        self, law: PowerLaw, factors: Mapping[str, Values], of_reading: bool = True
     ) -> Values:
         """Return the standard deviation of the logarithm of one reading at these factors [-].
 
-        It is sqrt(x C x' + scatter^2), with the factors' logarithms x and the covariance C of the
-        fitted numbers. With a scatter of 0, it is the deviation of the law.
+        It is sqrt(x C x' + scatter^2 + (curve_scatter curve_slope)^2), with the covariance C of the
+        fitted numbers and the slopes x of the response's logarithm by them. If it is not
+        ``of_reading``, it is that of the law, sqrt(x C x').
         """
-        if scatter is None:
-            scatter = self.scatter
         regressors = [np.ones_like(factors["feed"])]
         for name in self.terms:
-            reference = law.reference_depth_of_cut if name == "depth_of_cut" else 1.0
-            regressors.append(np.log(factors[name] / reference))
+            regressors.append(regressor(law, name, factors))
         point = np.stack(np.broadcast_arrays(*regressors), axis=-1)
         variance = np.einsum("...i,ij,...j", point, np.array(self.covariance), point)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + scatter**2))
+        variance = np.maximum(variance, 0.0)
+        if of_reading:
+            variance = variance + self.scatter**2
+            if self.curve_scatter > 0.0:
+                slope = curve_slope(law, factors, self.curve_reference)
+                variance = variance + (self.curve_scatter * slope) ** 2
+        return np.asarray(np.sqrt(variance))
 
     def extrapolates(self, factors: Mapping[str, Values]) -> NDArray[np.bool_]:
         """Return whether one of the factors lies outside its measured range."""
@@ -108,14 +115,14 @@ def evidence_of(fitted: Fit) -> LawEvidence:
     measured = {}
     for name, values in fitted.factors.items():
         measured[name] = (float(values.min()), float(values.max()))
-    if fitted.fresh.all():
-        measured["wear"] = (0.0, 0.0)
     return LawEvidence(
         coefficient=fitted.law.coefficient,
-        terms=tuple(fitted.exponents),
+        terms=tuple(fitted.terms),
         covariance=tuple(tuple(row) for row in fitted.covariance.tolist()),
-        degrees=min(fitted.edges.degrees) if fitted.edges else fitted.degrees,
-        scatter=fitted.reading_scatter,
+        degrees=fitted.reading.degrees,
+        scatter=fitted.reading.level,
+        curve_scatter=fitted.reading.curve,
+        curve_reference=fitted.reading.reference,
         measured=measured,
     )
 
@@ -186,8 +193,9 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
             known = evidence.laws[name]
             law = getattr(material, name)
             factors = settings | {"wear": cuts.wear}
-            # The deviation of the wear reaches the load through the load's exponent of wear.
-            through_wear = law.wear * wear_deviation
+            # The deviation of the wear reaches the load through the slope of their logarithms.
+            slope = wear_term_slope(law.wear_growth, np.log(cuts.wear))
+            through_wear = law.wear * slope * wear_deviation
             deviation = np.hypot(known.log_deviation(law, factors), through_wear)
             half_width[name] = known.quantile * deviation
             extrapolated |= known.extrapolates(factors)
