@@ -34,6 +34,8 @@ FitLaw = Callable[[Measurements, PowerLaw], Fit]
 
 MAX_FOLDS = 10  # parts of the rows that are left out in turn
 MIN_FOLDS = 3  # that tell which form predicts better
+MIN_CERTAINTY = 2.0
+"""Mean gain of the other form over its standard error, from which the base's form is left [-]."""
 BINS = 6  # ranges of wear or time in which residuals are compared
 MIN_UNITS = 4  # edges, or rows without names of edges, that tell of a range
 MIN_MISFIT = 0.1
@@ -53,7 +55,7 @@ def choose_form(
 ) -> FormChoice:
     """Fit a law in the form that predicts left-out edges better, or rows if edges have no names.
 
-    The base's form is kept unless the other is better by more than the standard error of the
+    The base's form is kept unless the other is better by more than two standard errors of the
     difference. A power of the wear cannot predict fresh edges, so that rows of them decide for
     1 + b VB.
 
@@ -80,7 +82,7 @@ def choose_form(
         return FormChoice(fitted, "")
     has_growth = base.wear_growth > 0.0
     gain = errors.gain_of_growth if not has_growth else -errors.gain_of_growth
-    if gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)):
+    if gain.mean() > MIN_CERTAINTY * gain.std(ddof=1) / np.sqrt(len(gain)):
         other = without_growth(base) if has_growth else growing
         fitted = fit_law(measurements, other)
     chosen = "1 + b VB" if fitted.has_growth else "a power of VB"

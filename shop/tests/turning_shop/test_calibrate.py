@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from turning_shop.fit import TYPICAL_EDGE_SPREAD
 from turning_shop.provenance import load
 from turning_shop.whatif import NO_LIMIT
 
@@ -50,7 +51,9 @@ def test_values_of_a_base_file_are_kept() -> None:
     assert made.limits.power == 11.0
     # No file states this limit, and its law was not measured.
     assert made.limits.thrust_force == NO_LIMIT["thrust_force"]
-    changes = {"material": base.material, "name": "old", "limits": base.limits}
+    # One edge does not tell how edges differ, and no file states it.
+    assert made.tool.wear_factor_spread == TYPICAL_EDGE_SPREAD["wear"]
+    changes = {"material": base.material, "name": "old", "limits": base.limits, "tool": base.tool}
     assert made.model_copy(update=changes) == base
     comment = "# The law of power is the base's: there is no column power"
     assert comment in Path("my_tool.toml").read_text()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from turning_shop import WorkshopError
 from turning_shop.calibrate import calibrate
+from turning_shop.fit import TYPICAL_GROWTH
 from turning_shop.measurements import Measurements, read_measurements
 from turning_shop.prediction import Evidence, predict
 from turning_shop.provenance import load
@@ -43,23 +44,16 @@ def calibrated(folder: Path, text: str) -> tuple[Scenario, Evidence]:
     return load(out)
 
 
-def test_forces_near_a_fresh_edge_are_a_misfit_of_the_form(
+def test_forces_near_a_fresh_edge_follow_their_formula(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario, evidence = calibrated(tmp_path, forces(0.4, NEAR_ZERO))
     assert "implausible" not in capsys.readouterr().err
-    (warning,) = [text for text in evidence.warnings if "form" in text]
-    assert "thrust_force" in warning
-    low, high = evidence.laws["thrust_force"].measured["wear"]
-    assert 0.01 < low < 0.2
-    assert high == 0.35
-    # Where the law holds, it agrees with the formula, and it says where it does not hold.
-    for wear in (0.2, 0.3):
+    assert evidence.laws["thrust_force"].measured["wear"] == (0.002, 0.35)
+    for wear in (0.01, 0.2, 0.3):
         cuts = what_if(scenario, 190, 0.25, depth_of_cut=1.5, wear=wear)
         thrust = 900 * 0.25**0.6 * 1.5 * (1 + 5 * wear)
         assert cuts.thrust_force == pytest.approx(thrust, rel=0.06)
-    near = what_if(scenario, 190, 0.25, depth_of_cut=1.5, wear=0.01)
-    assert predict(scenario, evidence, near, of_wear=True).extrapolated
 
 
 def test_typing_errors_are_still_typing_errors(
@@ -87,16 +81,15 @@ def test_fresh_edges_tell_the_exponents(
     assert fitted.law.depth_of_cut == pytest.approx(1.0, abs=0.05)
 
 
-def test_fresh_edges_leave_the_exponent_of_wear(tmp_path: Path) -> None:
+def test_fresh_edges_are_rows_of_the_law(tmp_path: Path) -> None:
     with_fresh = calibrate(measured(tmp_path, forces(0.5, (0.0, 0.1, 0.2, 0.3))), BASE)
     without = calibrate(measured(tmp_path, forces(0.5, (0.1, 0.2, 0.3))), BASE)
-    exponent = without.material.power.wear
-    assert with_fresh.material.power.wear == pytest.approx(exponent, abs=0.02)
-    # Eight rows more, and one parameter more: the level of fresh edges.
-    assert with_fresh.fits["power"].degrees == without.fits["power"].degrees + 7
+    assert with_fresh.fits["power"].degrees == without.fits["power"].degrees + 8
+    fresh = with_fresh.material.power(150, 0.2, 2, wear=0.0)
+    assert fresh == pytest.approx(1800 * 0.2**0.74 * 2 * 150 / 60e3, rel=0.03)
 
 
-def test_a_sheet_of_fresh_edges_gives_laws_that_hold_for_them_alone(
+def test_a_sheet_of_fresh_edges_gets_a_typical_growth_with_wear(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario, evidence = calibrated(tmp_path, forces(0.5, (0.0,)))
@@ -105,9 +98,11 @@ def test_a_sheet_of_fresh_edges_gives_laws_that_hold_for_them_alone(
     assert float(printed[1]) == pytest.approx(1800, rel=0.12)
     assert float(printed[2]) == pytest.approx(0.26, rel=0.12)
     assert "fresh edges" in "\n".join(evidence.warnings)
+    fresh_power = 1800 * 0.3**0.74 * 2 * 190 / 60e3
+    assert scenario.material.power(190, 0.3, 2.0, wear=0.0) == pytest.approx(fresh_power, rel=0.03)
     worn = what_if(scenario, 190, 0.3, depth_of_cut=2.0, wear=0.2)
-    power = 1800 * 0.3**0.74 * 2 * 190 / 60e3
-    assert worn.power == pytest.approx(power, rel=0.03)
+    growth = 1 + 0.2 * TYPICAL_GROWTH["power"]
+    assert worn.power == pytest.approx(growth * fresh_power, rel=0.03)
     assert predict(scenario, evidence, worn, of_wear=True).extrapolated
 
 
