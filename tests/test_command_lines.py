@@ -62,6 +62,10 @@ MISTAKES = {
         "nothing.csv --out made.toml",
         ". --out made.toml",
     ],
+    "turning_env predict": [
+        "nothing.csv",
+        ". --hold-out row",
+    ],
     "turning_env whatif": [
         "nothing --cutting-speed 100 --feed 0.3 --wear 0.2",
         "forging --cutting-speed x --feed 0.3 --wear 0.2",

@@ -57,6 +57,7 @@ The exponent of catalogues is then taken if it lies within the interval.
 WIDE = 0.5
 """Half-width of an exponent's interval above which a warning calls it hardly known [-]."""
 MAX_SPREAD = 1.0  # largest log standard deviation of edges that a scenario may have [-]
+MAX_IGNORED = 8  # number of ignored columns that a warning names
 MIN_LIKENESS = 0.75  # of a column's name and an unknown header, from which a warning asks [-]
 
 
@@ -212,8 +213,10 @@ def _why_kept(response: str, measurements: Measurements) -> str:
     return f"no row has all of {', '.join(needed)}"
 
 
-def fitted_law(response: str, measurements: Measurements, base: Scenario) -> FormChoice:
-    """Return a law in the form that fits, and why.
+def fitted_law(
+    response: str, measurements: Measurements, base: Scenario, compares: bool = True
+) -> FormChoice:
+    """Return a law in the form that fits, and why; ``compares``: see ``choose_form``.
 
     Taylor's n is that of catalogues if the sheet cannot tell it. This replaces only the paper's n,
     which is that of presets.
@@ -229,7 +232,8 @@ def fitted_law(response: str, measurements: Measurements, base: Scenario) -> For
             return _with_taylor(fitted, rows, base)
         return fitted
 
-    return choose_form(response, measurements, getattr(base.material, response), fit_law)
+    law = getattr(base.material, response)
+    return choose_form(response, measurements, law, fit_law=fit_law, compares=compares)
 
 
 def _edge_spread(response: str, base: Scenario) -> float:
@@ -291,10 +295,19 @@ def _is_vague(estimate: Estimate) -> bool:
 
 def _warnings(fits: Mapping[str, Fit], measurements: Measurements, base: Scenario) -> Iterator[str]:
     """Yield warnings on columns and rows that were not used, and on fitted laws."""
+    unlike = []
     for name in measurements.ignored:
         likely = difflib.get_close_matches(name.lower(), COLUMNS, n=1, cutoff=MIN_LIKENESS)
-        question = f"; is it {likely[0]}?" if likely else ""
-        yield f"column {name!r} is not understood and was ignored{question}"
+        if likely:
+            yield f"column {name!r} is not understood and was ignored; is it {likely[0]}?"
+        else:
+            unlike.append(repr(name))
+    if unlike:
+        shown = ", ".join(unlike[:MAX_IGNORED])
+        more = f" and {len(unlike) - MAX_IGNORED} more" if len(unlike) > MAX_IGNORED else ""
+        columns = "column" if len(unlike) == 1 else "columns"
+        verb = "is" if len(unlike) == 1 else "are"
+        yield f"{columns} {shown}{more} {verb} not understood and ignored"
     unused = ~_used_rows(measurements)
     if unused.any():
         first = f"the first in line {measurements.lines[unused][0]}"
@@ -446,7 +459,7 @@ def _evidence(calibration: Calibration, before: Evidence, source: str) -> Eviden
             laws[name] = law
     warnings = list(calibration.problems)
     # Warnings on columns concern the sheet, not the laws.
-    warnings += [text for text in calibration.warnings if not text.startswith("column ")]
+    warnings += [text for text in calibration.warnings if not text.startswith("column")]
     if laws:
         warnings += before.warnings
     for name, fitted in calibration.fits.items():

@@ -1,4 +1,4 @@
-"""The commands of ``python -m turning_env`` for a process engineer: calibrate, whatif, map, advise.
+"""The commands of ``python -m turning_env`` for a process engineer: calibrate, predict and others.
 
 Each command's function is followed by its options. The computations are in the modules that the
 functions import, and only the command that runs loads SciPy and Matplotlib.
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from turning_shop import WorkshopError, refuse_existing, tables, whatif
-from turning_shop.headers import COLUMNS, EDGE, named_column
-from turning_shop.measurements import read_measurements
+from turning_shop.headers import COLUMNS, EDGE, is_unit_of, named_column
+from turning_shop.measurements import Measurements, read_measurements
 
 from turning_env.console import DONE, FAILED, number_within, picture_path, print_json
 from turning_env.files import replace_file
@@ -30,6 +30,8 @@ def add_commands(command: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the commands, each with its function, help and options."""
     calibrate = command(_calibrate, "fit the laws to cuts measured on a machine", scenario=False)
     _add_calibrate_options(calibrate)
+    predict = command(_predict, "test the laws on edges that are left out", scenario=False)
+    _add_predict_options(predict)
     _add_whatif_options(command(_whatif, "predict force, power, wear and tool life"))
     _add_map_options(command(_map, "draw the operating map of a worn edge"))
     _add_advise_options(command(_advise, "advise speed, feed and edge changes, in parts and money"))
@@ -52,7 +54,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.out.suffix != ".toml":
         raise WorkshopError(f"--out is {options.out}, but a scenario's name must end in .toml")
     base = Scenario.load(options.base)
-    measurements = read_measurements(options.measurements, dict(options.columns))
+    measurements = _read_sheet(options)
     try:
         calibration = calibrate(measurements, base, force=options.force)
     except ImplausibleError as error:
@@ -76,8 +78,16 @@ def _add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     # COLUMNS in the docstring stands for the table that headers.py declares.
     parser.description = (parser.description or "").replace("COLUMNS", _columns_help())
     add = parser.add_argument
-    add("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
+    _add_sheet_options(parser)
     add("--out", type=Path, required=True, metavar="TOML", help="scenario file to write")
+    add("--force", action="store_true", help="go on with rows and laws that cannot be true")
+    _add_overwrite(parser)
+
+
+def _add_sheet_options(parser: argparse.ArgumentParser) -> None:
+    """Add the sheet of cuts, the base, and what the sheet does not tell."""
+    add = parser.add_argument
+    add("measurements", metavar="SHEET", help="CSV or XLSX, one cut per row")
     add(
         "--base",
         default="rough_turning",
@@ -87,16 +97,52 @@ def _add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--columns",
         nargs="+",
-        type=_column,
+        type=_columns,
         default=[],
         metavar="NAME=HEADER",
         help=(
-            "header of a column where the sheet does not tell, such as Fc=Fx Ff=Fz Fp=Fy; "
+            "header of a column where the sheet does not tell, such as wear=TCond; "
             "NAME is a column or its symbol"
         ),
     )
-    add("--force", action="store_true", help="go on with rows and laws that cannot be true")
-    _add_overwrite(parser)
+    add(
+        "--forces",
+        nargs="+",
+        type=_columns,
+        default=[],
+        metavar="NAME=HEADER",
+        help="headers of forces along a dynamometer's axes, such as Fc=Fx,Ff=Fz,Fp=Fy",
+    )
+    add(
+        "--unit",
+        nargs="+",
+        type=_units,
+        default=[],
+        metavar="NAME=UNIT",
+        help="unit of a column whose header states none, such as wear=um",
+    )
+    add(
+        "--set",
+        nargs="+",
+        type=_constants,
+        default=[],
+        metavar="NAME=X",
+        help="value of a column that is the same in all rows, such as cutting_speed=300",
+    )
+
+
+def _read_sheet(options: argparse.Namespace) -> Measurements:
+    """Return the measurements of a sheet, read as the options say."""
+    headers = {}
+    for pairs in (*options.columns, *options.forces):
+        headers.update(pairs)
+    units = {}
+    for pairs in options.unit:
+        units.update(pairs)
+    constants = {}
+    for pairs in options.set:
+        constants.update(pairs)
+    return read_measurements(options.measurements, headers, stated_units=units, constants=constants)
 
 
 def _columns_help() -> str:
@@ -107,16 +153,95 @@ def _columns_help() -> str:
     return "\n".join(lines)
 
 
-def _column(text: str) -> tuple[str, str]:
-    """Return a column and the header that it has in a sheet, as an argparse type."""
-    name, _, header = text.partition("=")
-    column = named_column(name)
-    if column is None or not header:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not allowed: NAME=HEADER, such as Fc=Fx, "
-            f"where NAME is {', '.join(COLUMNS)} or the symbol of one"
-        )
-    return column, header
+def _pairs(text: str, example: str) -> dict[str, str]:
+    """Return columns, and what is said of each, from text such as "Fc=Fx,Ff=Fz"."""
+    pairs = {}
+    for pair in text.split(","):
+        name, _, value = pair.partition("=")
+        column = named_column(name.strip())
+        if column is None or not value.strip():
+            raise argparse.ArgumentTypeError(
+                f"{pair!r} is not allowed: such as {example}, "
+                f"where the name is {', '.join(COLUMNS)} or the symbol of one"
+            )
+        pairs[column] = value.strip()
+    return pairs
+
+
+def _columns(text: str) -> dict[str, str]:
+    """Return the headers of columns, as an argparse type."""
+    return _pairs(text, "Fc=Fx")
+
+
+def _units(text: str) -> dict[str, str]:
+    """Return the units of columns, as an argparse type."""
+    pairs = _pairs(text, "wear=um")
+    for column, unit in pairs.items():
+        if column not in COLUMNS or not is_unit_of(unit, column):
+            raise argparse.ArgumentTypeError(f"{column} is not measured in {unit!r}")
+    return pairs
+
+
+def _constants(text: str) -> dict[str, float]:
+    """Return the values of columns that are the same in all rows, as an argparse type."""
+    constants = {}
+    for column, value in _pairs(text, "cutting_speed=300").items():
+        if column not in COLUMNS:
+            raise argparse.ArgumentTypeError(f"{column} is no number")
+        is_zero = COLUMNS[column].may_be_zero and value in ("0", "0.0")
+        constants[column] = 0.0 if is_zero else _number(column)(value)
+    return constants
+
+
+def _predict(options: argparse.Namespace) -> int:
+    """Predict measured edges, or rows, by laws fitted to the others, and compare.
+
+    Print for each law the number of readings, how many of their 95 % intervals hold, the median
+    error, and the typical width: an interval ends at this factor of the prediction, and at its
+    inverse.
+
+    python -m turning_env predict cuts.csv
+    python -m turning_env predict cuts.csv --hold-out 5 --set cutting_speed=300
+    """
+    from turning_shop.hold_out import hold_out, summary, write_csv
+
+    refuse_existing(options.overwrite, options.out)
+    measurements = _read_sheet(options)
+    results = hold_out(measurements, Scenario.load(options.base), by=options.hold_out)
+    print("\n".join(summary(results)))
+    if options.out:
+
+        def write(path: Path) -> None:
+            with path.open("w", encoding="utf-8", newline="") as file:
+                write_csv(results, file)
+
+        replace_file(options.out, write)
+        print(options.out)
+    return DONE
+
+
+def _add_predict_options(parser: argparse.ArgumentParser) -> None:
+    _add_sheet_options(parser)
+    parser.add_argument(
+        "--hold-out",
+        type=_parts,
+        metavar="edge|row|N",
+        help=(
+            "what is left out in turn: an edge, a row, or one of N parts of the sheet "
+            "(default: an edge if edges have names, otherwise a row)"
+        ),
+    )
+    parser.add_argument("--out", type=Path, metavar="CSV", help="file of all predictions to write")
+    _add_overwrite(parser)
+
+
+def _parts(text: str) -> str | int:
+    """Return what is left out in turn, as an argparse type."""
+    if text in ("edge", "row"):
+        return text
+    if text.isascii() and text.isdigit() and int(text) >= 2:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r} is not allowed: edge, row, or a number above 1")
 
 
 def _whatif(options: argparse.Namespace) -> int:

@@ -266,6 +266,8 @@ def fit(
     sample = _sample(response, measurements, rows)
 
     candidates = _candidates(response, base)
+    if not rows.any():
+        raise WorkshopError(f"{response}: {_too_few(sample, base, candidates)}")
     fitted, assumed = _identifiable(sample.factors, base, candidates=candidates, given=given)
     if "hardness" not in measurements.columns:
         assumed["hardness"] = NO_HARDNESS
@@ -588,7 +590,9 @@ def _never_varies(name: str, values: Values) -> str:
 
 
 def _variation(log: Values) -> float:
-    """Return the largest relative distance of a factor from its mean [-]."""
+    """Return the largest relative distance of a factor from its mean [-]; 0 without rows."""
+    if not log.size:
+        return 0.0
     return float(np.abs(log - log.mean()).max())
 
 
@@ -727,21 +731,25 @@ def _best_growth(regression: _Regression, edges: EdgeEffect | None) -> float:
     """Return the growth with wear [1/mm] of least squares, with a known edge effect."""
     basis = np.linalg.qr(independent(regression.design, edges))[0]
 
+    def misfits(growths: Values) -> Values:
+        """Return the squared length of what the other parameters cannot explain, of growths."""
+        targets = [regression.without_wear(growth) for growth in growths]
+        target = independent(np.column_stack(targets), edges)
+        return np.asarray((target**2).sum(axis=0) - ((basis.T @ target) ** 2).sum(axis=0))
+
     def misfit(log_growth: float) -> float:
-        target = independent(regression.without_wear(float(np.exp(log_growth))), edges)
-        # The squared length of what the other parameters cannot explain.
-        return float(target @ target - np.sum((basis.T @ target) ** 2))
+        return float(misfits(np.exp([log_growth]))[0])
 
     # The misfit may have several minima: search the neighbourhood of the lowest.
     logs = np.log(GROWTHS)
-    misfits = [misfit(log) for log in logs]
-    best = int(np.argmin(misfits))
+    tried = misfits(GROWTHS)
+    best = int(np.argmin(tried))
     low = logs[max(best - 1, 0)]
     high = logs[min(best + 1, len(logs) - 1)]
     minimum = optimize.minimize_scalar(
         misfit, bounds=(low, high), method="bounded", options={"xatol": 0.1 * GROWTH_TOLERANCE}
     )
-    found = minimum.x if minimum.fun < misfits[best] else logs[best]
+    found = minimum.x if minimum.fun < tried[best] else logs[best]
     return float(np.exp(found))
 
 

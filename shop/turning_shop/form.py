@@ -38,7 +38,7 @@ MIN_CERTAINTY = 2.0
 """Mean gain of the other form over its standard error, from which the base's form is left [-]."""
 BINS = 6  # ranges of wear or time in which residuals are compared
 MIN_UNITS = 4  # edges, or rows without names of edges, that tell of a range
-MIN_MISFIT = 0.1
+MIN_MISFIT = 0.15
 """Mean logarithm of measured over predicted response in a range from which a form is wrong [-]."""
 SIGNIFICANCE = 1e-3  # probability that a law of the right form has such a range [-]
 
@@ -51,13 +51,17 @@ class FormChoice(NamedTuple):
 
 
 def choose_form(
-    response: str, measurements: Measurements, base: PowerLaw, fit_law: FitLaw
+    response: str,
+    measurements: Measurements,
+    base: PowerLaw,
+    fit_law: FitLaw,
+    compares: bool = True,
 ) -> FormChoice:
     """Fit a law in the form that predicts left-out edges better, or rows if edges have no names.
 
     The base's form is kept unless the other is better by more than two standard errors of the
     difference. A power of the wear cannot predict fresh edges, so that rows of them decide for
-    1 + b VB.
+    1 + b VB. The forms are then compared for the reason alone, if ``compares``.
 
     Raises:
         WorkshopError: There are too few rows, or a fitted number is out of the law's range.
@@ -69,7 +73,9 @@ def choose_form(
         fitted = fit_law(measurements, growing)
         count = int(fitted.fresh.sum())
         reason = f"1 + b VB, as {count} rows are of fresh edges"
-        errors = _errors_of_forms(response, measurements, growing, fit_law)
+        errors = None
+        if compares:
+            errors = _errors_of_forms(response, measurements, growing, fit_law)
         if errors is not None:
             reason += f"; {errors.compared(measurements)}"
         return FormChoice(fitted, reason)

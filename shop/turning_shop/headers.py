@@ -4,6 +4,8 @@ The cells below the headers are read by ``measurements.py``.
 """
 
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from turning_shop import WorkshopError
@@ -246,11 +248,15 @@ class Heading(NamedTuple):
         return description
 
 
-def read_heading(text: str, stated_column: str | None = None) -> Heading:
+def read_heading(
+    text: str,
+    stated_column: str | None = None,
+    stated_units: Mapping[str, str] = MappingProxyType({}),
+) -> Heading:
     """Return how a column with this header is read.
 
-    The user may state the column. A unit that only one of ``NAMED_BY_UNIT`` has names it.
-    F, P and T are other quantities in other units.
+    The user may state the column, and the units of columns by their names. A unit that only one of
+    ``NAMED_BY_UNIT`` has names it. F, P and T are other quantities in other units.
 
     Raises:
         WorkshopError: The column is known, but its unit is not, or is one of another quantity.
@@ -265,6 +271,7 @@ def read_heading(text: str, stated_column: str | None = None) -> Heading:
         return Heading(text, None, is_force=_is_force_along_axis(parts))
     else:
         column = parts.column
+    unit = stated_units.get(column, unit)
 
     # The brackets may hold the symbol instead of a unit, as in "Vorschub (f)".
     if column == EDGE or _column(unit) == column:
@@ -369,6 +376,24 @@ def _unit_after_gap(text: str, column: str) -> str:
         if _unit(unit) in _sizes(COLUMNS[column].unit):
             return unit
     return ""
+
+
+def plausible_units(column: str, low: float, high: float) -> list[str]:
+    """Return the units in which numbers from ``low`` to ``high`` may be of a column."""
+    allowed = COLUMNS[column]
+    sizes = _sizes(allowed.unit)
+    size_of_unit = sizes[_unit(allowed.unit)]
+    plausible = []
+    for unit, size in sizes.items():
+        factor = size / size_of_unit
+        if allowed.low <= factor * low and factor * high <= allowed.high:
+            plausible.append(unit)
+    return plausible
+
+
+def is_unit_of(unit: str, column: str) -> bool:
+    """Return whether a column may be in a unit."""
+    return _unit(unit) in _sizes(COLUMNS[column].unit)
 
 
 def named_column(name: str) -> str | None:

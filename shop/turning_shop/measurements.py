@@ -30,6 +30,7 @@ from turning_shop.headers import (
     Heading,
     is_header,
     is_unit,
+    plausible_units,
     read_heading,
 )
 
@@ -75,6 +76,14 @@ _WITH_COMMA = re.compile(r"[+-]?[\d.]*,[\d.,]*", re.ASCII)
 _SEPARATORS = ",;\t|"
 
 
+class _Stated(NamedTuple):
+    """What the user states of a sheet, by the names of columns."""
+
+    headers: Mapping[str, str]
+    units: Mapping[str, str]
+    constants: Mapping[str, float]  # in the units of ``COLUMNS``
+
+
 class Row(NamedTuple):
     """A row of a sheet."""
 
@@ -97,11 +106,15 @@ class Measurements:
 def read_measurements(
     path: str | os.PathLike[str],
     stated_headers: Mapping[str, str] = MappingProxyType({}),
+    stated_units: Mapping[str, str] = MappingProxyType({}),
+    constants: Mapping[str, float] = MappingProxyType({}),
 ) -> Measurements:
     """Read a sheet: XLSX, or text with cells between commas, semicolons, tabs or bars.
 
     Headers are names or symbols in English or German, with units or without (``headers.py``).
-    ``stated_headers`` holds the headers of columns that the user states, where they do not tell.
+    ``stated_headers`` and ``stated_units`` hold the headers and the units of columns that the user
+    states, where headers do not tell. ``constants`` are columns that the sheet lacks, which have
+    one value in all rows, in the units of ``COLUMNS``.
     Decimals have a point, or a comma if text cells are not separated by commas. Text is UTF-8, or
     UTF-16 with a byte order mark, else Windows-1252.
 
@@ -110,15 +123,16 @@ def read_measurements(
             twice; a cell is not a number or is outside its column's range.
     """
     source = str(path)
+    stated = _Stated(stated_headers, units=stated_units, constants=constants)
     try:
         data = regular_file(Path(path), MAX_BYTES).read_bytes()
         if Path(path).suffix.lower() in (".xlsx", ".xlsm"):
             rows = _rows_of_workbook(data)
-            return _parse(rows, source, stated_headers, may_have_commas=False)
+            return _parse(rows, source, stated, may_have_commas=False)
         text = _decoded(data)
         separator = max(_SEPARATORS, key=lambda mark: _most_understood(_rows(text, mark)))
         rows = _rows(text, separator)
-        return _parse(rows, source, stated_headers, may_have_commas=separator != ",")
+        return _parse(rows, source, stated, may_have_commas=separator != ",")
     except OSError as error:
         raise WorkshopError(f"{path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -226,7 +240,7 @@ class _Table:
 
 
 def _parse(
-    rows: Iterator[Row], source: str, stated_headers: Mapping[str, str], may_have_commas: bool
+    rows: Iterator[Row], source: str, stated: _Stated, may_have_commas: bool
 ) -> Measurements:
     """Return the measurements in rows of cells, whose decimals may have commas."""
     # One row more than allowed, beside the header, is enough to tell that there are too many.
@@ -234,7 +248,7 @@ def _parse(
     if len(filled) > MAX_ROWS + 1:
         raise WorkshopError(f"{source} has more than {MAX_ROWS} rows")
     table = _with_units(_below_header(filled))
-    headings = _read_header(table, source, stated_headers)
+    headings = _read_header(table, source, stated)
     table = _without_statistics(table)
 
     width = len(headings)
@@ -253,12 +267,20 @@ def _parse(
         is_crowded = any(len(row.cells) > width for row in table.rows)
         # Without quotes, a decimal comma between commas makes two cells of one number.
         hint = not may_have_commas and is_crowded
-        raise WorkshopError(f"{source}: {_listed(complaints, may_be_decimal_commas=hint)}")
+        listed = _listed(complaints, may_be_decimal_commas=hint)
+        questions = "".join(_unit_questions(headings, complete))
+        raise WorkshopError(f"{source}: {listed}{questions}")
     if not table.rows:
         raise WorkshopError(f"{source} has a header but no rows of measurements")
 
-    notes = [*table.notes, *_add_resultants(columns)]
-    readings = [heading.describe() for heading in headings if heading.text]
+    for name, value in stated.constants.items():
+        columns[name] = np.full(len(complete), value)
+    notes = [*table.notes, *_constant_notes(stated.constants), *_add_resultants(columns)]
+    # Columns that are not understood are in ``ignored``.
+    readings = []
+    for heading in headings:
+        if heading.column or heading.other_meaning:
+            readings.append(heading.describe())
     unknown = [heading.text for heading in headings if heading.column is None]
     return Measurements(
         columns=columns,
@@ -267,6 +289,12 @@ def _parse(
         edges=_edges(complete, headings),
         readings=(*readings, *notes),
     )
+
+
+def _constant_notes(constants: Mapping[str, float]) -> Iterator[str]:
+    """Yield which columns are the same in all rows, as the user states."""
+    for name, value in constants.items():
+        yield f"{name} {value:g} {COLUMNS[name].unit} in all rows".replace(" -", "")
 
 
 def _below_header(filled: Sequence[Row]) -> _Table:
@@ -402,11 +430,28 @@ def _listed(complaints: Sequence[str], may_be_decimal_commas: bool) -> str:
     more = len(complaints) - MAX_COMPLAINTS
     if more > 0:
         listed += f"; and {more} more like these"
-    if "is outside the allowed" in listed:
-        listed += "; a header may state another unit, as in 'wear [um]'"
     if may_be_decimal_commas:
         listed += "; are decimals written with commas? Then separate cells by semicolons"
     return listed
+
+
+def _unit_questions(headings: Sequence[Heading], rows: Sequence[Row]) -> Iterator[str]:
+    """Yield questions on columns with numbers outside their range, and the units that they fit."""
+    for place, heading in enumerate(headings):
+        if heading.column not in COLUMNS:
+            continue
+        magnitudes = [number for number in _magnitudes(rows, place) if number > 0.0]
+        if not magnitudes:
+            continue
+        column = COLUMNS[heading.column]
+        low = min(magnitudes)
+        high = max(magnitudes)
+        if column.low <= heading.factor * low and heading.factor * high <= column.high:
+            continue
+        units = plausible_units(heading.column, low, high)
+        example = f"--unit {heading.column}={units[0] if units else 'UNIT'}"
+        likely = f", such as {' or '.join(units)}" if units else ""
+        yield f"; is {heading.column} in another unit{likely}? Then say it: {example}"
 
 
 def _add_resultants(columns: dict[str, NDArray[np.float64]]) -> Iterator[str]:
@@ -444,7 +489,7 @@ def _edges(rows: Sequence[Row], headings: Sequence[Heading]) -> NDArray[np.int64
     return np.unique(names, return_inverse=True)[1]
 
 
-def _read_header(table: _Table, source: str, stated_headers: Mapping[str, str]) -> list[Heading]:
+def _read_header(table: _Table, source: str, stated: _Stated) -> list[Heading]:
     """Return how each column is read.
 
     Raises:
@@ -452,21 +497,22 @@ def _read_header(table: _Table, source: str, stated_headers: Mapping[str, str]) 
     """
     if not table.header:
         raise WorkshopError(f"{source} is empty: a header and rows of measurements are needed")
-    stated_columns = _stated_columns(table.header, stated_headers, source)
+    stated_columns = _stated_columns(table.header, stated.headers, source)
     try:
         headings = []
         for place, text in enumerate(table.header):
-            headings.append(read_heading(text, stated_columns.get(place)))
+            headings.append(read_heading(text, stated_columns.get(place), stated.units))
         headings = _told_by_size(headings, table.rows)
     except WorkshopError as error:
         raise WorkshopError(f"{source}: {error}") from error
     for place, heading in enumerate(headings):
         # The user says that this column is another one.
-        if heading.column in stated_headers and place not in stated_columns:
+        if heading.column in stated.headers and place not in stated_columns:
             headings[place] = Heading(heading.text, None)
-    _refuse_missing(headings, source)
+    _refuse_missing(headings, source, stated.constants)
     _refuse_twice(headings, source)
-    if not any(name in stated_headers for name in FORCES):
+    _refuse_superfluous(headings, source, stated)
+    if not any(name in stated.headers for name in FORCES):
         _ask_for_axes(headings, table.rows, source)
     return headings
 
@@ -546,9 +592,11 @@ def _magnitudes(rows: Sequence[Row], place: int) -> list[float]:
     return magnitudes
 
 
-def _refuse_missing(headings: Sequence[Heading], source: str) -> None:
+def _refuse_missing(
+    headings: Sequence[Heading], source: str, constants: Mapping[str, float]
+) -> None:
     """Raise an error if a column is missing that every sheet must have."""
-    names = [heading.column for heading in headings]
+    names = [*constants, *(heading.column for heading in headings)]
     absent = [name for name in REQUIRED if name not in names]
     if not absent:
         return
@@ -562,7 +610,8 @@ def _refuse_missing(headings: Sequence[Heading], source: str) -> None:
     understood.append(EDGE)
     raise WorkshopError(
         f"{source}: no column {', '.join(absent)}; it has {', '.join(texts)}, "
-        f"and the columns understood are {', '.join(understood)}"
+        f"and the columns understood are {', '.join(understood)}; "
+        f"a value that is the same in all rows may be stated, as --set {absent[0]}=X"
     )
 
 
@@ -576,6 +625,17 @@ def _refuse_twice(headings: Sequence[Heading], source: str) -> None:
             raise WorkshopError(
                 f"{source}: there is more than one column {name}: {listed}; {example}"
             )
+
+
+def _refuse_superfluous(headings: Sequence[Heading], source: str, stated: _Stated) -> None:
+    """Raise an error if a constant has a column, or a unit has none."""
+    texts = {heading.column: heading.text for heading in headings}
+    for name in stated.constants:
+        if name in texts:
+            raise WorkshopError(f"{source}: --set {name}: column {texts[name]!r} is {name} already")
+    for name, unit in stated.units.items():
+        if name not in texts:
+            raise WorkshopError(f"{source}: --unit {name}={unit}: there is no column {name}")
 
 
 def _ask_for_axes(headings: Sequence[Heading], rows: Sequence[Row], source: str) -> None:
@@ -597,10 +657,12 @@ def _ask_for_axes(headings: Sequence[Heading], rows: Sequence[Row], source: str)
     by_size = sorted(typical, key=lambda text: -typical[text])
     stated = []
     for symbol, text in zip(("Fc", "Ff", "Fp"), by_size, strict=False):
-        stated.append(f"{symbol}={text!r}" if " " in text else f"{symbol}={text}")
+        # A name without its unit is enough, and needs no quotes.
+        stated.append(f"{symbol}={text.split()[0]}")
     names = ", ".join(repr(text) for text in texts)
     raise WorkshopError(
         f"{source}: {names}: which is the main (cutting) force Fc, the feed force Ff and the back "
         f"force Fp depends on how the dynamometer was mounted: say it, for example "
-        f"--columns {' '.join(stated)}; the largest here, {by_size[0]!r}, usually is Fc"
+        f"--forces {','.join(stated)}; the largest here, {by_size[0]!r}, usually is Fc. "
+        "Ff and Fp may be exchanged: only their resultant is used"
     )

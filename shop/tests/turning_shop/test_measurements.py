@@ -146,7 +146,7 @@ def test_sheets_of_other_shapes_are_read(tmp_path: Path, encoding: str, separato
     }
     assert measurements.edges is not None
     assert measurements.ignored == ("Bemerkung",)
-    assert len(measurements.readings) == 9
+    assert len(measurements.readings) == 8
     assert "times 0.001" in next(line for line in measurements.readings if "Leistung" in line)
 
 
@@ -317,7 +317,7 @@ def test_letters_tell_a_feed_from_a_force(tmp_path: Path) -> None:
 
 def test_forces_along_axes_are_asked_for(tmp_path: Path) -> None:
     sheet = reading(tmp_path, "vc;f;ap;VB;Fx;Fy;Fz [N];F\n" + FORCES)
-    with pytest.raises(WorkshopError, match=r"'Fx', 'Fy', 'Fz \[N\]'.* --columns Fc=Fx"):
+    with pytest.raises(WorkshopError, match=r"'Fx', 'Fy', 'Fz \[N\]'.* --forces Fc=Fx"):
         read_measurements(sheet)
     measurements = read_measurements(
         sheet, {"main_force": "Fx", "back_force": "Fy", "feed_force": "Fz"}

@@ -13,6 +13,7 @@ from turning_shop.advise import advise, plan
 from turning_shop.page import render
 from turning_shop.provenance import load
 
+from shop.tests.turning_shop.sheets import forces
 from tests.walking import ROOT
 from turning_env import Scenario
 from turning_env.__main__ import main
@@ -86,6 +87,19 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
     return scenario
 
 
+@pytest.fixture(scope="module")
+def growing(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Scenario:
+    """Return the scenario with laws of force and power that have a fresh edge's share."""
+    folder = tmp_path_factory.mktemp("growing")
+    sheet = folder / "forces.csv"
+    sheet.write_text(forces(0.5, (0.0, 0.1, 0.2, 0.3)))
+    out = folder / "tool.toml"
+    assert main(["calibrate", str(sheet), "--base", str(scenario.file), "--out", str(out)]) == 0
+    scenario, _ = load(out)
+    assert scenario.material.power.wear_growth > 0.0
+    return scenario
+
+
 @pytest.fixture
 def show(opened: Callable[..., Page], tmp_path: Path) -> Show:
     """Return a function that opens the page of a scenario."""
@@ -135,7 +149,15 @@ def of_python(scenario: Scenario, settings: dict[str, float]) -> Results:
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_the_numbers_are_those_of_python(name: str, scenario: Scenario, show: Show) -> None:
-    page = show(scenario)
+    compare_with_python(name, scenario, show(scenario))
+
+
+def test_laws_with_a_fresh_edges_share_are_those_of_python(growing: Scenario, show: Show) -> None:
+    compare_with_python("slow", growing, show(growing))
+
+
+def compare_with_python(name: str, scenario: Scenario, page: Page) -> None:
+    """Set the sliders of a page, and compare its numbers with those of Python."""
     for setting, value in SETTINGS[name].items():
         page.locator(f"#{setting}").fill(str(value))
     settings = page.evaluate("settings")
