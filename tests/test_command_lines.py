@@ -222,6 +222,11 @@ MISTAKES = {
         "nothing",
         "shop --list nothing",
     ],
+    "research.studies.measured_sets": [
+        "nothing.csv",
+        "vicomtech nothing.csv",
+        "h13 nothing.csv",
+    ],
     "research.studies.paired": [
         "ppo causal --scenarios nothing",
         "ppo causal",
