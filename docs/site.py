@@ -1,12 +1,14 @@
-"""A hook of MkDocs.
+"""A hook of MkDocs: pages that are generated from the code and the results.
 
-It generates pages from the code, and adds pages of the repository's root and of shop/docs.
+It also adds pages of the repository's root and of shop/docs. The other pages are in docs/, and
+packaging/mkdocs.yml lists all.
 """
 
 import html
+import importlib
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,17 @@ from mkdocs.structure.pages import Page
 import turning_env
 from leaderboard import page
 from leaderboard.ranking import Leaderboard, read_leaderboards
+from leaderboard.result import RESULTS
+from leaderboard.standings import Standing
 from leaderboard.table import VERDICTS
 from turning_env.physics.quantities import INFO, OBSERVATION, layout
 
 ROOT = Path(__file__).parents[1]
 LEADERBOARD = "leaderboard-page.html"
+MAIN_ID = "RoughTurning-v0"
+"""The id with a page of its own."""
+TOP = 5
+"""Number of policies in the short tables of the leaderboard."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -49,21 +57,31 @@ def on_page_content(content: str, **_: Any) -> str:
 
 def pages() -> dict[str, str]:
     """Return the text of all generated pages by path."""
-    leaderboards = read_leaderboards(ROOT / "leaderboard" / "results", {})
-    others = [
-        _specification(env_id, 2) for env_id in turning_env.IDS if env_id != "RoughTurning-v0"
-    ]
+    leaderboards = read_leaderboards(RESULTS)
     return {
         "index.md": _from_root("README.md"),
         "contributing.md": _from_root("CONTRIBUTING.md"),
         "changelog.md": _from_root("CHANGELOG.md"),
-        "cite.md": f"# How to cite\n\n```yaml\n{(ROOT / 'CITATION.cff').read_text('utf-8')}```\n",
-        "environment.md": _specification("RoughTurning-v0"),
-        "tasks.md": "\n".join(["# The other tasks\n", *others]),
+        "cite.md": _citation(),
+        "environment.md": _specification(MAIN_ID),
+        "tasks.md": _other_tasks(),
         "scenario.md": "\n".join(_scenario()),
         "leaderboard.md": "\n".join(_leaderboard(leaderboards)),
         LEADERBOARD: page.render(leaderboards),
     }
+
+
+def _citation() -> str:
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    return f"# How to cite\n\n```yaml\n{citation}```\n"
+
+
+def _other_tasks() -> str:
+    sections = ["# The other tasks\n"]
+    for env_id in turning_env.IDS:
+        if env_id != MAIN_ID:
+            sections.append(_specification(env_id, level=2))
+    return "\n".join(sections)
 
 
 def _from_root(name: str) -> str:
@@ -76,30 +94,48 @@ def _from_root(name: str) -> str:
     text = text.replace("](CONTRIBUTING.md)", "](contributing.md)")
     text = text.replace("](CHANGELOG.md)", "](changelog.md)")
     text = text.replace("](README.md)", "](index.md)")
+    # Of a link that leads to no page, anchor or other site, only the text stays.
     outside = r"(?<!!)\[([^\]]*)\]\((?![a-z_/]*\.md|https?:|#|tutorials/|papers/)[^)]*\)"
     return re.sub(outside, r"\1", text)
 
 
 def _specification(env_id: str, level: int = 1) -> str:
     """Return the docstring of an id's class under a heading, with the tables that it lacks."""
+    text = inspect.getdoc(_class_of(env_id)) or ""
+    names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
+    if level == 1:
+        # All ids have the same info.
+        text += "\n\n" + "\n".join(_info_table())
+    elif len(names) != len(layout(turning_env.Scenario())):
+        text += "\n\n" + "\n".join(_observation_table(names))
+    # The docstring's headings are one level below that of the id.
+    text = re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
+    return f"{'#' * level} {env_id}\n\n{text}\n"
+
+
+def _class_of(env_id: str) -> Any:
     entry_point = gymnasium.spec(env_id).entry_point
     assert isinstance(entry_point, str)
     module, name = entry_point.split(":")
-    text = inspect.getdoc(getattr(__import__(module, fromlist=[name]), name)) or ""
-    names = layout(turning_env.Scenario.load(turning_env.IDS[env_id]))
-    if level == 1:  # all ids have the same info
-        text += "\n\n## Table of info\n\n| Name | Unit | Meaning |\n|---|---|---|"
-        for quantity in INFO:
-            text += f"\n| `{quantity.name}` | {quantity.unit} | {quantity.meaning} |"
-    elif len(names) != len(layout(turning_env.Scenario())):
-        text += "\n\n## Table of the observation\n\n| Index | Entry | Meaning | Range |"
-        text += "\n|---|---|---|---|"
-        entries = {quantity.name: quantity for quantity in OBSERVATION}
-        for index, name in enumerate(names):
-            entry = entries[name]
-            text += f"\n| {index} | {name} | {entry.meaning} | {entry.low:g} to {entry.high:g} |"
-    text = re.sub(r"^##(?= )", "#" * (level + 1), text, flags=re.MULTILINE)
-    return f"{'#' * level} {env_id}\n\n{text}\n"
+    return getattr(importlib.import_module(module), name)
+
+
+def _info_table() -> Iterator[str]:
+    yield "## Table of info\n"
+    yield "| Name | Unit | Meaning |"
+    yield "|---|---|---|"
+    for quantity in INFO:
+        yield f"| `{quantity.name}` | {quantity.unit} | {quantity.meaning} |"
+
+
+def _observation_table(names: Sequence[str]) -> Iterator[str]:
+    yield "## Table of the observation\n"
+    yield "| Index | Entry | Meaning | Range |"
+    yield "|---|---|---|---|"
+    entries = {entry.name: entry for entry in OBSERVATION}
+    for index, name in enumerate(names):
+        entry = entries[name]
+        yield f"| {index} | {name} | {entry.meaning} | {entry.low:g} to {entry.high:g} |"
 
 
 def _scenario() -> Iterator[str]:
@@ -111,51 +147,76 @@ def _scenario() -> Iterator[str]:
     schema = turning_env.Scenario.model_json_schema()
     sections = griffe.load("turning_env.scenario.sections")
     for key, value in schema["properties"].items():
-        if "$ref" not in value:
-            continue
-        class_name = value["$ref"].rpartition("/")[2]
-        section = schema["$defs"][class_name]
-        source = sections[class_name]
-        yield f"## {key}\n\n{section.get('description', '')}\n"
-        yield "| Field | Default | Allowed | Meaning |\n|---|---|---|---|"
-        for name, field in section["properties"].items():
-            default = value.get("default", {}).get(name, field.get("default"))
-            meaning = field.get("description", "")
-            docstring = source[name].docstring
-            if not meaning and docstring:  # it describes a field without a quantity
-                meaning = " ".join(docstring.value.split())
-            shown = html.escape(meaning, quote=False)
-            yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {shown} |"
-        yield ""
-    yield "## Presets\n\n| Name | Description |\n|---|---|"
+        # A property without a reference is a single value, such as the name.
+        if "$ref" in value:
+            class_name = value["$ref"].rpartition("/")[2]
+            section = schema["$defs"][class_name]
+            yield f"## {key}\n\n{section.get('description', '')}\n"
+            yield from _fields_table(section, value.get("default", {}), sections[class_name])
+            yield ""
+    yield from _presets_table()
+
+
+def _fields_table(
+    section: Mapping[str, Any], defaults: Mapping[str, Any], source: griffe.Class
+) -> Iterator[str]:
+    """Yield the table of a section's fields.
+
+    Args:
+        section: its JSON schema.
+        defaults: values of a new scenario that differ from those of the section's class.
+        source: its class as it is in the source, where fields may have docstrings.
+    """
+    yield "| Field | Default | Allowed | Meaning |"
+    yield "|---|---|---|---|"
+    for name, field in section["properties"].items():
+        default = defaults.get(name, field.get("default"))
+        meaning = field.get("description", "")
+        docstring = source[name].docstring
+        # A docstring describes a field that is no quantity.
+        if not meaning and docstring:
+            meaning = " ".join(docstring.value.split())
+        shown = html.escape(meaning, quote=False)
+        yield f"| `{name}` | {_shown(default)} | {_allowed(field)} | {shown} |"
+
+
+def _presets_table() -> Iterator[str]:
+    yield "## Presets\n"
+    yield "| Name | Description |"
+    yield "|---|---|"
     folder = Path(turning_env.__path__[0]) / "scenario" / "presets"
     for preset in turning_env.presets():
-        # A preset's file begins with a comment that describes it.
-        comment = []
-        for line in (folder / f"{preset}.toml").read_text("utf-8").splitlines():
-            if not line.startswith("#"):
-                break
-            comment.append(line.removeprefix("#").strip())
-        yield f"| `{preset}` | {html.escape(' '.join(comment), quote=False)} |"
+        description = _first_comment(folder / f"{preset}.toml")
+        yield f"| `{preset}` | {html.escape(description, quote=False)} |"
+
+
+def _first_comment(path: Path) -> str:
+    """Return the comment at the beginning of a preset's file, which describes it."""
+    comment = []
+    for line in path.read_text("utf-8").splitlines():
+        if not line.startswith("#"):
+            break
+        comment.append(line.removeprefix("#").strip())
+    return " ".join(comment)
 
 
 def _shown(default: Any) -> str:
+    """Return the text of a default, of a table its values other than 0."""
     if isinstance(default, dict):
         return ", ".join(f"{name} {value:g}" for name, value in default.items() if value)
     return f"`{default:g}`" if isinstance(default, float) else f"`{default}`"
 
 
-def _allowed(field: dict[str, Any]) -> str:
+def _allowed(field: Mapping[str, Any]) -> str:
+    """Return the text of the allowed values of a field, empty if there are no limits."""
     if "enum" in field:
         return ", ".join(f"`{value}`" for value in field["enum"])
-    return (
-        f"{field['minimum']:g} to {field['maximum']:g}"
-        if "minimum" in field and "maximum" in field
-        else ""
-    )
+    if "minimum" in field and "maximum" in field:
+        return f"{field['minimum']:g} to {field['maximum']:g}"
+    return ""
 
 
-def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
+def _leaderboard(leaderboards: Sequence[Leaderboard]) -> Iterator[str]:
     yield "# Leaderboard\n"
     yield "Each table lists the five best [policies](glossary.md#policy) on a task."
     yield f"[The full leaderboard]({LEADERBOARD}) adds"
@@ -164,10 +225,15 @@ def _leaderboard(leaderboards: list[Leaderboard]) -> Iterator[str]:
         if leaderboard.task.scenario.name in turning_env.SPLITS:
             continue
         yield f"## {leaderboard.task.env_id}\n"
-        yield "| Policy | Return [s], 95 % interval | Feasible |\n|---|---|---|"
-        for standing in leaderboard.standings[:5]:
-            mean = standing.mean_return
-            feasible = VERDICTS[standing.feasibility].lower()
-            interval = f"{mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f})"
-            yield f"| `{standing.name}` | {interval} | {feasible} |"
+        yield "| Policy | Return [s], 95 % interval | Feasible |"
+        yield "|---|---|---|"
+        for standing in leaderboard.standings[:TOP]:
+            yield _leaderboard_row(standing)
         yield ""
+
+
+def _leaderboard_row(standing: Standing) -> str:
+    mean = standing.mean_return
+    interval = f"{mean.value:.1f} ({mean.low:.1f} to {mean.high:.1f})"
+    feasible = VERDICTS[standing.feasibility].lower()
+    return f"| `{standing.name}` | {interval} | {feasible} |"
