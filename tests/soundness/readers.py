@@ -1,7 +1,8 @@
 """Readers of files from elsewhere, with what each promises, and damaged files for them.
 
-A reader gives what the file may hold, or an error of its own that names the file. Damaged files are valid ones with bytes cut
-out, put in or doubled, or with a value that is odd, missing or elsewhere, so that they keep their form; and bytes of any kind.
+A reader gives what the file may hold, or an error of its own that names the file. Most damaged
+files are valid ones in which bytes are cut out, put in or doubled. Others keep their form, but one
+value is odd, missing or in another place. The rest are bytes of any kind.
 """
 
 import json
@@ -34,8 +35,8 @@ from turning_env.scoring.sandbox_child import Outline
 
 ROOT = Path(__file__).parents[2]
 _RESULTS = ROOT / "leaderboard" / "results"
-_COMPRESSED = b"\xfd7zXZ\0"
-_ODD = (
+_COMPRESSED = b"\xfd7zXZ\0"  # first bytes of an xz file
+_ODD_BYTES = (
     b"",
     b"\0",
     b"\xff",
@@ -53,41 +54,38 @@ _ODD = (
     b"(",
 )
 _ODD_VALUES: tuple[Any, ...] = (
-    *(
-        None,
-        True,
-        False,
-        0,
-        -1,
-        1,
-        7,
-        65_537,
-        2**31,
-        2**63,
-        -(2**63),
-        10**400,
-        0.0,
-        -0.0,
-        5e-324,
-        1e-12,
-        1.5,
-        1e30,
-        1e308,
-    ),
-    *(
-        float("nan"),
-        float("inf"),
-        "",
-        "nan",
-        "../x",
-        "\0",
-        "\ud800",
-        "x" * 300,
-        [],
-        [[]],
-        {},
-        {"": None},
-    ),
+    None,
+    True,
+    False,
+    0,
+    -1,
+    1,
+    7,
+    65_537,
+    2**31,
+    2**63,
+    -(2**63),
+    10**400,
+    0.0,
+    -0.0,
+    5e-324,
+    1e-12,
+    1.5,
+    1e30,
+    1e308,
+    float("nan"),
+    float("inf"),
+    "",
+    "nan",
+    "../x",
+    "\0",
+    "\ud800",
+    "x" * 300,
+    [],
+    [[]],
+    {},
+    {"": None},
+    # Operators and names of ONNX.
     "If",
     "Loop",
     "Constant",
@@ -98,75 +96,121 @@ _ODD_VALUES: tuple[Any, ...] = (
     "action",
     "ai.onnx",
 )
-FORMS: dict[str, tuple[Callable[[bytes], Any], Callable[[Any], bytes]]] = {
-    ".toml": (
-        lambda content: tomllib.loads(content.decode()),
-        lambda tree: tomli_w.dumps(tree).encode(),
+SHARE_OF_FORM = 0.8
+"""Share of damaged files of a known form that keep it."""
+
+
+class Form(NamedTuple):
+    """How files of a suffix are read as a tree of tables and lists, and written from it."""
+
+    load: Callable[[bytes], Any]
+    dump: Callable[[Any], bytes]
+
+
+FORMS: dict[str, Form] = {
+    ".toml": Form(
+        load=lambda content: tomllib.loads(content.decode()),
+        dump=lambda tree: tomli_w.dumps(tree).encode(),
     ),
-    ".json": (json.loads, lambda tree: json.dumps(tree).encode()),
-    ".onnx": (
-        lambda content: json_format.MessageToDict(onnx.load_model_from_string(content)),
-        lambda tree: json_format.ParseDict(tree, onnx.ModelProto()).SerializeToString(),
+    ".json": Form(
+        load=json.loads,
+        dump=lambda tree: json.dumps(tree).encode(),
+    ),
+    ".onnx": Form(
+        load=lambda content: json_format.MessageToDict(onnx.load_model_from_string(content)),
+        dump=lambda tree: json_format.ParseDict(tree, onnx.ModelProto()).SerializeToString(),
     ),
 }
-"""Functions that load a file's content as a tree, and that write the tree, by suffix."""
+"""Forms by suffix."""
 
 
 def damages(valid: Callable[[], tuple[bytes, ...]], suffix: str = "") -> st.SearchStrategy[bytes]:
-    """Return damaged forms of valid files, which are read only when inputs are drawn; of a suffix in ``FORMS`` most keep it."""
+    """Return damaged forms of valid files. Of a suffix in ``FORMS``, most keep their form.
+
+    ``valid`` is called when inputs are drawn, as reading the files takes time.
+    """
     contents = st.deferred(lambda: st.sampled_from(valid()))
     damaged = st.builds(partial(_damage, suffix), contents, st.randoms(use_true_random=False))
-    return st.one_of(*[damaged] * 9, st.binary(max_size=300))
+    # One file in ten holds bytes of any kind.
+    choices = [damaged] * 9
+    choices.append(st.binary(max_size=300))
+    return st.one_of(choices)
 
 
 def _damage(suffix: str, content: bytes, random: Random) -> bytes:
-    """Change one value and keep the form; or damage the bytes, also of what cannot be read or written so."""
-    if suffix in FORMS and random.random() < 0.8:
-        load, dump = FORMS[suffix]
+    """Change one value and keep the form, or damage the bytes.
+
+    Bytes are also damaged if the content cannot be read, or the changed tree not be written.
+    """
+    if suffix in FORMS and random.random() < SHARE_OF_FORM:
+        form = FORMS[suffix]
         try:
-            tree = load(content)
+            tree = form.load(content)
             _change_tree(tree, random)
-            return dump(tree)
+            return form.dump(tree)
         except Exception:  # of many types
             pass
     for _ in range(random.randint(1, 4)):
-        place, start = random.randint(0, len(content)), random.randint(0, len(content))
-        end = min(place + random.choice((0, 0, 1, 1, 4, 40, len(content))), len(content))
-        new = (
-            random.choice(_ODD),
-            random.randbytes(random.randint(0, 6)),
-            content[start : start + random.randint(0, 60)],
-        )
-        content = content[:place] + random.choice(new) + content[end:]
+        content = _damage_bytes(content, random)
     return content
 
 
+def _damage_bytes(content: bytes, random: Random) -> bytes:
+    """Put odd bytes, any bytes or a copy of some in the place of some bytes, or between two."""
+    place = random.randint(0, len(content))
+    start = random.randint(0, len(content))
+    end = min(place + random.choice((0, 0, 1, 1, 4, 40, len(content))), len(content))
+    odd = random.choice(_ODD_BYTES)
+    any_bytes = random.randbytes(random.randint(0, 6))
+    copied = content[start : start + random.randint(0, 60)]
+    return content[:place] + random.choice((odd, any_bytes, copied)) + content[end:]
+
+
+class Place(NamedTuple):
+    """A value's place in a tree."""
+
+    holder: Any  # the table or list that holds it
+    key: Any  # or index
+
+    @property
+    def value(self) -> Any:
+        """Return the value."""
+        return self.holder[self.key]
+
+
 def _change_tree(tree: Any, random: Random) -> None:
-    """Delete a value, put a copy of another in its place, scale it, or replace it with an odd one."""
+    """Delete a value, put a copy of another in its place, scale it, or make it odd."""
     places = list(_places(tree))
-    (holder, key), (other, its) = random.choice(places), random.choice(places)
-    kind = random.randint(0, 3)
-    if kind == 0:
-        del holder[key]
-    elif kind == 1:
-        holder[key] = json.loads(json.dumps(other[its]))
-    elif kind == 2 and isinstance(holder[key], int | float):
-        holder[key] *= random.choice((-1, 0.5, 0.99, 1.01, 2, 10, 1e3, 1e9, 1e-9))
+    place = random.choice(places)
+    source = random.choice(places)
+    change = random.choice(("delete", "copy", "scale", "replace"))
+    if change == "delete":
+        del place.holder[place.key]
+    elif change == "copy":
+        place.holder[place.key] = json.loads(json.dumps(source.value))
+    elif change == "scale" and isinstance(place.value, int | float):
+        place.holder[place.key] *= random.choice((-1, 0.5, 0.99, 1.01, 2, 10, 1e3, 1e9, 1e-9))
     else:
-        holder[key] = random.choice(_ODD_VALUES)
+        place.holder[place.key] = random.choice(_ODD_VALUES)
 
 
-def _places(tree: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield every table and list with each of its keys or indices."""
-    for key in (
-        list(tree) if isinstance(tree, dict) else range(len(tree)) if isinstance(tree, list) else ()
-    ):
-        yield tree, key
+def _places(tree: Any) -> Iterator[Place]:
+    """Yield the place of every value in tables and lists."""
+    keys: list[Any] = []
+    if isinstance(tree, dict):
+        keys = list(tree)
+    elif isinstance(tree, list):
+        keys = list(range(len(tree)))
+    for key in keys:
+        yield Place(tree, key)
         yield from _places(tree[key])
 
 
 def attempt(read: Callable[[Path], Any], path: Path, refusal: type[Exception]) -> Any:
-    """Return what a reader gives, or None where it refuses with its own error, which names the file."""
+    """Return what a reader gives, or None if it refuses the file.
+
+    It must refuse with its own error, which names the file.
+    """
     try:
         return read(path)
     except refusal as error:
@@ -175,43 +219,49 @@ def attempt(read: Callable[[Path], Any], path: Path, refusal: type[Exception]) -
     return None
 
 
-def _scenario(found: Scenario, folder: Path) -> None:
-    assert Scenario.model_validate(found.model_dump()) == found
-    found.save(folder / "again.toml")
-    assert Scenario.load(folder / "again.toml") == found
+def _check_scenario(scenario: Scenario, folder: Path) -> None:
+    """Check that a scenario is the same after it was written."""
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+    scenario.save(folder / "again.toml")
+    assert Scenario.load(folder / "again.toml") == scenario
 
 
-def _family(found: Family, folder: Path) -> None:
-    assert Family.load(found.portable()) == found
-    job = found.job(3)
+def _check_family(family: Family, folder: Path) -> None:
+    """Check that a family is the same after it was sent, and that its jobs are scenarios."""
+    assert Family.load(family.portable()) == family
+    job = family.job(3)
     assert np.isfinite(job.context).all()
     assert Scenario.load(job.scenario.portable()) == job.scenario
 
 
-def _measurements(table: Measurements, folder: Path) -> None:
+def _check_measurements(table: Measurements, folder: Path) -> None:
+    """Check that every value is missing or in its range."""
     for name, values in table.columns.items():
         assert values.shape == table.lines.shape
-        zero = (values == 0.0) & COLUMNS[name].may_be_zero
-        assert (
-            np.isnan(values) | zero | (COLUMNS[name].low <= values) & (values <= COLUMNS[name].high)
-        ).all()
+        column = COLUMNS[name]
+        missing = np.isnan(values)
+        zero = (values == 0.0) & column.may_be_zero
+        in_range = (column.low <= values) & (values <= column.high)
+        assert (missing | zero | in_range).all()
     assert table.edges is None or table.edges.shape == table.lines.shape
 
 
-def _part(part: ResultFile | Trajectories, folder: Path) -> None:
+def _check_part(part: ResultFile | Trajectories, folder: Path) -> None:
+    """Check that results or trajectories are the same after they were written."""
     write_part(part, folder / "again.json")
     assert read_part(type(part), folder / "again.json") == part
 
 
-def _agent(file: agent_file.AgentFile, folder: Path) -> None:
-    """Its outline can be sent to another process."""
+def _check_agent(file: agent_file.AgentFile, folder: Path) -> None:
+    """Check that the outline of an agent can be sent to another process."""
     _, outline = network.read((folder / "tried.onnx").read_bytes())
     sent = json.dumps(outline._asdict()).encode()
     assert TypeAdapter(Outline).validate_json(sent, strict=True) == outline
 
 
-def _program(found: Program, folder: Path) -> None:
-    assert read(write(found)) == found
+def _check_program(program: Program, folder: Path) -> None:
+    """Check that a program is the same after it was written."""
+    assert read(write(program)) == program
 
 
 def smallest(folder: Path, pattern: str) -> list[Path]:
@@ -231,10 +281,10 @@ def small_result() -> bytes:
 
 @cache
 def _small_trajectories() -> bytes:
-    trajectories = json.loads(
-        lzma.decompress(smallest(_RESULTS, "*/*/trajectories.json.xz")[0].read_bytes())
-    )
-    (episode, *_) = trajectories["episodes"]
+    """Return the smallest trajectories that ship, of one episode of two steps."""
+    path = smallest(_RESULTS, "*/*/trajectories.json.xz")[0]
+    trajectories = json.loads(lzma.decompress(path.read_bytes()))
+    episode = trajectories["episodes"][0]
     episode["series"] = {name: column[:2] for name, column in episode["series"].items()}
     return json.dumps(trajectories | {"episodes": [episode]}).encode()
 
@@ -246,22 +296,32 @@ class Reader(NamedTuple):
     read: Callable[[Path], Any]
     refusal: type[Exception]
     valid: Callable[[], tuple[bytes, ...]]
-    """Contents of valid files, to be damaged."""
-    holds: Callable[[Any, Path], None]
-    """Assert what holds of all that is read; the folder is that of the file."""
+    """Return the contents of valid files, to be damaged."""
+    check_content: Callable[[Any, Path], None]
+    """Check what must hold for all that is read, given the file's folder."""
 
     def check(self, folder: Path, content: bytes) -> Any:
-        """Return what a content gives, or None where it is refused; any other error is a broken promise."""
-        path = folder / ("tried" + self.suffix + (".xz" if content.startswith(_COMPRESSED) else ""))
+        """Return what is read from a content, or None if it is refused.
+
+        Any error but the reader's own is a broken promise.
+        """
+        name = f"tried{self.suffix}"
+        if content.startswith(_COMPRESSED):
+            name += ".xz"
+        path = folder / name
         path.write_bytes(content)
-        found = attempt(self.read, path, self.refusal)
-        if found is not None:
-            self.holds(found, folder)
-        return found
+        value = attempt(self.read, path, self.refusal)
+        if value is not None:
+            self.check_content(value, folder)
+        return value
 
 
 _OWN_SCENARIO = b'base = "forging"\nname = "mine"\n[limits]\npower = 11.0\n[workpiece]\nbars = 3\n'
-_OWN_TABLE = b'edge,cutting_speed,feed,depth_of_cut,time,wear\r\n"a, 1",150,.3,2,1e1,0.1\r\n,120,0.2,2.5,,\r\n'
+_OWN_TABLE = (
+    b"edge,cutting_speed,feed,depth_of_cut,time,wear\r\n"
+    b'"a, 1",150,.3,2,1e1,0.1\r\n'
+    b",120,0.2,2.5,,\r\n"
+)
 _OWN_FAMILY = b"""
 base = "shift"
 jobs = 8
@@ -269,8 +329,13 @@ held_out_jobs = 8
 shown = ["hardness"]
 
 [variables]
-hardness = { log_normal = [1.0, 0.1], unit = "-", source = "assumption", truth = { log_normal = [1.0, 0.05] } }
 size = { uniform = [90.0, 110.0], unit = "mm", source = "assumption" }
+
+[variables.hardness]
+log_normal = [1.0, 0.1]
+unit = "-"
+source = "assumption"
+truth = { log_normal = [1.0, 0.05] }
 
 [tables.machine]
 columns = ["rated_power", "torque"]
@@ -304,42 +369,72 @@ ratio = "minimum(hardness, 1.2) / 1.1"
 train = []
 large_machines = ["machine"]
 """
+
+
+def _valid_scenarios() -> tuple[bytes, ...]:
+    return Scenario.load("override").to_toml().encode(), _OWN_SCENARIO
+
+
+def _valid_measurements() -> tuple[bytes, ...]:
+    return (ROOT / "shop" / "examples" / "cuts.csv").read_bytes(), _OWN_TABLE
+
+
+def _valid_results() -> tuple[bytes, ...]:
+    return small_result(), lzma.compress(small_result(), preset=0)
+
+
+def _valid_agents() -> tuple[bytes, ...]:
+    return (smallest(ROOT / "agents", "*/*/*.onnx")[0].read_bytes(),)
+
+
 READERS = {
     "scenario": Reader(
-        ".toml",
-        Scenario.load,
-        ScenarioError,
-        lambda: (Scenario.load("override").to_toml().encode(), _OWN_SCENARIO),
-        _scenario,
+        suffix=".toml",
+        read=Scenario.load,
+        refusal=ScenarioError,
+        valid=_valid_scenarios,
+        check_content=_check_scenario,
     ),
-    "family": Reader(".toml", Family.load, ScenarioError, lambda: (_OWN_FAMILY,), _family),
+    "family": Reader(
+        suffix=".toml",
+        read=Family.load,
+        refusal=ScenarioError,
+        valid=lambda: (_OWN_FAMILY,),
+        check_content=_check_family,
+    ),
     "measurements": Reader(
-        ".csv",
-        read_measurements,
-        WorkshopError,
-        lambda: ((ROOT / "shop" / "examples" / "cuts.csv").read_bytes(), _OWN_TABLE),
-        _measurements,
+        suffix=".csv",
+        read=read_measurements,
+        refusal=WorkshopError,
+        valid=_valid_measurements,
+        check_content=_check_measurements,
     ),
     "result": Reader(
-        ".json",
-        partial(read_part, ResultFile),
-        ResultError,
-        lambda: (small_result(), lzma.compress(small_result(), preset=0)),
-        _part,
+        suffix=".json",
+        read=partial(read_part, ResultFile),
+        refusal=ResultError,
+        valid=_valid_results,
+        check_content=_check_part,
     ),
     "trajectories": Reader(
-        ".json",
-        partial(read_part, Trajectories),
-        ResultError,
-        lambda: (_small_trajectories(),),
-        _part,
+        suffix=".json",
+        read=partial(read_part, Trajectories),
+        refusal=ResultError,
+        valid=lambda: (_small_trajectories(),),
+        check_content=_check_part,
     ),
     "agent": Reader(
-        ".onnx",
-        agent_file.read,
-        ValueError,
-        lambda: (smallest(ROOT / "agents", "*/*/*.onnx")[0].read_bytes(),),
-        _agent,
+        suffix=".onnx",
+        read=agent_file.read,
+        refusal=ValueError,
+        valid=_valid_agents,
+        check_content=_check_agent,
     ),
-    "program": Reader(".mpf", read_file, NcError, lambda: (TEXT.encode(),), _program),
+    "program": Reader(
+        suffix=".mpf",
+        read=read_file,
+        refusal=NcError,
+        valid=lambda: (TEXT.encode(),),
+        check_content=_check_program,
+    ),
 }
