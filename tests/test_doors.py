@@ -16,7 +16,7 @@ from train import export, ppo
 from turning_env import FAMILY_ID, IDS, score
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 
-ALL = (*IDS, FAMILY_ID)
+ENV_IDS = (*IDS, FAMILY_ID)
 SOURCES = {**IDS, FAMILY_ID: "shop"}
 """The scenario or family of each id."""
 
@@ -40,20 +40,26 @@ def learns(env: Any) -> None:
 
 
 def made_by_gymnasium(env_id: str, tmp_path: Path) -> None:
+    """Check a batch that Gymnasium makes, and that it has the seeds of single environments."""
     envs = gymnasium.make_vec(
-        env_id, num_envs=2, vectorization_mode="vector_entry_point", autoreset_mode="SameStep"
+        env_id,
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        autoreset_mode="SameStep",
     )
     observations, _ = envs.reset(seed=0)
     assert observations in envs.observation_space
     # The second environment has the second seed.
-    observation, _ = gymnasium.make(env_id).reset(seed=1)
+    single = gymnasium.make(env_id)
+    observation, _ = single.reset(seed=1)
     assert observation.tolist() == observations[1].tolist()
 
 
 def drawn(env_id: str, tmp_path: Path) -> None:
     env = gymnasium.make(env_id, render_mode="rgb_array")
     env.reset(seed=0)
-    assert env.render().std() > 0  # type: ignore[union-attr]
+    picture: Any = env.render()
+    assert picture.std() > 0
 
 
 def learned_with_make_vec_env(env_id: str, tmp_path: Path) -> None:
@@ -68,7 +74,8 @@ def taken_by_torchrl(env_id: str, tmp_path: Path) -> None:
     pytest.importorskip("torchrl")
     from torchrl.envs import GymWrapper, check_env_specs  # type: ignore[import-untyped]
 
-    check_env_specs(GymWrapper(gymnasium.make_vec(env_id, 2, autoreset_mode="Disabled")))
+    envs = gymnasium.make_vec(env_id, num_envs=2, autoreset_mode="Disabled")
+    check_env_specs(GymWrapper(envs))
 
 
 def scored(env_id: str, tmp_path: Path) -> None:
@@ -76,21 +83,34 @@ def scored(env_id: str, tmp_path: Path) -> None:
     assert 1 < result.rank <= result.ranked
 
 
+FEW_STEPS = {"total_timesteps": 64, "n_steps": 8, "batch_size": 32}
+"""Hyperparameters of a training of one update."""
+
+
+def train_and_export(env_id: str, folder: Path) -> Path:
+    """Train an agent for a few steps, and return its file."""
+    train = ["--env", env_id, "--seed", "3", "--runs", str(folder)]
+    for name, value in (PARAMETERS["ppo"] | FEW_STEPS).items():
+        train += ["--set", f"{name}={value}"]
+    assert ppo.main(train) == 0
+
+    run = folder / env_id / SOURCES[env_id] / "ppo-seed3"
+    assert export.main([str(run), "--out", str(folder)]) == 0
+    return folder / "ppo-seed3.onnx"
+
+
 def trained_exported_and_ranked(env_id: str, tmp_path: Path) -> None:
-    few = PARAMETERS["ppo"] | {"total_timesteps": 64, "n_steps": 8, "batch_size": 32}
-    words = ["--env", env_id, "--seed", "3", "--runs", str(tmp_path)]
-    for name, value in few.items():
-        words += ["--set", f"{name}={value}"]
-    assert ppo.main(words) == 0
-    folder = tmp_path / env_id / SOURCES[env_id] / "ppo-seed3"
-    assert export.main([str(folder), "--out", str(tmp_path)]) == 0
+    """Check that an agent is trained, exported, played, shown and verified by the commands."""
+    agent = train_and_export(env_id, tmp_path)
     results = ["--results", str(tmp_path / "results")]
-    played = ["--policies", "--agents", str(tmp_path / "ppo-seed3.onnx"), "--keep-names"]
-    assert leaderboard(["run", "--env", env_id, "--seeds", "2", *results, *played]) == 0
-    assert leaderboard(["show", "--env", env_id, *results]) == 0
+    task = ["--env", env_id, *results]
+
+    agents = ["--policies", "--agents", str(agent), "--keep-names"]
+    assert leaderboard(["run", *task, "--seeds", "2", *agents]) == 0
+    assert leaderboard(["show", *task]) == 0
     assert leaderboard(["page", *results]) == 0
-    verified = ["--memory", str(tmp_path / "memory.json"), "--agents", str(tmp_path)]
-    assert leaderboard(["verify", "--env", env_id, *results, *verified]) == 0
+    memory = ["--memory", str(tmp_path / "memory.json")]
+    assert leaderboard(["verify", *task, *memory, "--agents", str(tmp_path)]) == 0
 
 
 def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
@@ -98,9 +118,8 @@ def recorded_for_minari(env_id: str, tmp_path: Path) -> None:
     from examples.offline import main
 
     behaviour = "load_rule" if env_id == "RoughTurning-v0" else "idle"
-    words = ["make", "--env", env_id, "--behaviours", behaviour]
-    words += ["--episodes", "1", "--out", str(tmp_path)]
-    assert main(words) == 0
+    make = ["make", "--env", env_id, "--behaviours", behaviour, "--episodes", "1"]
+    assert main([*make, "--out", str(tmp_path)]) == 0
 
 
 DOORS = (
@@ -115,7 +134,7 @@ DOORS = (
 )
 
 
-@pytest.mark.parametrize("env_id", ALL)
+@pytest.mark.parametrize("env_id", ENV_IDS)
 @pytest.mark.parametrize("door", DOORS)
 def test_every_id_is(door: Callable[[str, Path], None], env_id: str, tmp_path: Path) -> None:
     door(env_id, tmp_path)

@@ -9,25 +9,35 @@ from tools.wheel import built
 
 PACKAGES = ("turning_env", "baselines")
 PACKAGED = ("py", "toml", "json", "xz", "hal", "ini", "tbl", "html", "js", "typed")
-"""Ends of the names of files that a package holds."""
+"""Suffixes of the files that a package holds."""
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    return zipfile.ZipFile(built(tmp_path_factory.mktemp("wheel")))
+    folder = tmp_path_factory.mktemp("wheel")
+    return zipfile.ZipFile(built(folder))
+
+
+def files_of(package: str) -> set[str]:
+    """Return the names of the files that a package must bring along."""
+    names = set()
+    for suffix in PACKAGED:
+        for path in (ROOT / package).rglob(f"*.{suffix}"):
+            names.add(path.relative_to(ROOT).as_posix())
+    return names
 
 
 def test_the_wheel_holds_the_packages_of_a_user_and_nothing_else(wheel: zipfile.ZipFile) -> None:
     packaged = {name for name in wheel.namelist() if ".dist-info/" not in name}
-    sources = set()
+    expected = set()
     for package in PACKAGES:
-        for end in PACKAGED:
-            paths = (ROOT / package).rglob(f"*.{end}")
-            sources |= {path.relative_to(ROOT).as_posix() for path in paths}
-    assert packaged == sources
-    assert {name.split("/")[0] for name in packaged} == set(PACKAGES)
+        files = files_of(package)
+        assert files
+        expected |= files
+    assert packaged == expected
 
 
 def test_the_wheel_holds_the_licence(wheel: zipfile.ZipFile) -> None:
-    (licence,) = [name for name in wheel.namelist() if name.endswith("licenses/LICENSE")]
-    assert wheel.read(licence).startswith(b"MIT License")
+    licences = [name for name in wheel.namelist() if name.endswith("licenses/LICENSE")]
+    assert len(licences) == 1
+    assert wheel.read(licences[0]).startswith(b"MIT License")
