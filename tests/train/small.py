@@ -12,33 +12,33 @@ from turning_env import Family, Scenario
 SCENARIO = Scenario.model_validate({"name": "short", "tool": {"wear_criterion": 0.1}})
 
 _ON_POLICY = {
-    "total_timesteps": 2048,
+    "total_timesteps": 1024,
     "num_envs": 8,
-    "n_steps": 64,
-    "batch_size": 256,
+    "n_steps": 32,
+    "batch_size": 128,
     "n_epochs": 2,
 }
 # So few are remembered that the oldest are overwritten while actions are still random.
 _OFF_POLICY = {
-    "total_timesteps": 2048,
+    "total_timesteps": 1024,
     "num_envs": 8,
-    "learning_starts": 1100,
-    "buffer_size": 800,
+    "learning_starts": 550,
+    "buffer_size": 400,
     "batch_size": 32,
     "gradient_steps": 1,
 }
 _TEACHER = {
-    "total_timesteps": 2048,
+    "total_timesteps": 1024,
     "num_envs": 8,
-    "n_steps": 16,
+    "n_steps": 8,
     "batch_envs": 4,
     "cells": 8,
 }
 _STRATEGY = {
-    "total_timesteps": 2048,
+    "total_timesteps": 1024,
     "num_envs": 8,
     "population_size": 4,
-    "episode_steps": 64,
+    "episode_steps": 32,
     "sigma": 0.05,
 }
 PARAMETERS: dict[str, dict[str, Any]] = {

@@ -25,7 +25,7 @@ MIXED = changed(
 )
 NUM_ENVS = 8
 FAMILY = Family.model_validate(Family.load("shop").model_dump() | {"jobs": 16})
-FEW_STEPS = 512
+FEW_STEPS = 256
 """One update: what an agent sees does not depend on the length of its training."""
 
 

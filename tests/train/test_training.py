@@ -46,22 +46,22 @@ def test_an_interrupted_training_gives_the_same_agent(
     algorithm: Algorithm, terms: dict[str, Any], tmp_path: Path
 ) -> None:
     whole, cut = (small_run(algorithm, tmp_path / name, **terms) for name in ("whole", "cut"))
-    train(whole, algorithm, checkpoint_every=512)
+    train(whole, algorithm, checkpoint_every=256)
     own = algorithm.callbacks(cut)
     with pytest.raises(KeyboardInterrupt):
         train(
             cut,
-            replace(algorithm, callbacks=lambda run: [*own, Interruption(1100)]),
-            checkpoint_every=512,
+            replace(algorithm, callbacks=lambda run: [*own, Interruption(550)]),
+            checkpoint_every=256,
         )
     assert cut.checkpoint.exists()
     assert not cut.policy.exists()
-    train(cut, algorithm, checkpoint_every=512)
+    train(cut, algorithm, checkpoint_every=256)
 
     model, resumed = (algorithm.model.load(each.policy, device="cpu") for each in (whole, cut))
     assert _bytes(model.get_parameters()) == _bytes(resumed.get_parameters())
     rows, resumed_rows = (each.read_learning_curve() for each in (whole, cut))
-    assert rows[-1]["steps"] == 2048
+    assert rows[-1]["steps"] == 1024
     for row, resumed_row in zip(rows, resumed_rows, strict=True):
         assert row | {"wall_time": 0.0} == resumed_row | {"wall_time": 0.0}
     assert all(np.diff([row["wall_time"] for row in resumed_rows]) > 0.0)
