@@ -42,11 +42,13 @@ class Workers:
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
+        # Read once: there are hundreds of pieces, and metadata takes a while to parse.
+        self._wanted = _versions()
         self._tags: dict[Future[Any], Any] = {}
 
     def start(self, tag: Any, work: Callable[..., Any], *arguments: Any) -> None:
         """Hand ``work(*arguments)`` to a worker; ``finished`` returns its result with ``tag``."""
-        self._tags[self._executor.submit(_do, _versions(), work, *arguments)] = tag
+        self._tags[self._executor.submit(_do, self._wanted, work, *arguments)] = tag
 
     def finished(self) -> tuple[Any, Any]:
         """Wait until a started piece ends; return its tag and its result, or raise its error."""

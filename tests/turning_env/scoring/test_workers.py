@@ -59,10 +59,9 @@ def test_processes_do_all_pieces_and_end_with_the_context(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_workers_with_other_versions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     message = rf"other results: it has .*numpy {metadata.version('numpy')} instead of 1\.0"
-    with processes(1) as over:
-        monkeypatch.setattr(metadata, "version", lambda name: "1.0")
-        with pytest.raises(WorkersError, match=message):
-            list(spread(over, abs, PIECES))
+    monkeypatch.setattr(metadata, "version", lambda name: "1.0")
+    with processes(1) as over, pytest.raises(WorkersError, match=message):
+        list(spread(over, abs, PIECES))
 
 
 def test_a_scheduler_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
