@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -85,3 +87,15 @@ def test_it_agrees_with_the_vector_environment_of_stable_baselines3(
             else:
                 assert info == {}
     assert truncated == kinds_of_end
+
+
+def test_evaluate_policy_reports_returns_whatever_the_scale_of_rewards() -> None:
+    """Warnings, such as that there is no Monitor, count as errors."""
+
+    def evaluated(reward_scale: float) -> Any:
+        env = RoughTurningVecEnv(SHORT, NUM_ENVS, reward_scale)
+        env.seed(40)
+        model = PPO("MlpPolicy", env, seed=1, device="cpu")
+        return evaluate_policy(model, env, 2 * NUM_ENVS, return_episode_rewards=True)
+
+    assert evaluated(SCALE) == evaluated(1.0)

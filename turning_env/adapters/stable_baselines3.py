@@ -17,6 +17,7 @@ from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 
 with needed():
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 
 Indices = int | Iterable[int] | None
@@ -29,7 +30,8 @@ class RoughTurningVecEnv(VecEnv):
 
     Override ``training_rewards`` in a subclass to train on other rewards. At an episode's end, an
     environment's info holds ``terminal_observation``, ``TimeLimit.truncated`` and ``episode``
-    (return [s of machine time] and length, unscaled). All other infos are empty.
+    (return [s of machine time] and length, unscaled). All other infos are empty. As these are what
+    ``Monitor`` adds, ``evaluate_policy`` and ``EvalCallback`` report returns, not scaled rewards.
 
     Args:
         scenario: the name of a preset, the path of a TOML file, a ``Scenario``, or a ``Family`` or
@@ -127,4 +129,6 @@ class RoughTurningVecEnv(VecEnv):
         )
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: Indices = None) -> list[bool]:
-        return [False] * len(list(self._get_indices(indices)))
+        # ``evaluate_policy`` asks, and then takes returns and lengths from the infos.
+        is_wrapped = wrapper_class is Monitor
+        return [is_wrapped] * len(list(self._get_indices(indices)))
