@@ -97,6 +97,17 @@ def test_any_module_becomes_an_agent(tmp_path: Path) -> None:
     assert not (tmp_path / "wide.onnx").exists()
 
 
+class ActionsAndValues(torch.nn.Module):
+    def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        return observations[:, :2], observations[:, 2]
+
+
+def test_a_module_that_returns_a_tuple_without_a_memory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="ActionsAndValues returns a tuple of 2"):
+        export.export_torch(ActionsAndValues(), tmp_path / "mine.onnx")
+    assert not (tmp_path / "mine.onnx").exists()
+
+
 @pytest.mark.parametrize(
     "kind", [PPO, A2C, SAC, TD3, TQC, RecurrentPPO], ids=lambda kind: kind.__name__
 )

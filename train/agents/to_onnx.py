@@ -28,6 +28,7 @@ from train.agents.network import tried
 from train.recurrent_ppo import RecurrentActor
 from train.run import Run, warn_of_pickle
 from turning_env.batch.driver import action_space
+from turning_env.scoring import torch_module
 from turning_env.scoring.onnx_session import first_line
 from turning_env.scoring.sb3_observations import was_normalised
 
@@ -299,16 +300,14 @@ class ModuleActor(Actor):
     def __init__(self, module: torch.nn.Module) -> None:
         super().__init__()
         self.module = copy.deepcopy(module).cpu().float().eval()
-        self.memory_size = getattr(module, "memory_size", 0)
+        self.memory_size = torch_module.memory_size(module)
 
     def forward(
         self, observation: torch.Tensor, memory: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        if self.memory_size:
-            action, memory = self.module(observation, memory)
-        else:
-            action = self.module(observation)
-        return action.clamp(-1.0, 1.0), memory
+        output = torch_module.run(self.module, observation, memory)
+        next_memory = memory if output.memory is None else output.memory
+        return output.actions.clamp(-1.0, 1.0), next_memory
 
 
 class NormalisedActor(Actor):
@@ -449,9 +448,7 @@ def _network(name: str, policy: Any) -> torch.nn.Module:
     actor = policy.actor
     if name == "TD3":
         return torch.nn.Sequential(actor.features_extractor, actor.mu)
-    return torch.nn.Sequential(
-        actor.features_extractor, actor.latent_pi, actor.mu, torch.nn.Tanh()
-    )
+    return torch.nn.Sequential(actor.features_extractor, actor.latent_pi, actor.mu, torch.nn.Tanh())
 
 
 def read_statistics(path: Path) -> Any:

@@ -2,7 +2,6 @@
 
 import pkgutil
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicyFactory
 from turning_env.scoring.sandbox import LIMITS, AgentFileError, Limits, load
 from turning_env.scoring.sb3_observations import ADVICE, normalisation
+from turning_env.scoring.torch_module import ModulePolicy, is_module
 
 
 def as_factory(
@@ -43,10 +43,8 @@ def as_factory(
         return lambda num_envs: policy if hasattr(policy, "reset") else _Function(policy.act)
     if hasattr(policy, "predict"):
         return lambda num_envs: _Model(policy, space)
-    # A module exists only if PyTorch has been imported, which takes long.
-    torch = sys.modules.get("torch")
-    if torch is not None and isinstance(policy, torch.nn.Module):
-        return lambda num_envs: _Function(_module(torch, policy))
+    if is_module(policy):
+        return lambda num_envs: ModulePolicy(policy, num_envs)
     if callable(policy):
         return lambda num_envs: _Function(policy)
     raise TypeError(
@@ -94,6 +92,12 @@ class _Model:
     def _check(self, observations: Observations) -> None:
         """Raise ValueError if the model was trained on other observations than these."""
         trained = self.model.observation_space
+        if not isinstance(trained, Box):
+            raise ValueError(
+                f"the model was trained on observations of the kind {type(trained).__name__}, "
+                "but these are arrays: give a function, such as lambda observations: "
+                "model.predict(wrapper.observation(observations), deterministic=True)[0]"
+            )
         if trained.shape != observations.shape[1:]:
             raise ValueError(
                 f"the model was trained on observations of {trained.shape[0]} entries, "
@@ -131,18 +135,6 @@ def _same_bounds(space: Any, expected: Any) -> bool:
     same_low = np.allclose(space.low, expected.low)
     same_high = np.allclose(space.high, expected.high)
     return bool(same_low and same_high)
-
-
-def _module(torch: Any, module: Any) -> Callable[[Observations], Any]:
-    """Return a function of arrays that runs a module of PyTorch."""
-    device = next((parameter.device for parameter in module.parameters()), "cpu")
-
-    def run(observations: Observations) -> Any:
-        with torch.no_grad():
-            actions = module(torch.as_tensor(observations, device=device))
-        return actions.cpu().numpy()
-
-    return run
 
 
 def _onnx(path: Path, limits: Limits) -> PolicyFactory:

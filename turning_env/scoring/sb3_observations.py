@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
+from gymnasium import logger
 from gymnasium.vector import VectorObservationWrapper
 
 _NEUTRAL = ("VecMonitor", "VecCheckNan")
@@ -23,28 +24,37 @@ def normalisation(model: Any) -> Any:
     """Return the ``VecNormalize`` whose statistics a model needs; None if it needs none.
 
     ValueError if the statistics are not there, or another wrapper of the training's environment
-    changes observations.
+    changes observations. The policy of a model does not say how it was trained: a notice asks for
+    the model.
     """
-    env = model.get_env() if hasattr(model, "get_env") else None
-    if env is None:
-        if was_normalised(model):
-            raise ValueError(
-                "the model was trained with VecNormalize, whose statistics its file does not hold: "
-                "load it with its environment, such as "
-                f"PPO.load(path, env=VecNormalize.load(statistics, env)), or {ADVICE}"
-            )
+    if not hasattr(model, "get_env"):
+        logger.warn(
+            f"a {type(model).__name__} does not say whether VecNormalize or another wrapper "
+            "changed its observations in training: it acts on plain ones; score the whole model "
+            "to be sure"
+        )
         return None
+    env = model.get_env()
     statistics = None
-    for wrapper in _vec_wrappers(env):
+    is_normalised = False
+    for wrapper in [] if env is None else _vec_wrappers(env):
         kind = type(wrapper).__name__
         if kind == "VecNormalize":
+            is_normalised = True
             if wrapper.norm_obs:
                 statistics = wrapper
         elif kind not in _NEUTRAL:
             raise ValueError(
                 f"the model was trained behind {kind}, which may change observations: {ADVICE}"
             )
-    name = _changing_wrapper(env)
+    # Also of a model that was loaded with another environment than that of its training.
+    if was_normalised(model) and not is_normalised:
+        raise ValueError(
+            "the model was trained with VecNormalize, whose statistics its file does not hold: "
+            "load it with its environment, such as "
+            f"PPO.load(path, env=VecNormalize.load(statistics, env)), or {ADVICE}"
+        )
+    name = None if env is None else _changing_wrapper(env)
     if name:
         raise ValueError(
             f"the model was trained behind {name}, which changes observations: {ADVICE}"
@@ -53,7 +63,7 @@ def normalisation(model: Any) -> Any:
 
 
 def was_normalised(model: Any) -> bool:
-    """Return whether a model, loaded without its environment, was trained with ``VecNormalize``.
+    """Return whether a model was trained with ``VecNormalize``.
 
     Such a training keeps the observations before normalisation, and the model's file holds its
     first. They are also there if only rewards were normalised: the file does not say which.

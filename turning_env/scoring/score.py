@@ -245,7 +245,9 @@ def score(
               ``turning_env.scoring.policy.Policy``;
             * a model of Stable-Baselines3, which acts deterministically; the ``VecNormalize`` of
               its environment, if it has one, normalises the observations;
-            * a module of PyTorch, from observations to actions;
+            * a module of PyTorch, from observations to actions, or with an attribute
+              ``memory_size`` from observations and memory to actions and the next memory
+              (``turning_env.scoring.torch_module``);
             * the path of an ONNX file with the input ``observation`` and the output ``action``;
               with a memory also ``memory`` and ``next_memory``. All weights must be inside. This
               needs onnxruntime. The file may come from anywhere: it plays in a process of its own

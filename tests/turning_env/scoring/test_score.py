@@ -68,6 +68,48 @@ class Full(torch.nn.Module):
         return 0.1 + 0.0 * observations[:, :2]
 
 
+class Alternating:
+    """Alternates between two actions in every episode."""
+
+    def __init__(self) -> None:
+        self.steps = np.zeros((0, 1))
+
+    def reset(self, mask: Any) -> None:
+        if not len(self.steps):
+            self.steps = np.zeros((len(mask), 1))
+        self.steps[mask] = 0.0
+
+    def act(self, observations: Any) -> Any:
+        self.steps = self.steps + 1.0
+        return np.repeat(0.25 * (self.steps % 2), 2, axis=1).astype(np.float32)
+
+
+class AlternatingModule(torch.nn.Module):
+    """The same with a memory that counts steps, in double precision."""
+
+    memory_size = 1
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.step = torch.nn.Parameter(torch.ones(1, dtype=torch.float64))
+
+    def forward(self, observations: Any, memory: Any) -> Any:
+        steps = memory + self.step
+        return (0.25 * (steps % 2)).expand(-1, 2), steps
+
+
+class ActionsAndValues(torch.nn.Module):
+    def forward(self, observations: Any) -> Any:
+        return observations[:, :2], observations[:, 2]
+
+
+class ForgottenMemory(torch.nn.Module):
+    memory_size = 3
+
+    def forward(self, observations: Any, memory: Any) -> Any:
+        return observations[:, :2]
+
+
 @pytest.fixture(scope="module")
 def expected() -> Score:
     return score(full_feed, PAPER, seeds=4)
@@ -88,6 +130,24 @@ def test_the_files_in_the_package_hold_the_results_that_ship() -> None:
 def test_every_kind_of_policy_plays_alike(policy: Any, expected: Score) -> None:
     played = score(policy, PAPER, seeds=4)
     assert played.episodes["return"].tolist() == expected.episodes["return"].tolist()
+
+
+def test_a_module_with_a_memory_remembers_within_episodes() -> None:
+    assert returns_of(AlternatingModule()) == returns_of(Alternating())
+
+
+@pytest.mark.parametrize(
+    ("module", "message"),
+    [
+        (ActionsAndValues(), "ActionsAndValues returns a tuple of 2, but must return a tensor"),
+        (ForgottenMemory(), "has a memory_size, but returns a Tensor"),
+    ],
+)
+def test_a_module_that_returns_something_else_is_refused(
+    module: torch.nn.Module, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        score(module, PAPER, seeds=2)
 
 
 @pytest.mark.slow
@@ -237,9 +297,37 @@ def test_a_normalised_model_is_scored_with_its_statistics_or_refused(tmp_path: P
     model.save(tmp_path / "mine.zip")
     with pytest.raises(ValueError, match="VecNormalize, whose statistics its file does not hold"):
         returns_of(PPO.load(tmp_path / "mine.zip"))
+    # Another environment does not hold them either.
+    with pytest.raises(ValueError, match="VecNormalize, whose statistics its file does not hold"):
+        returns_of(PPO.load(tmp_path / "mine.zip", env=RoughTurningVecEnv("paper", 2)))
     env.save(str(tmp_path / "statistics.pkl"))
     loaded = VecNormalize.load(str(tmp_path / "statistics.pkl"), RoughTurningVecEnv("paper", 2))
     assert returns_of(PPO.load(tmp_path / "mine.zip", env=loaded)) == returns
+
+
+def test_the_policy_of_a_model_plays_on_plain_observations_with_a_notice() -> None:
+    model = PPO("MlpPolicy", RoughTurningVecEnv("paper", 2), seed=1, device="cpu")
+    with pytest.warns(UserWarning, match="ActorCriticPolicy does not say whether VecNormalize"):
+        returns = returns_of(model.policy)
+    assert returns == returns_of(model)
+
+
+def test_a_model_that_was_trained_on_named_entries_is_refused() -> None:
+    env = DummyVecEnv([lambda: ByName(gymnasium.make(PAPER))])
+    model = PPO("MultiInputPolicy", env, device="cpu")
+    with pytest.raises(ValueError, match="of the kind Dict"):
+        score(model, PAPER, seeds=2)
+
+
+class ByName(gymnasium.ObservationWrapper[Any, Any, Any]):
+    """Gives observations as a dictionary of one entry."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        self.observation_space = gymnasium.spaces.Dict({"all": env.observation_space})
+
+    def observation(self, observation: Any) -> Any:
+        return {"all": observation}
 
 
 class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
