@@ -12,13 +12,20 @@ AGENTS = Path(__file__).parents[2] / "agents"
 TEACHER = {"model gradients", "true states", "geometry", "life price", "spreads"}
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS.values(), ids=ALGORITHMS)
-def test_algorithms_declare_known_inputs_as_files_without_a_statement_are_understood(
-    algorithm,
-) -> None:
-    declared = set(algorithm.training_information)
-    assert declared <= set(TRAINING_INPUTS)
-    assert training_information({}, f"python -m train.{algorithm.name} --seed 0") == declared
+OLD_ALGORITHMS = ("ppo", "sac", "tqc", "recurrent_ppo", "lagrangian_ppo", "analytic_gradient")
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms_declare_known_inputs(name: str) -> None:
+    declared = ALGORITHMS[name].training_information
+    assert declared
+    assert set(declared) <= set(TRAINING_INPUTS)
+
+
+@pytest.mark.parametrize("name", OLD_ALGORITHMS)
+def test_files_without_a_statement_are_understood_by_their_command(name: str) -> None:
+    declared = set(ALGORITHMS[name].training_information)
+    assert training_information({}, f"python -m train.{name} --seed 0") == declared
 
 
 @pytest.mark.parametrize(
