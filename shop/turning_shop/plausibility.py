@@ -359,7 +359,7 @@ def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterat
     faults: dict[int, list[str]] = {}  # by line
     for name, law in robust.items():
         fitted = fits[name]
-        wrong = law.outlying & ~_of_unusual_edge(fitted, law)
+        wrong = law.outlying & ~_of_unusual_edge(fitted, law) & _far_from_edge(fitted, law)
         for row in np.flatnonzero(wrong):
             ratio = _times(np.exp(law.distance[row]))
             fault = f"{name} is {ratio} the law of the other rows"
@@ -371,18 +371,36 @@ def outliers(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterat
 def _of_unusual_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
     """Return the rows of edges of which most readings, and two or more, are outliers.
 
-    Such an edge is odd, but no typing error. Without names of edges, rows at the same settings
-    count as readings of one.
+    Such an edge is odd, but no typing error.
     """
-    if fitted.edges:
-        group = fitted.edges.group
-    else:
-        settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
-        group = np.unique(settings, axis=0, return_inverse=True)[1]
+    group = _edge_of_rows(fitted)
     outlying = np.bincount(group, robust.outlying)
     members = np.bincount(group)
     unusual = (outlying >= 2) & (outlying > 0.5 * members)
     return np.asarray(unusual[group])
+
+
+def _far_from_edge(fitted: Fit, robust: RobustFit) -> NDArray[np.bool_]:
+    """Return which rows lie far from the other readings of their edge, where it has two or more.
+
+    If a whole edge lies off the law, its form in speed, feed or depth may be wrong, or the edge
+    odd; a typing error is in one row.
+    """
+    group = _edge_of_rows(fitted)
+    far = np.ones(len(group), np.bool_)
+    for row in np.flatnonzero(robust.outlying):
+        others = robust.distance[group == group[row]]
+        if len(others) > 2:
+            far[row] = abs(robust.distance[row] - np.median(others)) > MIN_FAR
+    return far
+
+
+def _edge_of_rows(fitted: Fit) -> NDArray[np.int64]:
+    """Return the number of each row's edge; without names, rows at the same settings have one."""
+    if fitted.edges:
+        return fitted.edges.group
+    settings = np.stack([fitted.factors[name] for name in SETTINGS], axis=1)
+    return np.asarray(np.unique(settings, axis=0, return_inverse=True)[1])
 
 
 def unusual_edges(fits: Mapping[str, Fit], robust: Mapping[str, RobustFit]) -> Iterator[str]:

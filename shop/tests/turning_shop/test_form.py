@@ -138,3 +138,13 @@ def test_forms_are_chosen_without_names_of_edges() -> None:
     calibration = calibrated(replace(sheet(growing), edges=None))
     assert calibration.material.thrust_force.wear_growth > 0.0
     assert "worn rows left out" in calibration.forms["thrust_force"]
+
+
+def test_readings_of_an_edge_that_lies_off_the_law_are_no_typing_errors() -> None:
+    measurements = sheet(growing, scatter=0.01, edge_spread=0.01)
+    columns = measurements.columns
+    # Above a depth, the force is higher than a power of the depth says, and most at low feed.
+    deep = columns["depth_of_cut"] == 3.0
+    columns["thrust_force"][deep] *= 1.35
+    columns["thrust_force"][deep & (columns["wear"] > 0.3)] *= 1.2
+    assert calibrated(measurements).problems == ()
