@@ -28,7 +28,7 @@ from turning_control.shield import LOG, Settings
 from turning_control.streams import standard_streams_taken
 
 from turning_env import IDS
-from turning_env.console import UserError, described, exits, number_within, print_json
+from turning_env.console import UserError, described, exits, number_within, positive, print_json
 from turning_env.scenario import Scenario
 
 # Tasks with an action per step, which the shield guards.
@@ -63,7 +63,11 @@ def main(arguments: list[str] | None = None) -> int:
         help="programmed, a rule's name, module:object that you trust, or ONNX files",
     )
     demo.add_argument(
-        "--bars", type=int, default=2, metavar="N", help="bars per policy (default: %(default)s)"
+        "--bars",
+        type=positive,
+        default=2,
+        metavar="N",
+        help="bars per policy (default: %(default)s)",
     )
     _add_policy(serve)
     _add_policy(linked)
@@ -94,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _add_shield(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--episodes",
-        type=int,
+        type=positive,
         default=1000,
         metavar="N",
         help="held-out seeds per task (default: %(default)s)",
@@ -126,14 +130,20 @@ def _add_attack(parser: argparse.ArgumentParser) -> None:
 
     def add_number(name: str, default: int, text: str) -> None:
         parser.add_argument(
-            name, type=int, default=default, metavar="N", help=f"{text} (default: %(default)s)"
+            name, type=positive, default=default, metavar="N", help=f"{text} (default: %(default)s)"
         )
 
     add_number("--candidates", 40, "adversaries per generation")
     add_number("--generations", 4, "generations")
     add_number("--episodes", 12, "tuning seeds that each adversary plays")
     add_number("--worst", 5, "adversaries to report")
-    add_number("--held-out", 0, "held-out seeds that these play as well")
+    parser.add_argument(
+        "--held-out",
+        type=int,
+        default=0,
+        metavar="N",
+        help="held-out seeds that these play as well (default: %(default)s)",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -228,12 +238,8 @@ def _attack(options: argparse.Namespace) -> int:
     python -m turning_control attack --held-out 256
     python -m turning_control attack --env RoughTurning-Shift-v0 --candidates 12 --generations 1
     """
-    positive = (options.candidates, options.generations, options.episodes, options.worst)
-    if min(positive) < 1 or options.held_out < 0:
-        raise UserError(
-            "--candidates, --generations, --episodes and --worst must be 1 or more, "
-            "and --held-out 0 or more"
-        )
+    if options.held_out < 0:
+        raise UserError(f"--held-out is {options.held_out}, but must be 0 or more")
     LOG.setLevel(logging.ERROR)  # takeovers are counted
     scenario = Scenario.load(IDS[options.env])
     budget = adversary.Budget(

@@ -21,6 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from turning_env.numerics.functions import log
+from turning_env.numerics.wear_term import wear_term_slope
 from turning_env.observation import Reading
 from turning_env.physics.spindle import capacity_at, idle_power_at
 from turning_env.scenario import Scenario
@@ -215,7 +217,9 @@ class Observer:
         sensors = self._scenario.sensors
         wear_exponent_ratio = 0.0
         if material.thrust_force.wear:
-            wear_exponent_ratio = material.power.wear / material.thrust_force.wear
+            wear_exponent_ratio = self._wear_exponent(material.power) / self._wear_exponent(
+                material.thrust_force
+            )
         self._power = LoadModel(
             material.power,
             edge_exponent=wear_exponent_ratio,
@@ -231,6 +235,11 @@ class Observer:
             num_envs=num_envs,
         )
 
+    def _wear_exponent(self, law: PowerLaw) -> float:
+        """Return the slope of a log load over the log wear of a worn-out edge [-]."""
+        log_criterion = log(self._scenario.tool.wear_criterion)
+        return float(law.wear * wear_term_slope(law.wear_growth, log_criterion))
+
     def _set_prior(self) -> None:
         work = self._scenario.workpiece
         # Noise along a bar blends two normal nodes, one correlation length L apart, with the cosine
@@ -243,7 +252,7 @@ class Observer:
         # Variance that the logarithm of hardness gains along the bar [1/mm].
         self._hardness_drift = hardness_slope**2 * work.hardness_correlation_length
 
-        wear_exponent = self._scenario.material.thrust_force.wear
+        wear_exponent = self._wear_exponent(self._scenario.material.thrust_force)
         sharpness_spread = wear_exponent * self._scenario.tool.wear_factor_spread
         variances = np.zeros(NUM_STATES)
         variances[EXCESS] = work.depth_bar_spread**2 + work.depth_along_spread**2
