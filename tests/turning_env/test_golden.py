@@ -37,14 +37,7 @@ SKIN = {
     "initial_wear": 0.05,
     "force_bias": 0.1,
 }
-OTHER_PRESETS = (
-    "h13_romi",
-    "override_current",
-    "override_torque",
-    "practitioner",
-    "rough_turning_current",
-    "vicomtech",
-)
+OTHER_PRESETS = ("override_current", "override_torque", "practitioner", "rough_turning_current")
 PRESETS = sorted({*IDS.values(), *SPLITS, *OTHER_PRESETS})
 SCENARIOS = {
     "clock_time": changed(

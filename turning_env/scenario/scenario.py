@@ -36,11 +36,21 @@ from turning_env.scenario.validation import complaints
 START = ("initial_cutting_speed", "initial_feed")
 """Fields of ``control`` that move into the machine's range if no file states them."""
 
-SPLITS = ("harder_lot", "forging_skin", "worn_lot", "sensor_bias", "small_diameter", "ck45")
+SPLITS = (
+    "harder_lot",
+    "forging_skin",
+    "worn_lot",
+    "sensor_bias",
+    "small_diameter",
+    "ck45",
+    "h13_romi",
+    "vicomtech",
+)
 """Presets that test generalisation, with other bars, tools, sensors and steels.
 
 No policy was tuned or trained on them. The first four have the nominal model of ``rough_turning``
-and a model mismatch. The nominal models of the last two have another diameter and another steel.
+and a model mismatch. The nominal models of the others have another diameter, another steel, and
+the laws of two measured sets.
 Build policies for them with ``Scenario.nominal()``. Reasons: ``docs/choices.md``.
 """
 
