@@ -311,7 +311,9 @@ def _warnings(fits: Mapping[str, Fit], measurements: Measurements, base: Scenari
     unused = ~_used_rows(measurements)
     if unused.any():
         first = f"the first in line {measurements.lines[unused][0]}"
-        yield f"{unused.sum()} rows have too many empty cells for any law, {first}"
+        count = int(unused.sum())
+        rows = "1 row has" if count == 1 else f"{count} rows have"
+        yield f"{rows} too many empty cells for any law, {first}"
     if "hardness" in measurements.columns:
         nominal = int(np.isnan(measurements.columns["hardness"]).sum())
         if nominal:
@@ -321,13 +323,14 @@ def _warnings(fits: Mapping[str, Fit], measurements: Measurements, base: Scenari
 
 
 def _used_rows(measurements: Measurements) -> NDArray[np.bool_]:
-    """Return which rows tell of a law, or that an edge is fresh at a time of 0, shape (rows,)."""
+    """Return which rows tell of a law, or are of an edge without wear at a time, shape (rows,)."""
     used = np.zeros(len(measurements.lines), np.bool_)
     for response in FACTORS:
         used |= complete_rows(response, measurements)
     if {"wear", "time"} <= measurements.columns.keys():
         no_wear = measurements.columns["wear"] == 0.0
-        used |= no_wear & (measurements.columns["time"] == 0.0)
+        # Another warning names those after some time.
+        used |= no_wear & np.isfinite(measurements.columns["time"])
     return used
 
 

@@ -188,9 +188,30 @@ def _constants(text: str) -> dict[str, float]:
     for column, value in _pairs(text, "cutting_speed=300").items():
         if column not in COLUMNS:
             raise argparse.ArgumentTypeError(f"{column} is no number")
-        is_zero = COLUMNS[column].may_be_zero and value in ("0", "0.0")
-        constants[column] = 0.0 if is_zero else _number(column)(value)
+        constants[column] = _number_or_zero(column, value)
     return constants
+
+
+def _number_or_zero(column: str, text: str) -> float:
+    """Return a number within a column's range, or 0 if it is a measurement too."""
+    is_zero = COLUMNS[column].may_be_zero and text in ("0", "0.0")
+    return 0.0 if is_zero else _number(column)(text)
+
+
+def _wear(text: str) -> float:
+    """Return a flank wear, as an argparse type."""
+    return _number_or_zero("wear", text)
+
+
+def _refuse_fresh_edge(scenario: Scenario, wears: Sequence[float]) -> None:
+    """Raise an error if a wear is 0 and a law asks for no load from a fresh edge."""
+    for name in whatif.NO_LIMIT:
+        law = getattr(scenario.material, name)
+        if 0.0 in wears and law.wear > 0.0 and law.wear_growth == 0.0:
+            raise WorkshopError(
+                f"--wear 0: material.{name} is a power of the wear, "
+                "which says nothing of a fresh edge"
+            )
 
 
 def _predict(options: argparse.Namespace) -> int:
@@ -256,6 +277,7 @@ def _whatif(options: argparse.Namespace) -> int:
     from turning_shop.prediction import predict
 
     scenario, evidence = _load(options)
+    _refuse_fresh_edge(scenario, options.wear or [])
     _warn_of_settings(scenario, speeds=options.cutting_speed, feeds=options.feed)
     cuts = _cuts(scenario, options)
     prediction = None
@@ -388,9 +410,9 @@ def _add_whatif_options(parser: argparse.ArgumentParser) -> None:
     age.add_argument(
         "--wear",
         nargs="+",
-        type=_number("wear"),
+        type=_wear,
         metavar="X",
-        help="values of flank wear [mm]",
+        help="values of flank wear [mm]; 0: a fresh edge",
     )
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON")
@@ -404,6 +426,7 @@ def _map(options: argparse.Namespace) -> int:
     """
     refuse_existing(options.overwrite, options.out)
     scenario, evidence = _load(options)
+    _refuse_fresh_edge(scenario, [options.wear])
     criterion = scenario.tool.wear_criterion
     if options.wear > criterion:
         raise WorkshopError(
@@ -430,10 +453,10 @@ def _add_map_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "--wear",
-        type=_number("wear"),
+        type=_wear,
         required=True,
         metavar="X",
-        help="flank wear of the edge [mm]",
+        help="flank wear of the edge [mm]; 0: a fresh edge",
     )
     add(
         "--depth",

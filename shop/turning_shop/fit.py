@@ -69,6 +69,11 @@ TYPICAL_EDGE_SPREAD = {"wear": 0.34, "thrust_force": 0.12, "power": 0.03}
 Source: wear of 72 pairs of work and tool material (AIST), loads of 13 tools (Vicomtech); see
 shop/docs/measured_data.md.
 """
+TYPICAL_CURVE_SPREAD = {"wear": 0.0, "thrust_force": 0.2, "power": 0.2}
+"""Spread of the curves of edges that is assumed if a sheet does not tell it [-].
+
+Source: loads of Vicomtech. That of wear is part of ``TYPICAL_EDGE_SPREAD``.
+"""
 TYPICAL_GROWTH = {"thrust_force": 4.0, "power": 0.8}
 """Growth that is assumed if all edges are fresh [1/mm].
 
@@ -287,10 +292,15 @@ def fit(
     if edges:
         reading = _reading_of_other_edge(law, sample, solved=solved, edges=edges)
     else:
-        spread = edge_spread if tells_no_edges(measurements, sample.factors) else 0.0
+        is_assumed = tells_no_edges(measurements, sample.factors)
+        spread = edge_spread if is_assumed else 0.0
         level = max(float(np.hypot(solved.scatter, spread)), MIN_READING_SCATTER)
-        degrees = float(len(sample.lines) - len(names))
-        reading = ReadingScatter(level, curve=0.0, reference=1.0, degrees=degrees)
+        reading = ReadingScatter(
+            level,
+            curve=TYPICAL_CURVE_SPREAD[response] if is_assumed else 0.0,
+            reference=_curve_reference(law, sample),
+            degrees=float(len(sample.lines) - len(names)),
+        )
     return Fit(
         response=response,
         law=law,
@@ -412,10 +422,7 @@ def _reading_of_other_edge(
     Squared residuals are regressed on the squared slope of the curve, by non-negative least
     squares. Each edge counts as one, however often it was read.
     """
-    reference = 1.0
-    if law.wear_growth == 0.0:
-        progress = sample.factors["time" if law.time else "wear"]
-        reference = float(np.exp(np.log(progress).mean()))
+    reference = _curve_reference(law, sample)
     slope = curve_slope(law, sample.factors, reference)
     residual = np.log(sample.measured / law(**sample.factors))
     members = np.bincount(edges.group)
@@ -431,6 +438,14 @@ def _reading_of_other_edge(
         reference=reference,
         degrees=_degrees_of_reading(solved.scatter**2, edges),
     )
+
+
+def _curve_reference(law: PowerLaw, sample: _Sample) -> float:
+    """Return the mean wear [mm] or time [min] of the rows, where curves of edges are compared."""
+    if law.wear_growth > 0.0:
+        return 1.0  # the curves of edges are compared at a wear of 0
+    progress = sample.factors["time" if law.time else "wear"]
+    return float(np.exp(np.log(progress).mean()))
 
 
 def _degrees_of_reading(variance_within: float, edges: EdgeEffect) -> float:

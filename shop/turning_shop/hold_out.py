@@ -41,6 +41,7 @@ class HeldOut:
     predicted: Values
     low: Values
     high: Values
+    extrapolated: NDArray[np.bool_]  # whether the law was fitted to other settings, time or wear
     with_growth: int  # number of parts whose law has the form 1 + b VB
     failures: tuple[str, ...]  # reasons why parts were not predicted
 
@@ -105,6 +106,7 @@ def _held_out(
     predicted = []
     half_width = []  # of the logarithm
     measured = []
+    extrapolated = []
     with_growth = 0
     failures = []
     for number, left_out in enumerate(parts, 1):
@@ -121,6 +123,7 @@ def _held_out(
         with np.errstate(divide="ignore", invalid="ignore"):
             deviation = evidence.log_deviation(fitted.law, factors)
         half_width.append(evidence.quantile * deviation)
+        extrapolated.append(evidence.extrapolates(factors))
         predicted.append(fitted.law(**factors))
         measured.append(measurements.columns[response][left_out])
         line.append(measurements.lines[left_out])
@@ -136,6 +139,7 @@ def _held_out(
         predicted=centre,
         low=centre / factor,
         high=centre * factor,
+        extrapolated=_joined(extrapolated).astype(np.bool_),
         with_growth=with_growth,
         failures=tuple(failures),
     )
@@ -167,6 +171,13 @@ def summary(results: Sequence[HeldOut]) -> Iterator[str]:
                 f"{result.response}: 1 + b VB was chosen for {result.with_growth} of "
                 f"{num_parts} parts, otherwise a power of VB"
             )
+        outside = int(result.extrapolated.sum())
+        if outside:
+            yield (
+                f"{result.response}: {outside} readings lie outside the settings, time or wear of "
+                f"the others; {100 * result.holds[result.extrapolated].mean():.1f} % of their "
+                "intervals hold"
+            )
         if result.failures:
             yield (
                 f"{result.response}: {len(result.failures)} parts not predicted: "
@@ -178,7 +189,18 @@ def write_csv(results: Sequence[HeldOut], file: IO[str]) -> None:
     """Write one row for each reading and its prediction, in the units of ``COLUMNS``."""
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(
-        ["law", "unit", "line", "part", "measured", "predicted", "low", "high", "holds"]
+        [
+            "law",
+            "unit",
+            "line",
+            "part",
+            "measured",
+            "predicted",
+            "low",
+            "high",
+            "holds",
+            "extrapolated",
+        ]
     )
     for result in results:
         unit = COLUMNS[result.response].unit
@@ -192,5 +214,6 @@ def write_csv(results: Sequence[HeldOut], file: IO[str]) -> None:
                     result.parts[index],
                     *(f"{values[index]:.6g}" for values in numbers),
                     int(result.holds[index]),
+                    int(result.extrapolated[index]),
                 ]
             )

@@ -182,19 +182,21 @@ def predict(scenario: Scenario, evidence: Evidence, cuts: Cuts, of_wear: bool) -
         # W = c t^g, so that the logarithm of the time to a wear deviates by 1 / g of that of wear.
         end_deviation = known.log_deviation(material.wear, at_end)
         half_width["tool_life"] = known.quantile * end_deviation / material.wear.time
+        # A fresh edge has cut for no time, by any law.
+        has_cut = cuts.time > 0.0
         if of_wear:
-            half_width["time"] = known.quantile * deviation / material.wear.time
+            half_width["time"] = has_cut * known.quantile * deviation / material.wear.time
         else:
             half_width["wear"] = known.quantile * deviation
             wear_deviation = deviation
-        extrapolated |= known.extrapolates(now)
+        extrapolated |= has_cut & known.extrapolates(now)
     for name in ("thrust_force", "power"):
         if name in evidence.laws:
             known = evidence.laws[name]
             law = getattr(material, name)
             factors = settings | {"wear": cuts.wear}
             # The deviation of the wear reaches the load through the slope of their logarithms.
-            slope = wear_term_slope(law.wear_growth, np.log(cuts.wear))
+            slope = wear_term_slope(law.wear_growth, np.log(np.maximum(cuts.wear, 1e-300)))
             through_wear = law.wear * slope * wear_deviation
             deviation = np.hypot(known.log_deviation(law, factors), through_wear)
             half_width[name] = known.quantile * deviation

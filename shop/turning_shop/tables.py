@@ -62,6 +62,9 @@ _TABLE = {
 }
 
 
+_LIMITED = ("thrust_force_share", "power_share")
+
+
 def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     """Yield an aligned table with units, and with intervals if laws were fitted.
 
@@ -71,8 +74,9 @@ def table(cuts: Cuts, prediction: "Prediction | None" = None) -> Iterator[str]:
     for name, shown in _TABLE.items():
         column = [shown.heading, shown.unit]
         for value in getattr(cuts, name).ravel():
-            # Only the share of a limit that is off is 0.
-            column.append(format(shown.factor * value, shown.form) if value else "off")
+            # The share of a load's limit is 0 if the limit is off.
+            is_off = name in _LIMITED and value == 0.0
+            column.append("off" if is_off else format(shown.factor * value, shown.form))
         columns.append(column)
         if prediction and name in prediction.low and np.isfinite(prediction.low[name]).any():
             interval = ["95 %", shown.unit]

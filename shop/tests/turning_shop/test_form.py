@@ -1,6 +1,8 @@
 """The form of a law of force or power: it is chosen by predictions of edges that were left out."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ from turning_shop.calibrate import Calibration, calibrate
 from turning_shop.fit import fit, with_growth
 from turning_shop.measurements import Measurements
 
+from shop.tests.turning_shop.sheets import forces
 from turning_env import Scenario
+from turning_env.__main__ import main
 
 BASE = Scenario()
 EDGES = 12
@@ -148,3 +152,22 @@ def test_readings_of_an_edge_that_lies_off_the_law_are_no_typing_errors() -> Non
     columns["thrust_force"][deep] *= 1.35
     columns["thrust_force"][deep & (columns["wear"] > 0.3)] *= 1.2
     assert calibrated(measurements).problems == ()
+
+
+def test_a_fresh_edge_is_predicted_by_laws_with_its_share(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cuts.csv"
+    path.write_text(forces(0.5, (0.0, 0.1, 0.2, 0.3)))
+    made = str(tmp_path / "made.toml")
+    assert main(["calibrate", str(path), "--out", made]) == 0
+    capsys.readouterr()
+    settings = ["--cutting-speed", "190", "--feed", "0.25", "--depth", "1.5", "--wear", "0"]
+    assert main(["whatif", made, *settings, "--json"]) == 0
+    (cut,) = json.loads(capsys.readouterr().out)
+    assert cut["time"] == 0.0
+    assert cut["thrust_force"] == pytest.approx(900 * 0.25**0.6 * 1.5, rel=0.03)
+    assert cut["thrust_force_low"] < cut["thrust_force"] < cut["thrust_force_high"]
+    assert not cut["extrapolated"]
+    assert main(["whatif", "rough_turning", *settings]) == 2
+    assert "says nothing of a fresh edge" in capsys.readouterr().err

@@ -143,3 +143,17 @@ def test_a_raw_sheet_is_read_as_it_comes(
 def test_malformed_options_are_refused(option: list[str], sheet: Path) -> None:
     with pytest.raises(SystemExit):
         main(["predict", str(sheet), *option])
+
+
+def test_readings_beyond_the_others_are_marked(
+    sheet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = sheet.read_text().splitlines()
+    # The first edge alone is this fast.
+    fast = [line.replace("1;150;", "1;500;") for line in lines]
+    sheet.write_text("\n".join(fast))
+    result = hold_out(read_measurements(sheet), BASE, by="edge")[0]
+    assert result.extrapolated.tolist() == (result.parts == 1).tolist()
+    assert main(["predict", str(sheet)]) == 0
+    printed = capsys.readouterr().out
+    assert f"{len(WEARS)} readings lie outside the settings, time or wear" in printed
