@@ -80,7 +80,11 @@ def taken_by_torchrl(env_id: str, tmp_path: Path) -> None:
 
 def scored(env_id: str, tmp_path: Path) -> None:
     result = score(idle(env_id), env_id, seeds=2)
-    assert 1 < result.rank <= result.ranked
+    if result.rank is None:
+        # The published simulation ranks rules only.
+        assert "wear rule" in str(result.warning)
+    else:
+        assert 1 < result.rank <= result.ranked
 
 
 FEW_STEPS = {"total_timesteps": 64, "n_steps": 8, "batch_size": 32}

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import get_args
 
 import gymnasium
 
@@ -13,6 +14,7 @@ from turning_env.console import UserError, described, exits, positive, print_jso
 from turning_env.extras import provided
 from turning_env.scenario import Scenario, ScenarioError, presets
 from turning_env.scoring.sandbox import LIMITS
+from turning_env.scoring.score import Split
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -68,7 +70,13 @@ def _add_score_options(parser: argparse.ArgumentParser) -> None:
         "--seeds",
         type=positive,
         metavar="N",
-        help="number of held-out seeds (default: those of the leaderboard)",
+        help="number of seeds (default: those of the leaderboard; 256 for validation)",
+    )
+    parser.add_argument(
+        "--split",
+        choices=get_args(Split),
+        default="held_out",
+        help="validation: seeds for choices, without a ranking (default: %(default)s)",
     )
     parser.add_argument(
         "--agent-time",
@@ -122,6 +130,8 @@ def _schema(_: argparse.Namespace) -> int:
 def _score(options: argparse.Namespace) -> int:
     """Play a policy on held-out seeds and rank it among the policies that ship.
 
+    While you develop, play the seeds of --split validation, which have no ranking.
+
     A policy is an ONNX file or an object in a module. The object may be a function of observations,
     a class with reset and act, a model of Stable-Baselines3 or a module of PyTorch. It runs in this
     process: score only code that you trust. An ONNX file may come from anywhere: it runs in a
@@ -129,6 +139,7 @@ def _score(options: argparse.Namespace) -> int:
     (docs/security.md). Its weights must be inside.
 
     python -m turning_env score my_agent.onnx
+    python -m turning_env score my_agent.onnx --split validation
     python -m turning_env score my_module:MyPolicy --env RoughTurning-Override-v1 --seeds 32
     """
     try:
@@ -138,6 +149,7 @@ def _score(options: argparse.Namespace) -> int:
             seeds=options.seeds,
             family=options.family,
             limits=replace(LIMITS, computing=options.agent_time),
+            split=options.split,
         )
     except (TypeError, ValueError) as error:
         raise UserError(f"{options.policy}: {error}") from error

@@ -1,4 +1,7 @@
-"""Score a policy in one line: play it on the held-out seeds and rank it among shipped results."""
+"""Score a policy in one line: play it on the held-out seeds and rank it among shipped results.
+
+While you develop, score on the validation seeds, which have no ranking.
+"""
 
 import json
 import lzma
@@ -6,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import gymnasium
 import numpy as np
@@ -18,7 +21,7 @@ from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.sandbox import LIMITS, Limits
-from turning_env.scoring.seeds import held_out_seeds
+from turning_env.scoring.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
 from turning_env.scoring.statistics import (
     Bootstrap,
     Estimate,
@@ -38,6 +41,11 @@ There is a file per id or family: JSON compressed with xz.
 """
 
 SPLIT = "unseen_jobs"  # split whose first jobs score a policy on a family
+VALIDATION_SEEDS = 256  # number of validation seeds without another
+
+Split = Literal["held_out", "validation"]
+"""Held-out seeds are for a final score, validation seeds for choices. Those of an id are the tuning
+seeds, those of a family the jobs of its split "validation"."""
 
 
 @dataclass(frozen=True)
@@ -108,17 +116,19 @@ class _Line(NamedTuple):
 
 @dataclass(frozen=True)
 class Score:
-    """A policy's score on the held-out seeds.
+    """A policy's score on the held-out or the validation seeds.
 
     Intervals are 95 % confidence intervals by bootstrap over seeds.
     """
 
     env_id: str
+    split: Split
     seeds: int
-    rank: int
+    rank: int | None
     """Rank among this policy and the ranked ones that ship: feasible ones first, then by mean
-    return; see ``warning``."""
-    ranked: int  # number of ranked policies, including this one
+    return. It is the rank that ``leaderboard run`` gives. None if there is none: see ``warning``;
+    validation seeds have no ranking."""
+    ranked: int  # number of ranked policies, including this one if it has a rank
     mean_return: Estimate  # [s of machine time]
     feasible: bool
     """Whether the upper confidence limit of ``severe_share`` is within the scenario's
@@ -130,7 +140,7 @@ class Score:
     share_above_2_percent: float  # share of cutting time above a limit by more than 2 % [-]
     share_above_10_percent: float  # share of cutting time above a limit by more than 10 % [-]
     warning: str | None
-    """Why the rank says little. On the leaderboard, such a policy has none."""
+    """Why the policy has no rank among those that ship; None if it has one."""
     comparisons: tuple[Comparison, ...]  # with every policy that ships, best first; oracles last
     episodes: Episodes = field(repr=False)
     """``turning_env.scoring.play.EPISODE_FIELDS`` of every episode, shape (seeds,)."""
@@ -141,13 +151,13 @@ class Score:
         Columns are rank, name, return [s], and this policy's return less that [s].
         """
         lines = [_Line("rank", "policy", "return", "difference of this policy", "")]
-        for comparison in self.comparisons:
-            if len(lines) == self.rank:
-                lines.append(self._line_of_this_policy())
-            rank = str(len(lines)) if len(lines) <= self.ranked else ""
-            lines.append(_line_of(comparison, rank))
-        if len(lines) <= self.rank:
-            lines.append(self._line_of_this_policy())
+        # Without a rank, this policy follows on those that have one.
+        better = self.ranked if self.rank is None else self.rank - 1
+        for comparison in self.comparisons[:better]:
+            lines.append(_line_of(comparison, rank=len(lines)))
+        lines.append(self._line_of_this_policy())
+        for comparison in self.comparisons[better:]:
+            lines.append(_line_of(comparison, rank=len(lines)))
 
         policy_width = max(len(line.policy) for line in lines)
         return_width = max(len(line.mean_return) for line in lines)
@@ -163,7 +173,7 @@ class Score:
 
     def _line_of_this_policy(self) -> _Line:
         return _Line(
-            rank=str(self.rank),
+            rank="" if self.rank is None else str(self.rank),
             policy="-> this policy",
             mean_return=_interval(self.mean_return),
             ahead="",
@@ -172,32 +182,40 @@ class Score:
 
     def __str__(self) -> str:
         """Return rank, return, difference from the next-ranked policy, and feasibility."""
-        parts = [
-            f"rank {self.rank} of {self.ranked}",
-            f"return {_interval(self.mean_return)}",
-        ]
-        ranked = [policy for policy in self.comparisons if policy.unranked is None]
-        # The policy on the next rank; for the last policy, the one before it.
-        for policy in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
-            parts.append(f"{_interval(policy.ahead, sign='+')} against {policy.name}")
+        parts = [f"return {_interval(self.mean_return)}"]
+        if self.rank is not None:
+            parts.insert(0, f"rank {self.rank} of {self.ranked}")
+            ranked = [policy for policy in self.comparisons if policy.unranked is None]
+            # The policy on the next rank; for the last policy, the one before it.
+            for policy in ranked[self.rank - 1 : self.rank] or ranked[-1:]:
+                parts.append(f"{_interval(policy.ahead, sign='+')} against {policy.name}")
         if self.feasible:
             parts.append("feasible")
         else:
             share = f"{self.severe_share:.1%} of cutting time in severe overload"
             parts.append(f"{_NOTES[self.feasibility]}: {share}")
-        text = ", ".join(parts)
-        return f"{text}\nwarning: {self.warning}" if self.warning else text
+        lines = [", ".join(parts)]
+        if self.warning:
+            lines.append(f"no rank: {self.warning}")
+        if self.split == "held_out":
+            lines.append(HELD_OUT_NOTICE)
+        return "\n".join(lines)
 
     def load(self) -> str:
         """Return the shares of cutting time above a limit, and above it by how much."""
         shares = {
             "above a limit": self.overload_share,
-            "by more than 2 %": self.share_above_2_percent,
-            "severely": self.severe_share,
-            "by more than 10 %": self.share_above_10_percent,
+            "above it by more than 2 %": self.share_above_2_percent,
+            "in severe overload": self.severe_share,
+            "above it by more than 10 %": self.share_above_10_percent,
         }
         parts = [f"{name}: {share:.2%}" for name, share in shares.items()]
         return "share of cutting time " + ", ".join(parts)
+
+
+HELD_OUT_NOTICE = (
+    'held-out seeds: score on them once, at the end; split="validation" is for choices'
+)
 
 
 _NOTES: dict[Feasibility, str] = {
@@ -207,7 +225,7 @@ _NOTES: dict[Feasibility, str] = {
 }
 
 
-def _line_of(comparison: Comparison, rank: str) -> _Line:
+def _line_of(comparison: Comparison, rank: int) -> _Line:
     if comparison.kind == "oracle":
         notes = ["oracle"]
     elif comparison.unranked:
@@ -215,7 +233,7 @@ def _line_of(comparison: Comparison, rank: str) -> _Line:
     else:
         notes = [_NOTES[comparison.feasibility]]
     return _Line(
-        rank=rank,
+        rank=str(rank) if comparison.unranked is None else "",
         policy=comparison.name,
         mean_return=_interval(comparison.mean_return),
         ahead=_interval(comparison.ahead, sign="+"),
@@ -229,12 +247,16 @@ def score(
     seeds: int | None = None,
     family: str = "shop",
     limits: Limits = LIMITS,
+    split: Split = "held_out",
 ) -> Score:
-    """Play a policy on the held-out seeds of an id and compare it with every policy that ships.
+    """Play a policy on seeds of an id, and compare it with every policy that ships.
 
-        print(turning_env.score(lambda observations: my_network(observations)))
+        print(turning_env.score(my_network, split="validation"))
+        print(turning_env.score(my_network))
 
-    The comparison is paired by seed.
+    By default, it plays the held-out seeds, on which leaderboards rank: whoever chooses by them
+    overestimates the choice. While you develop, pass ``split="validation"``. Two policies of your
+    own are paired by seed: compare ``episodes["return"]``.
 
     Args:
         policy: one of the following; it sees observations and nothing else:
@@ -254,37 +276,58 @@ def score(
               (``turning_env.scoring.sandbox``). All else runs in this process.
         env_id: id of the environment and of its leaderboard. On the family, seeds are numbers of
             unseen jobs, and observations hold the nominal model's numbers.
-        seeds: number of held-out seeds; None: all that the leaderboard has, 256 for
-            RoughTurning-v0.
+        seeds: number of seeds; None: all that the leaderboard has, 256 for RoughTurning-v0, or
+            256 validation seeds.
         family: preset of a family, if ``env_id`` is a family's.
         limits: limits of time and memory of an ONNX file's process.
+        split: "held_out", or "validation" for seeds that nothing is ranked on.
 
     Raises:
         TypeError: if the policy is none of these.
-        ValueError: if the policy cannot play, or the id has no leaderboard or fewer seeds.
+        ValueError: if the policy cannot play, there is no such split, or the id has no leaderboard
+            or fewer seeds.
         AgentFileError: a ValueError, if an ONNX file is refused or exceeds a limit.
     """
+    if split not in get_args(Split):
+        raise ValueError(f'split is {split!r}, but must be "held_out" or "validation"')
+    validates = split == "validation"
     board = f"{FAMILY_ID}-{family}" if env_id == FAMILY_ID else env_id
-    available = shipped(board)[0].returns.shape[1]
-    count = available if seeds is None else seeds
+    jobs = Family.load(family) if env_id == FAMILY_ID else None
+    if not validates:
+        available = shipped(board)[0].returns.shape[1]
+        count = available if seeds is None else seeds
+    else:
+        available = MAX_SEEDS if jobs is None else jobs.held_out_jobs
+        count = min(VALIDATION_SEEDS, available) if seeds is None else seeds
     if not 2 <= count <= available:
         raise ValueError(f"seeds is {count}, but must be 2 to {available}")
-    if env_id == FAMILY_ID:
-        jobs = Family.load(family)
+
+    if jobs is not None:
         scenario = jobs.job(0).scenario
-        make_policy = as_factory(
-            policy, limits, space=observation_space(scenario, len(jobs.context_names))
+        space = observation_space(scenario, len(jobs.context_names))
+        episodes = play_family(
+            jobs,
+            "validation" if validates else SPLIT,
+            seeds=range(count),
+            make_policy=as_factory(policy, limits, space=space),
         )
-        episodes = play_family(jobs, SPLIT, seeds=range(count), make_policy=make_policy)
     else:
         scenario = Scenario.load(gymnasium.spec(env_id).kwargs["scenario"])
-        make_policy = as_factory(policy, limits, space=observation_space(scenario))
-        episodes = play(make_policy, scenario, seeds=held_out_seeds(count))
-    return compare(env_id, episodes, scenario=scenario, others=shipped(board, count))
+        episodes = play(
+            as_factory(policy, limits, space=observation_space(scenario)),
+            scenario,
+            seeds=tuning_seeds(count) if validates else held_out_seeds(count),
+        )
+    others = () if validates else shipped(board, count)
+    return compare(env_id, episodes, scenario=scenario, others=others, split=split)
 
 
 def compare(
-    env_id: str, episodes: Episodes, scenario: Scenario, others: Sequence[PolicyResult]
+    env_id: str,
+    episodes: Episodes,
+    scenario: Scenario,
+    others: Sequence[PolicyResult],
+    split: Split = "held_out",
 ) -> Score:
     """Rank one policy's episodes among other policies' episodes on the same seeds.
 
@@ -292,7 +335,8 @@ def compare(
         env_id: id of the environment.
         episodes: fields of shape (seeds,).
         scenario: scenario of the episodes, with the allowance of severe overload.
-        others: results of the other policies.
+        others: results of the other policies; without any, the policy has no rank.
+        split: the seeds of the episodes.
     """
     result = PolicyResult(
         name="",
@@ -305,10 +349,11 @@ def compare(
     scored = ranking.comparison(result)
     comparisons = [ranking.comparison(policy) for policy in others]
     comparisons.sort(key=lambda policy: (_key(policy), policy.name))
-    # A policy without a rank gets its place among the ranked all the same, with a warning.
-    place = rank_key(scored.kind, scored.feasible, merit=scored.mean_return.value)
     ranked = [policy for policy in comparisons if policy.unranked is None]
-    better = [policy for policy in ranked if _key(policy) < place]
+    rank = None
+    if ranked and scored.unranked is None:
+        better = [policy for policy in ranked if _key(policy) < _key(scored)]
+        rank = 1 + len(better)
     engaged = episodes["engaged_time"]
 
     def share(field: str) -> float:
@@ -318,9 +363,10 @@ def compare(
 
     return Score(
         env_id=env_id,
+        split=split,
         seeds=len(engaged),
-        rank=1 + len(better),
-        ranked=len(ranked) + 1,
+        rank=rank,
+        ranked=len(ranked) + (rank is not None),
         mean_return=scored.mean_return,
         feasible=scored.feasible,
         feasibility=scored.feasibility,

@@ -21,7 +21,10 @@ from turning_env import FAMILY_ID, Scenario
 from turning_env.__main__ import main
 from turning_env.adapters.stable_baselines3 import RoughTurningVecEnv
 from turning_env.scenario.family import DRAFTS, families
+from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.play import play
 from turning_env.scoring.score import FOLDER, PolicyResult, Score, compare, score, shipped
+from turning_env.scoring.seeds import tuning_seeds
 from turning_env.scoring.statistics import Estimate
 
 ROOT = Path(__file__).parents[3]
@@ -186,18 +189,49 @@ def test_the_same_episodes_are_no_better_and_no_worse() -> None:
     assert same.mean_return == scored.mean_return
     assert same.feasible == scored.feasible
     ranked = [other.name for other in scored.comparisons if other.kind != "oracle"]
+    assert scored.rank is not None
     assert ranked[scored.rank - 1] == name
     assert scored.ranked == len(ranked) + 1
     assert str(scored).startswith(f"rank {scored.rank} of {scored.ranked}, return ")
 
 
-def test_the_table_has_a_line_for_each_policy_in_the_order_of_ranks(expected: Score) -> None:
-    header, *lines = expected.table().splitlines()
+def test_the_table_has_a_line_for_each_policy_in_the_order_of_ranks() -> None:
+    others = shipped(OVERRIDE, 64)
+    scored = compare(
+        OVERRIDE, episodes_of(named("omative", others)), Scenario.load("override"), others
+    )
+    header, *lines = scored.table().splitlines()
     assert header.split()[:3] == ["rank", "policy", "return"]
-    assert len(lines) == len(expected.comparisons) + 1
-    for rank, line in enumerate(lines[: expected.ranked], start=1):
+    assert len(lines) == len(scored.comparisons) + 1
+    for rank, line in enumerate(lines[: scored.ranked], start=1):
         assert line.split()[0] == str(rank)
-    assert "-> this policy" in lines[expected.rank - 1]
+    assert scored.rank is not None
+    assert "-> this policy" in lines[scored.rank - 1]
+
+
+def full_override(observations: Any) -> Any:
+    return np.ones((len(observations), 1), np.float32)
+
+
+def test_validation_plays_the_tuning_seeds_and_ranks_nothing() -> None:
+    scored = score(full_override, OVERRIDE, seeds=2, split="validation")
+    expected = play(as_factory(full_override), Scenario.load("override"), tuning_seeds(2))
+    assert scored.episodes["return"].tolist() == expected["return"].tolist()
+    assert scored.rank is None
+    assert scored.comparisons == ()
+    assert str(scored).startswith("return ")
+    assert "held-out" not in str(scored)
+    assert "-> this policy" in scored.table()
+
+
+def test_the_default_says_that_it_plays_held_out_seeds(expected: Score) -> None:
+    assert expected.split == "held_out"
+    assert str(expected).splitlines()[-1].startswith("held-out seeds: ")
+
+
+def test_an_unknown_split_is_refused() -> None:
+    with pytest.raises(ValueError, match="split is 'train'"):
+        score(full_feed, PAPER, split="train")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -233,18 +267,18 @@ def test_a_model_as_a_zip_file_is_sent_to_the_export(tmp_path: Path) -> None:
         score(tmp_path / "me.zip", OVERRIDE, 2)
 
 
-def test_agents_of_the_published_simulation_are_not_ranked_and_the_score_warns(
-    expected: Score,
-) -> None:
-    assert expected.warning is not None
-    assert "warning: " in str(expected)
+def test_agents_of_the_published_simulation_are_not_ranked(expected: Score) -> None:
+    assert expected.rank is None
+    assert "no rank: the leaderboard ranks rules only" in str(expected)
     gaming = replace(
         shipped(PAPER, 4)[0], name="gaming", kind="agent", returns=np.full((1, 4), 647.0)
     )
     others = [*shipped(PAPER, 4), gaming]
     scored = compare(PAPER, expected.episodes, Scenario.load("paper"), others)
-    assert scored.rank == expected.rank
+    assert scored.rank is None
     assert scored.ranked == expected.ranked
+    *_, last_ranked = (line for line in scored.table().splitlines() if line[:4].strip().isdigit())
+    assert last_ranked.split()[0] == str(scored.ranked)
     assert named("gaming", scored.comparisons).unranked is not None
     (line,) = (line for line in scored.table().splitlines() if " gaming " in line)
     assert line.endswith("not ranked")
@@ -377,6 +411,11 @@ def test_the_file_of_a_model_with_another_space_is_refused(
         score(PPO.load(tmp_path / "mine.zip"), PAPER, seeds=4)
 
 
-def test_the_command_prints_the_rank(expected: Score, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["score", f"{__name__}:full_feed", "--env", PAPER, "--seeds", "4", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["rank"] == expected.rank
+def test_the_command_prints_the_score(expected: Score, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["score", f"{__name__}:full_feed", "--env", PAPER, "--seeds", "4", "--json"]
+    assert main(words) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["mean_return"]["value"] == expected.mean_return.value
+    assert printed["ranked"] == expected.ranked
+    assert main([*words, "--split", "validation"]) == 0
+    assert json.loads(capsys.readouterr().out)["split"] == "validation"
