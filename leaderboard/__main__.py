@@ -21,6 +21,7 @@ from leaderboard.result import (
     ResultError,
     Task,
     result_folder,
+    shipped_seeds,
     start_results,
     write_whole,
 )
@@ -39,6 +40,7 @@ OWN_RESULTS = Path("results")  # folder that a user's runs write to
 PROJECT_RESULTS = Path("leaderboard/results")
 SPLITS_ENV_ID = "RoughTurning-v0"  # the id that has splits
 ENV_IDS = (*IDS, FAMILY_ID)
+DEFAULT_SEEDS = 256  # number of seeds where no results come with the project
 
 Command = Callable[[argparse.Namespace], int | None]
 
@@ -99,6 +101,8 @@ def _run(options: argparse.Namespace) -> None:
     python -m leaderboard run --agents my-agents/ppo.onnx --private-key KEY --results private
     python -m leaderboard run --env RoughTurning-Family-v0 --policies self_tuning --knows true_laws
     """
+    if options.seeds is None:
+        options.seeds = held_out_seeds(_default_seeds(options))
     tasks = _tasks(options)
     refused = policies.Refusals()
     runs = []
@@ -149,9 +153,9 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--seeds",
         type=_seeds,
-        default="256",
         metavar="SEEDS",
-        help="number of held-out seeds, or jobs (default: 256)",
+        help="number of held-out seeds, or jobs (default: those of the results that come with the "
+        f"project, else {DEFAULT_SEEDS})",
     )
     add(
         "--private-key",
@@ -225,6 +229,13 @@ def _add_run_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="policies of a family forget everything at each change of the edge",
     )
+
+
+def _default_seeds(options: argparse.Namespace) -> int:
+    """Return the number of seeds on which a policy ranks among those that come with the project."""
+    if options.env == FAMILY_ID:
+        return DEFAULT_SEEDS
+    return shipped_seeds(options.env, _scenario(options).name) or DEFAULT_SEEDS
 
 
 def _tasks(options: argparse.Namespace) -> list[Task]:
@@ -324,18 +335,21 @@ def _report(
     runs: Sequence[run.TaskRun],
     options: argparse.Namespace,
 ) -> None:
-    """Print the rankings that were played and the places of agents; write the page of all."""
+    """Print the rankings that were played and write the page of all.
+
+    The last lines say where the agents stand, and where the page is.
+    """
     digests = {task_run.task.digest for task_run in runs}
     played = [leaderboard for leaderboard in leaderboards if leaderboard.task.digest in digests]
     _print(played, options.json)
     path = options.results / PAGE
     _write_page(leaderboards, path)
     notes = sys.stderr if options.json else sys.stdout
-    print(f"wrote {path}", file=notes)
     labels = {policy.label for task_run in runs for policy in task_run.policies}
     for leaderboard in played:
         for line in table.agent_places(leaderboard, labels):
             print(line, file=notes)
+    print(f"wrote {path}", file=notes)
 
 
 def _failures(reasons: Sequence[ResultError]) -> str:

@@ -425,6 +425,12 @@ def start_results(folder: Path, task: Task) -> None:
     write_whole(folder / MANIFEST_FILE, manifest.read_bytes())
 
 
+def shipped_seeds(env_id: str, scenario_name: str) -> int | None:
+    """Return the number of seeds of the results that come with the project; None if none do."""
+    manifest = result_folder(RESULTS, env_id, scenario_name) / MANIFEST_FILE
+    return len(read_part(Manifest, manifest).task.seeds) if manifest.is_file() else None
+
+
 PartType = TypeVar("PartType", bound=Part)
 
 

@@ -132,7 +132,7 @@ def markdown(rows: Sequence[Mapping[str, str]]) -> str:
 
 
 def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]:
-    """Return a line on the place of each agent with one of these labels, one's own last."""
+    """Return two lines on each agent with one of these labels, one's own last."""
     names = leaderboard.names
     wanted = {names.get(label) for label in labels}
     standings = [
@@ -141,7 +141,23 @@ def agent_places(leaderboard: Leaderboard, labels: Collection[str]) -> list[str]
         if standing.kind == "agent" and standing.name in wanted
     ]
     standings.sort(key=lambda standing: standing.own)
-    return [_agent_place(leaderboard, standing) for standing in standings]
+    lines = []
+    for standing in standings:
+        lines.append(_agent_place(leaderboard, standing))
+        lines.append(_agent_merit(standing))
+    return lines
+
+
+def _agent_merit(standing: Standing) -> str:
+    """Return a line on an agent's feasibility and its lead over the best rule."""
+    overload = f"severe overload in {standing.severe_share:.2%} of cutting time"
+    feasibility = _FEASIBILITY[standing.feasibility]
+    if standing.over_best_rule is None:
+        return f"{feasibility}: {overload}"
+    lead = COLUMNS["over_best_rule"].cell(standing)
+    sign = "+" if standing.over_best_rule.value > 0.0 else ""
+    rule = f"the best rule, {standing.best_rule}"
+    return f"{feasibility}: {overload}; {sign}{lead.text} s ({lead.interval}) over {rule}"
 
 
 def _agent_place(leaderboard: Leaderboard, standing: Standing) -> str:
@@ -166,6 +182,11 @@ VERDICTS: dict[Feasibility, str] = {"feasible": "yes", "not shown": "not shown",
 It follows from the confidence limits of the share of severe overload: see
 ``turning_env.scoring.statistics``.
 """
+_FEASIBILITY: dict[Feasibility, str] = {
+    "feasible": "feasible",
+    "not shown": "feasibility not shown",
+    "infeasible": "infeasible",
+}
 MARKS: dict[Feasibility, str] = {"feasible": "", "not shown": " ?", "infeasible": " NO"}
 """Feasibility beside a number."""
 MEANING = "NO: infeasible; ?: feasibility not shown"

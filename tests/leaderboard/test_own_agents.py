@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from leaderboard import policies as leaderboard_policies
@@ -13,7 +14,7 @@ from leaderboard.ranking import read_leaderboard
 from leaderboard.result import Task, result_folder
 from tests.leaderboard.conftest import ENV_ID, on, only, play_all
 from tests.train import onnx_agents
-from turning_env import Scenario
+from turning_env import Scenario, score
 from turning_env.scoring.seeds import held_out_seeds
 
 SHORT = onnx_agents.SCENARIO
@@ -59,11 +60,14 @@ def test_an_own_agent_stands_beside_the_shipped_one(
     assert own == {"fixed_handbook": False, "ppo": False, "my_ppo": True}
     assert "my_ppo (yours)" in captured.out
     assert "ppo comes with the project; --name" in captured.err
-    of_the_shipped, of_mine = captured.out.splitlines()[-2:]
+    of_the_shipped, _, of_mine, merit, written = captured.out.splitlines()[-5:]
     assert of_the_shipped.startswith("agent that ships with the project: rank ")
     assert of_mine.startswith("your agent: rank ")
     for line in (of_the_shipped, of_mine):
         assert " of 3, return " in line
+    assert "feasib" in merit
+    assert " over the best rule, fixed_handbook" in merit
+    assert written == f"wrote {tmp_path / 'results' / 'index.html'}"
     assert (tmp_path / "results" / "index.html").read_text("utf-8").count(">yours<") == 1
 
     # The result that ships is copied, not played again.
@@ -143,9 +147,23 @@ def test_code_of_ones_own_is_ranked_and_played_again_each_time(
     for speed in (0.0, 1.0):
         monkeypatch.setitem(sys.modules, "some_policy", code_of_a_policy(speed))
         assert main([*words, "--policy", "some_policy:steady", "--name", "mine"]) == 0
-        last = capsys.readouterr().out.splitlines()[-1]
-        assert last.startswith("your agent: rank ")
-        assert "mine on" in last
+        place, _, _ = capsys.readouterr().out.splitlines()[-3:]
+        assert place.startswith("your agent: rank ")
+        assert "mine on" in place
         returns.append(only(path).episodes["return"])
     assert returns[0] != returns[1]
     assert main([*words, "--policy", "some_policy:nothing"]) == 2
+
+
+def test_a_run_and_a_score_give_one_rank(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without --seeds, a run plays the seeds of the results that ship, as ``score`` does."""
+    env_id = "RoughTurning-Override-v1"
+    slow = SimpleNamespace(policy=lambda observations: np.full((len(observations), 1), -0.3))
+    monkeypatch.setitem(sys.modules, "slow", slow)
+    words = ["run", "--env", env_id, "--results", str(tmp_path / "results")]
+    assert main([*words, "--policies", "idle", "--policy", "slow:policy"]) == 0
+    scored = score("slow:policy", env_id)
+    place, _, _ = capsys.readouterr().out.splitlines()[-3:]
+    assert place.startswith(f"your agent: rank {scored.rank} of {scored.ranked}, return ")

@@ -349,9 +349,10 @@ def test_agents_are_shown_without_a_rank_where_the_wear_rule_can_be_gamed(
     assert class_ranks == [1, 2, None, None]
     ranked = [standing.name for standing in board.standings if standing.unranked is None]
     assert ranked == ["honest", "poor"]
-    (line,) = table.agent_places(board, ["gaming-seed0"])
-    assert "no rank" in line
-    assert "wear rule" in line
+    place, merit = table.agent_places(board, ["gaming-seed0"])
+    assert "no rank" in place
+    assert "wear rule" in place
+    assert merit.startswith("feasible: severe overload in ")
     assert "not ranked: " in page.render([board])
 
 
