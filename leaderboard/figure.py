@@ -45,9 +45,11 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
             "two trajectories are needed; python -m leaderboard run records those of "
             f"{task.env_id} on scenario {task.scenario.name}"
         )
-    # The best rule and the best model-free agent, or the first two.
-    best = {standing.policy_class: standing.name for standing in reversed(leaderboard.standings)}
-    pair = (best.get("rule"), best.get("model-free agent"))
+    # The best rule and the best agent that learned from rewards alone, or the first two.
+    pair = [
+        _best_of(("rule",), leaderboard.standings),
+        _best_of(("model-free agent", "agent on a belief"), leaderboard.standings),
+    ]
     same_seed.sort(key=lambda episode: leaderboard.names[episode.policy.label] not in pair)
     with style.for_print():
         figure = Figure(figsize=(5.4, 6.2), layout="constrained")  # narrow: phones show it, too
@@ -60,6 +62,12 @@ def write(leaderboard: Leaderboard, path: Path) -> None:
             style.save(style.readable(figure), path)
         except ValueError as error:
             raise ResultError(str(error)) from error
+
+
+def _best_of(classes: Sequence[str], standings: Sequence[Standing]) -> str | None:
+    """Return the name of the first standing of some classes; None if there is none."""
+    names = (standing.name for standing in standings if standing.policy_class in classes)
+    return next(names, None)
 
 
 def _draw_ranking(axes: Axes, leaderboard: Leaderboard) -> None:

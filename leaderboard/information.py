@@ -34,9 +34,12 @@ RUN_TIME_INPUTS = {
 }
 """Inputs at run time beside the present observation, by name, in the order of tables."""
 CLASSES = {
-    "model-free agent": "trained on observations, rewards and costs alone",
-    "guiding agent": "trained on observations, rewards and costs alone; sets two limits of a rule "
-    "that has the nominal model",
+    "model-free agent": "trained on observations, rewards and costs alone; no model runs in the "
+    "policy",
+    "agent on a belief": "trained on rewards, costs and what a Kalman filter with the nominal "
+    "model estimates from observations",
+    "learned guide of a rule": "trained on observations, rewards and costs alone; sets two limits "
+    "of a rule that has the nominal model",
     "privileged agent": "trained with what no lathe reveals, such as true states or gradients of "
     "the true laws",
     "other agent": "its file does not state what training gave it",
@@ -65,7 +68,9 @@ def class_of(policy: PolicySpec) -> str:
         return "other agent"
     if not given <= MODEL_FREE:
         return "privileged agent"
-    return "guiding agent" if _guides(policy.parameters) else "model-free agent"
+    if _guides(policy.parameters):
+        return "learned guide of a rule"
+    return "agent on a belief" if policy.parameters.get("belief") is True else "model-free agent"
 
 
 def information(policy: PolicySpec, scenario: Scenario) -> Information | None:

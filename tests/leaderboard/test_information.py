@@ -109,8 +109,11 @@ def test_terms_that_a_training_leaves_out_are_not_stated() -> None:
         pytest.param(agent(PPO, asymmetric=True), "privileged agent", id="asymmetric critic"),
         pytest.param(agent(ANALYTIC_GRADIENT), "privileged agent", id="model gradients"),
         pytest.param(
-            agent("python -m train.guided_ppo --seed 0", guide=True), "guiding agent", id="guide"
+            agent("python -m train.guided_ppo --seed 0", guide=True),
+            "learned guide of a rule",
+            id="guide",
         ),
+        pytest.param(agent(PPO, belief=True), "agent on a belief", id="belief"),
         pytest.param(
             agent(None, training_information=["rewards"]), "model-free agent", id="stated inputs"
         ),
