@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
 from turning_env.info import Info, info_of
 from turning_env.physics.quantities import ROW
-from turning_env.scenario import Source, presets
+from turning_env.scenario import Scenario, Source, presets
 from turning_env.scenario.section import names_instead
 
 _ONLY_ENV = np.ones(1, np.bool_)
@@ -39,6 +39,19 @@ def check_options(options: Mapping[str, Any] | None, *allowed: str) -> None:
         else:
             advice = "there are none; pass the scenario to gymnasium.make"
         raise ValueError(f"reset has no option {name!r}; {advice}")
+
+
+def steps_of_spec(scenario: Scenario) -> int | None:
+    """Return the number of steps that a specification states; None if it states none.
+
+    ``gymnasium.make(spec)`` truncates after it. So that it does not report the end of the last part
+    as a truncation, there is one step more if a step is a part. No job of a family has it, because
+    jobs last differently long.
+    """
+    steps = scenario.max_episode_steps
+    if steps is not None and scenario.control.action == "part":
+        return steps + 1
+    return steps
 
 
 class BaseEnv:
@@ -81,12 +94,9 @@ class BaseEnv:
             kwargs["family"] = jobs.family.portable()
         if "autoreset_mode" in kwargs:
             kwargs["autoreset_mode"] = AutoresetMode(kwargs["autoreset_mode"]).value
-        # If an episode ends with its job, a number of steps would make `gymnasium.make(spec)`
-        # report that end as a truncation.
-        ends_with_job = jobs is not None or self.scenario.control.action == "part"
         steps = spec.max_episode_steps
-        if steps is None and not ends_with_job:
-            steps = self.scenario.max_episode_steps
+        if steps is None and jobs is None:
+            steps = steps_of_spec(self.scenario)
         return replace(spec, kwargs=kwargs, max_episode_steps=steps)
 
     def render(self) -> Any:

@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from turning_env.batch.driver import Batch, Jobs, action_space, checked_seed, observation_space
-from turning_env.env import BaseEnv, check_options
+from turning_env.env import BaseEnv, check_options, steps_of_spec
 from turning_env.info import INFO_KEYS, info_of
 from turning_env.scenario import Source
 
@@ -80,7 +80,7 @@ class RoughTurningVectorEnv(BaseEnv, VectorEnv[NDArray[np.float32], NDArray[np.f
             "autoreset_mode": self.autoreset_mode,
         }
         self._set_up(Batch(scenario, num_envs), render_mode, rendered_envs or num_envs)
-        steps = self.scenario.max_episode_steps
+        steps = steps_of_spec(self.scenario)
         if max_episode_steps not in (None, steps):
             raise ValueError(
                 f"max_episode_steps is {max_episode_steps}, but must be {steps}: "

@@ -96,14 +96,11 @@ def test_single(name: str) -> None:
             seen, _ = env.reset()
 
 
-WITHOUT_STEP_LIMIT = "RoughTurning-Batch-v0", FAMILY_ID
-"""Ids whose episodes end with the last part or the job: no spec can state the number of steps."""
-
-
 @pytest.mark.parametrize("env_id", [*IDS, FAMILY_ID])
 def test_time_aware_observation_of_every_id(env_id: str) -> None:
     env = gymnasium.make(env_id)
-    if env_id in WITHOUT_STEP_LIMIT:
+    if env_id == FAMILY_ID:
+        # Jobs last differently long, so no spec can state the number of steps.
         with pytest.raises(ValueError, match="max_episode_steps"):
             single.TimeAwareObservation(env)
         env = single.TimeLimit(env, 10)
@@ -112,6 +109,15 @@ def test_time_aware_observation_of_every_id(env_id: str) -> None:
     first, _ = timed.reset(seed=0)
     second, *_ = timed.step(timed.action_space.sample())
     assert (first[-1], second[-1]) == (0, 1)
+
+
+def test_the_last_part_of_a_stored_batch_is_no_truncation() -> None:
+    env = gymnasium.make(gymnasium.make("RoughTurning-Batch-v0").spec)
+    env.reset(seed=0)
+    for _ in range(20):
+        *_, terminated, truncated, _ = env.step(np.zeros(10, np.float32))
+    assert terminated
+    assert not truncated
 
 
 @pytest.mark.slow
