@@ -33,7 +33,7 @@ LAYERS = (
     {"numerics"},
     {"scenario"},
     {"physics"},
-    {"observation", "info"},
+    {"observation", "info", "named_observation"},
     {"batch"},
     {"env", "vector_env", "family_env", "tasks", "action"},
     {"rendering", "scoring", "adapters"},

@@ -11,6 +11,7 @@ import gymnasium
 if TYPE_CHECKING:
     from turning_env.env import RoughTurningEnv
     from turning_env.family_env import FamilyEnv, FamilyVectorEnv
+    from turning_env.named_observation import NamedObservation, NamedVectorObservation
     from turning_env.observation import Reading, read
     from turning_env.physics import MODEL_VERSION
     from turning_env.physics.quantities import OBS
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "env": ("RoughTurningEnv",),
     "family_env": ("FamilyEnv", "FamilyVectorEnv"),
+    "named_observation": ("NamedObservation", "NamedVectorObservation"),
     "observation": ("Reading", "read"),
     "physics": ("MODEL_VERSION",),
     "physics.quantities": ("OBS",),
@@ -59,6 +61,8 @@ __all__ = [
     "Family",
     "FamilyEnv",
     "FamilyVectorEnv",
+    "NamedObservation",
+    "NamedVectorObservation",
     "PowerLaw",
     "Reading",
     "RoughTurningEnv",
