@@ -5,10 +5,12 @@ What the clone's pins exclude is skipped here, and tried by ``make clients``.
 
 from importlib import import_module
 
+import numpy as np
 import pytest
 
+from examples.safe_rl import CostStep
 from examples.stable_baselines import main
-from turning_env import FAMILY_ID, IDS
+from turning_env import FAMILY_ID, IDS, RoughTurningEnv
 
 SMALL = "--num-envs 8 --total-timesteps 2048 --rollout 512 --tuning-seeds 1"
 
@@ -30,3 +32,25 @@ def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
     output = capsys.readouterr().out
     assert [env_id for env_id in IDS if f"{env_id}: checked\n" not in output] == []
     assert "random actions: (8, 5)" in output
+    assert "mean time in severe overload 0." in output
+
+
+def test_a_step_has_a_cost_whose_sum_says_whether_a_policy_is_feasible() -> None:
+    env = CostStep(RoughTurningEnv())
+    plain = RoughTurningEnv()
+    env.reset(seed=0)
+    plain.reset(seed=0)
+    total = severe = engaged = 0.0
+    full = np.ones(2, np.float32)
+    for _ in range(30):
+        observation, reward, cost, terminated, _, info = env.step(full)
+        expected_observation, expected_reward, *_ = plain.step(full)
+        np.testing.assert_array_equal(observation, expected_observation)
+        assert reward == expected_reward - info["reward_overload"]
+        total += cost
+        severe += info["severe_overload_time"]
+        engaged += info["engaged_time"]
+        if terminated:
+            break
+    assert severe > 0.0
+    assert total == pytest.approx(severe - 0.05 * engaged)
