@@ -149,9 +149,9 @@ def test_readings_beyond_the_others_are_marked(
     sheet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     lines = sheet.read_text().splitlines()
-    # The first edge alone is this fast.
-    fast = [line.replace("1;150;", "1;500;") for line in lines]
-    sheet.write_text("\n".join(fast))
+    # The first edge alone is this deep; its speed and feed are those of others, too.
+    deep = [line.replace("1;150;0.2;2;", "1;150;0.2;4;") for line in lines]
+    sheet.write_text("\n".join(deep))
     result = hold_out(read_measurements(sheet), BASE, by="edge")[0]
     assert result.extrapolated.tolist() == (result.parts == 1).tolist()
     assert main(["predict", str(sheet)]) == 0
