@@ -15,22 +15,26 @@ import lzma
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from turning_env.console import UserError, described, exits
 
-GROWTHS = np.linspace(0.0, 15.0, 301)  # values of b that are compared [1/mm]
-HIGHEST_WEAR = 0.4  # of readings to which the lines of Vicomtech are fitted [mm]
-LOWEST_WEAR = 0.02  # of readings to which wear over time is fitted, likewise
-CRITERION = 0.3
-WEARS = (0.05, 0.3)  # between which exponents of wear are fitted
-WORN = 0.15  # wear that an edge reaches, so that its wear over time counts
-ROWS_AT_LEAST = 20  # of an edge, likewise for exponents
+GROWTHS = np.linspace(0.0, 15.0, 301)
+"""Values of b that are compared [1/mm]."""
+SETTING = ("Tool_ID", "ap", "vc", "f", "TCond")
+"""Columns that repeats have in common."""
+CRITERION = 0.3  # tool-life criterion [mm]
+HALF_WORN = 0.15  # likewise; edges that wore less do not count for wear over time
+HIGHEST_WEAR = 0.4  # of readings that count; later ones belong to edges that are worn out
+LOWEST_WEAR = 0.02  # of readings of wear over time that count
+FRESH_WEAR = 0.05  # an edge whose first reading is below was seen fresh
+MIN_READINGS = 20  # of an edge, for an exponent of wear
+MIN_RANGE = 0.08  # of its wear, likewise [mm]
 
-Columns = dict[str, Any]
-Numbers = dict[str, float]
+Numbers = dict[str, Any]
+"""Numbers by what they are."""
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
@@ -63,45 +67,97 @@ def column(rows: Sequence[dict[str, str]], name: str) -> Any:
     return np.array([float(row[name]) for row in rows])
 
 
-def residual_spreads(residuals: Any, edges: Any) -> tuple[float, float]:
-    """Return the standard deviations of residuals within edges, and of edges."""
+class Spreads(NamedTuple):
+    """Standard deviations of residuals."""
+
+    within: float  # within edges
+    between: float  # between edges
+
+
+class Law(NamedTuple):
+    """The law of a force, F = c V^a f^x d^w (1 + b VB), and its residuals."""
+
+    squares: float  # sum of squared residuals of log F
+    growth: float  # b [1/mm]
+    solution: Any  # log c and the exponents of speed, feed and depth
+    residuals: Any  # of log F, one a run
+
+
+class WearOverTime(NamedTuple):
+    """Readings of wear over cutting time, W = K t^n. Arrays have the same length."""
+
+    time: Any  # [min]
+    wear: Any  # [mm]
+    edges: Any  # name of each reading's edge
+
+
+class WearLaw(NamedTuple):
+    """The exponent n of all edges, and the logarithm of each edge's factor K."""
+
+    exponent: float
+    log_factors: Any
+
+
+class Line(NamedTuple):
+    """The line F = F0 (1 + b VB) of one edge."""
+
+    fresh: float  # F0 [N]
+    growth: float  # b [1/mm]
+    scatter: float  # standard deviation of the force over the line, less 1
+
+
+def residual_spreads(residuals: Any, edges: Any) -> Spreads:
+    """Return the spreads of residuals within edges and between them."""
     names = np.unique(edges)
-    means = np.array([residuals[edges == name].mean() for name in names])
-    sizes = np.array([(edges == name).sum() for name in names])
-    deviations = residuals - means[np.searchsorted(names, edges)]
-    within = (deviations**2).sum() / (len(residuals) - len(names))
+    means = []
+    sizes = []
+    squares = 0.0
+    for name in names:
+        of_edge = residuals[edges == name]
+        means.append(of_edge.mean())
+        sizes.append(len(of_edge))
+        squares += ((of_edge - of_edge.mean()) ** 2).sum()
+    within = squares / (len(residuals) - len(names))
     # The mean of an edge's residuals scatters by those within it, too.
-    between = max(means.var(ddof=1) - within * (1.0 / sizes).mean(), 0.0)
-    return float(np.sqrt(within)), float(np.sqrt(between))
+    by_chance = within * np.mean(1.0 / np.array(sizes))
+    between = max(np.var(means, ddof=1) - by_chance, 0.0)
+    return Spreads(within=float(np.sqrt(within)), between=float(np.sqrt(between)))
 
 
-def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Numbers:
-    """Return the law F = c V^a f^x d^w (1 + b VB) with the least squares of log F."""
+def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Law:
+    """Return the law of a force with the least squares of log F."""
     wear = column(runs, "TCond")
-    settings = np.column_stack(
-        [np.ones(len(runs)), *(np.log(column(runs, name)) for name in ("vc", "f", "ap"))]
-    )
-    best: Any = None
+    settings = np.ones((len(runs), 4))
+    for i, name in enumerate(("vc", "f", "ap"), start=1):
+        settings[:, i] = np.log(column(runs, name))
+    # Given b, log F is linear in the other numbers.
+    best = Law(squares=np.inf, growth=0.0, solution=None, residuals=None)
     for growth in GROWTHS:
         log_force = np.log(force) - np.log1p(growth * wear)
         solution = np.linalg.lstsq(settings, log_force, rcond=None)[0]
         residuals = log_force - settings @ solution
-        squares = residuals @ residuals
-        if best is None or squares < best[0]:
-            best = (squares, growth, solution, residuals)
-    squares, growth, solution, residuals = best
+        squares = float(residuals @ residuals)
+        if squares < best.squares:
+            best = Law(squares, growth, solution=solution, residuals=residuals)
+    return best
+
+
+def describe_law(runs: Sequence[dict[str, str]], force: Any) -> Numbers:
+    """Return the numbers of the law of a force, and the spreads of its residuals."""
+    law = fit_law(runs, force)
     edges = np.array([row["Tool_ID"] for row in runs])
-    within, between = residual_spreads(residuals, edges)
+    spreads = residual_spreads(law.residuals, edges)
+    num_fitted = len(law.solution) + 1  # b, too
     return {
-        "coefficient at 1 m/min, 1 mm/rev, 1 mm": float(np.exp(solution[0])),
-        "exponent of speed": float(solution[1]),
-        "exponent of feed": float(solution[2]),
-        "exponent of depth": float(solution[3]),
-        "b [1/mm]": float(growth),
-        "residuals": float(np.sqrt(squares / (len(runs) - settings.shape[1] - 1))),
-        "within edges": within,
-        "between edges": between,
-        "highest [N]": float(force.max()),
+        "coefficient at 1 m/min, 1 mm/rev, 1 mm": np.exp(law.solution[0]),
+        "exponent of speed": law.solution[1],
+        "exponent of feed": law.solution[2],
+        "exponent of depth": law.solution[3],
+        "b [1/mm]": law.growth,
+        "residuals": np.sqrt(law.squares / (len(runs) - num_fitted)),
+        "within edges": spreads.within,
+        "between edges": spreads.between,
+        "highest [N]": force.max(),
         "repeats": spread_of_repeats(runs, force),
     }
 
@@ -109,25 +165,46 @@ def fit_law(runs: Sequence[dict[str, str]], force: Any) -> Numbers:
 def spread_of_repeats(runs: Sequence[dict[str, str]], force: Any) -> float:
     """Return the log standard deviation of runs of one edge at one setting."""
     groups: dict[tuple[str, ...], list[float]] = {}
-    for row, value in zip(runs, force, strict=True):
-        place = tuple(row[name] for name in ("Tool_ID", "ap", "vc", "f", "TCond"))
-        groups.setdefault(place, []).append(float(np.log(value)))
-    variances = [np.var(values, ddof=1) for values in groups.values() if len(values) > 1]
+    for row, log_force in zip(runs, np.log(force), strict=True):
+        place = tuple(row[name] for name in SETTING)
+        groups.setdefault(place, []).append(log_force)
+    variances = []
+    for repeats in groups.values():
+        if len(repeats) > 1:
+            variances.append(np.var(repeats, ddof=1))
     return float(np.sqrt(np.mean(variances))) if variances else float("nan")
 
 
-def fit_wear(time: Any, wear: Any, edges: Any, weights: Any) -> tuple[float, Any]:
-    """Return the exponent n and each edge's log K of W = K t^n, with one n for all edges."""
-    names = np.unique(edges)
-    log_time = np.log(time)
-    log_wear = np.log(wear)
-    mean_time = np.array([log_time[edges == name].mean() for name in names])
-    mean_wear = np.array([log_wear[edges == name].mean() for name in names])
-    place = np.searchsorted(names, edges)
-    times = log_time - mean_time[place]
-    wears = log_wear - mean_wear[place]
-    exponent = (weights * times * wears).sum() / (weights * times**2).sum()
-    return float(exponent), mean_wear - exponent * mean_time
+def fit_wear(readings: WearOverTime, by_edge: bool = False) -> WearLaw:
+    """Return the wear law with the least squares of log W, with one exponent for all edges.
+
+    Args:
+        readings: the readings.
+        by_edge: whether each edge counts alike, however many readings it has.
+    """
+    log_times = []
+    log_wears = []
+    product = 0.0
+    square = 0.0
+    for name in np.unique(readings.edges):
+        of_edge = readings.edges == name
+        log_time = np.log(readings.time[of_edge])
+        log_wear = np.log(readings.wear[of_edge])
+        weight = 1.0 / len(log_time) if by_edge else 1.0
+        # Each edge has a factor of its own, so only deviations from its means count.
+        deviation = log_time - log_time.mean()
+        product += weight * (deviation * (log_wear - log_wear.mean())).sum()
+        square += weight * (deviation**2).sum()
+        log_times.append(log_time.mean())
+        log_wears.append(log_wear.mean())
+    exponent = product / square
+    log_factors = np.array(log_wears) - exponent * np.array(log_times)
+    return WearLaw(exponent, log_factors)
+
+
+def life(factor: float, exponent: float) -> float:
+    """Return the cutting time until W = K t^n reaches the criterion [min]."""
+    return float((CRITERION / factor) ** (1.0 / exponent))
 
 
 def h13(exp1: Path, exp2: Path, prep: Path) -> dict[str, Numbers]:
@@ -135,33 +212,37 @@ def h13(exp1: Path, exp2: Path, prep: Path) -> dict[str, Numbers]:
     runs = first_of_each([*read_rows(exp1), *read_rows(exp2)], "Run_ID")
     main = column(runs, "Fx")
     thrust = np.hypot(column(runs, "Fy"), column(runs, "Fz"))
-    readings = []
+    power = main * column(runs, "vc") / 60000.0
+    return {
+        "main force": describe_law(runs, main),
+        "thrust force": describe_law(runs, thrust),
+        "power": {"highest [kW]": power.max()},
+        "wear": h13_wear(prep),
+    }
+
+
+def h13_wear(prep: Path) -> Numbers:
+    """Return the numbers of wear over time, at each depth."""
+    rows = []
     for row in first_of_each(read_rows(prep), "Tool_ID", "CTime"):
         if row["TCond"] not in ("na", "") and float(row["TCond"]) > 0.0:
-            readings.append(row)
-    time = column(readings, "CTime")
-    wear = column(readings, "TCond")
-    depth = column(readings, "ap")
-    edges = np.array([row["Tool_ID"] for row in readings])
-    exponent, log_factors = fit_wear(time, wear, edges, weights=np.ones(len(time)))
-    edge_depth = np.array([depth[edges == name][0] for name in np.unique(edges)])
-    numbers: dict[str, Numbers] = {
-        "main force": fit_law(runs, main),
-        "thrust force": fit_law(runs, thrust),
-        "power": {"highest [kW]": float((main * column(runs, "vc")).max() / 60000.0)},
-        "wear": {"exponent of time": exponent},
-    }
+            rows.append(row)
+    edges = np.array([row["Tool_ID"] for row in rows])
+    law = fit_wear(WearOverTime(column(rows, "CTime"), column(rows, "TCond"), edges=edges))
+
+    depth = column(rows, "ap")
+    depth_of_edge = np.array([depth[edges == name][0] for name in np.unique(edges)])
+    depths = np.unique(depth_of_edge)
+    numbers = {"exponent of time": law.exponent}
     squares = 0.0
-    for value in np.unique(edge_depth):
-        factors = log_factors[edge_depth == value]
-        squares += ((factors - factors.mean()) ** 2).sum()
-        factor = np.exp(factors.mean())
-        numbers["wear"][f"K at {value:g} mm [mm]"] = float(factor)
-        numbers["wear"][f"life at {value:g} mm [min]"] = float(
-            (CRITERION / factor) ** (1.0 / exponent)
-        )
-    free = len(edge_depth) - len(np.unique(edge_depth))
-    numbers["wear"]["log spread of edges, within depths"] = float(np.sqrt(squares / free))
+    for value in depths:
+        log_factors = law.log_factors[depth_of_edge == value]
+        factor = np.exp(log_factors.mean())
+        numbers[f"K at {value:g} mm [mm]"] = factor
+        numbers[f"life at {value:g} mm [min]"] = life(factor, law.exponent)
+        squares += ((log_factors - log_factors.mean()) ** 2).sum()
+    variance = squares / (len(depth_of_edge) - len(depths))
+    numbers["log spread of edges, within depths"] = np.sqrt(variance)
     return numbers
 
 
@@ -172,73 +253,47 @@ def vicomtech(path: Path) -> dict[str, Numbers]:
     edges = np.array([row["tool"] for row in rows])
     main = column(rows, "F_c_MEAN")
     thrust = np.hypot(column(rows, "F_f_MEAN"), column(rows, "F_p_MEAN"))
-    seen_fresh = [name for name in np.unique(edges) if wear[edges == name][0] < WEARS[0]]
-    numbers = {
-        "main force": lines(wear, main, edges=edges, names=seen_fresh),
-        "thrust force": lines(wear, thrust, edges=edges, names=seen_fresh),
-    }
-    for name, force in (("main force", main), ("thrust force", thrust)):
-        numbers[name]["spread of exponents of wear"] = spread_of_exponents(wear, force, edges)
-        numbers[name]["highest up to 0.3 mm [N]"] = float(force[wear <= CRITERION].max())
-
-    # Rows are consecutive seconds: see the preset. Each edge counts alike, however many it has.
-    times, wears, owners, weights = [], [], [], []
-    for name in np.unique(edges):
-        of_edge = wear[edges == name]
-        if of_edge[0] > 0.0 or of_edge.max() < WORN:
-            continue
-        minutes = (np.arange(len(of_edge)) + 1.0) / 60.0
-        counts = (of_edge > LOWEST_WEAR) & (of_edge < HIGHEST_WEAR)
-        times.append(minutes[counts])
-        wears.append(of_edge[counts])
-        owners.append(np.full(counts.sum(), name))
-        weights.append(np.full(counts.sum(), 1.0 / counts.sum()))
-    exponent, log_factors = fit_wear(
-        np.concatenate(times),
-        np.concatenate(wears),
-        edges=np.concatenate(owners),
-        weights=np.concatenate(weights),
-    )
-    of_one_edge = []
-    for edge in zip(times, wears, owners, weights, strict=True):
-        of_one_edge.append(fit_wear(*edge)[0])
-    factor = float(np.exp(log_factors.mean()))
-    numbers["wear"] = {
-        "edges": len(times),
-        "exponent of time": exponent,
-        "lowest exponent of an edge": min(of_one_edge),
-        "highest exponent of an edge": max(of_one_edge),
-        "spread of the exponents": float(np.std(of_one_edge, ddof=1)),
-        "K [mm]": factor,
-        "log spread of edges": float(log_factors.std(ddof=1)),
-        "life [min]": (CRITERION / factor) ** (1.0 / exponent),
-    }
-    return numbers
-
-
-def lines(wear: Any, force: Any, edges: Any, names: Sequence[str]) -> Numbers:
-    """Return medians and spreads of the lines F = F0 (1 + b VB) of some edges."""
-    fresh, growth, scatter = [], [], []
-    for name in names:
-        counts = (edges == name) & (wear <= HIGHEST_WEAR)
-        slope, intercept = np.polyfit(wear[counts], force[counts], 1)
-        line = intercept + slope * wear[counts]
-        fresh.append(intercept)
-        growth.append(slope / intercept)
-        scatter.append((force[counts] / line - 1.0).std())
-    half_worn = np.array(fresh) * (1.0 + WORN * np.array(growth))
     return {
-        "edges": len(names),
-        "F0 [N]": float(np.median(fresh)),
-        "log spread of F0": float(np.log(fresh).std(ddof=1)),
-        "b [1/mm]": float(np.median(growth)),
-        "lowest b [1/mm]": min(growth),
-        "highest b [1/mm]": max(growth),
-        "log spread of b": float(np.log(growth).std(ddof=1)),
-        "log spread at 0.15 mm": float(np.log(half_worn).std(ddof=1)),
-        "scatter about the line": float(np.median(scatter)),
-        "lowest scatter": min(scatter),
-        "highest scatter": max(scatter),
+        "main force": describe_lines(wear, main, edges=edges),
+        "thrust force": describe_lines(wear, thrust, edges=edges),
+        "wear": vicomtech_wear(wear, edges),
+    }
+
+
+def line_of(wear: Any, force: Any) -> Line:
+    """Return the line of an edge by its readings."""
+    slope, intercept = np.polyfit(wear, force, 1)
+    expected_force = intercept + slope * wear
+    scatter = (force / expected_force - 1.0).std()
+    return Line(fresh=intercept, growth=slope / intercept, scatter=scatter)
+
+
+def describe_lines(wear: Any, force: Any, edges: Any) -> Numbers:
+    """Return medians and spreads of the lines of all edges that were seen fresh."""
+    lines = []
+    for name in np.unique(edges):
+        of_edge = edges == name
+        counts = of_edge & (wear <= HIGHEST_WEAR)
+        if wear[of_edge][0] < FRESH_WEAR:
+            lines.append(line_of(wear[counts], force[counts]))
+    fresh = np.array([line.fresh for line in lines])
+    growth = np.array([line.growth for line in lines])
+    scatter = np.array([line.scatter for line in lines])
+    half_worn = fresh * (1.0 + HALF_WORN * growth)
+    return {
+        "edges": len(lines),
+        "F0 [N]": np.median(fresh),
+        "log spread of F0": np.log(fresh).std(ddof=1),
+        "b [1/mm]": np.median(growth),
+        "lowest b [1/mm]": growth.min(),
+        "highest b [1/mm]": growth.max(),
+        "log spread of b": np.log(growth).std(ddof=1),
+        "log spread at 0.15 mm": np.log(half_worn).std(ddof=1),
+        "scatter about the line": np.median(scatter),
+        "lowest scatter": scatter.min(),
+        "highest scatter": scatter.max(),
+        "spread of exponents of wear": spread_of_exponents(wear, force, edges),
+        "highest up to 0.3 mm [N]": force[wear <= CRITERION].max(),
     }
 
 
@@ -246,10 +301,51 @@ def spread_of_exponents(wear: Any, force: Any, edges: Any) -> float:
     """Return the standard deviation between edges of the exponents of wear of a force."""
     exponents = []
     for name in np.unique(edges):
-        counts = (edges == name) & (wear >= WEARS[0]) & (wear <= WEARS[1])
-        if counts.sum() > ROWS_AT_LEAST and np.ptp(wear[counts]) > 0.08:
-            exponents.append(np.polyfit(np.log(wear[counts]), np.log(force[counts]), 1)[0])
+        counts = (edges == name) & (wear >= FRESH_WEAR) & (wear <= CRITERION)
+        # A short range of wear determines no exponent.
+        if counts.sum() > MIN_READINGS and np.ptp(wear[counts]) > MIN_RANGE:
+            slope, _ = np.polyfit(np.log(wear[counts]), np.log(force[counts]), 1)
+            exponents.append(slope)
     return float(np.std(exponents, ddof=1))
+
+
+def vicomtech_wear(wear: Any, edges: Any) -> Numbers:
+    """Return the numbers of wear over time of the edges that were seen fresh and wore far enough.
+
+    Rows are consecutive seconds of cutting, as the preset says.
+    """
+    exponents = []
+    times = []
+    wears = []
+    owners = []
+    for name in np.unique(edges):
+        of_edge = wear[edges == name]
+        if of_edge[0] > 0.0 or of_edge.max() < HALF_WORN:
+            continue
+        minutes = (np.arange(len(of_edge)) + 1.0) / 60.0
+        counts = (of_edge > LOWEST_WEAR) & (of_edge < HIGHEST_WEAR)
+        readings = WearOverTime(
+            time=minutes[counts], wear=of_edge[counts], edges=np.full(counts.sum(), name)
+        )
+        exponents.append(fit_wear(readings).exponent)
+        times.append(readings.time)
+        wears.append(readings.wear)
+        owners.append(readings.edges)
+    all_readings = WearOverTime(
+        time=np.concatenate(times), wear=np.concatenate(wears), edges=np.concatenate(owners)
+    )
+    law = fit_wear(all_readings, by_edge=True)
+    factor = np.exp(law.log_factors.mean())
+    return {
+        "edges": len(exponents),
+        "exponent of time": law.exponent,
+        "lowest exponent of an edge": min(exponents),
+        "highest exponent of an edge": max(exponents),
+        "spread of the exponents": np.std(exponents, ddof=1),
+        "K [mm]": factor,
+        "log spread of edges": law.log_factors.std(ddof=1),
+        "life [min]": life(factor, law.exponent),
+    }
 
 
 SETS: dict[str, Callable[..., dict[str, Numbers]]] = {"h13": h13, "vicomtech": vicomtech}

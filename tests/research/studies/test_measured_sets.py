@@ -93,9 +93,9 @@ def test_spreads_within_and_between_edges_are_told_apart() -> None:
     random = np.random.default_rng(1)
     edges = np.repeat(np.arange(200), 20)
     residuals = 0.1 * random.standard_normal(200)[edges] + 0.03 * random.standard_normal(4000)
-    within, between = residual_spreads(residuals, edges)
-    assert within == pytest.approx(0.03, rel=0.1)
-    assert between == pytest.approx(0.1, rel=0.15)
+    spreads = residual_spreads(residuals, edges)
+    assert spreads.within == pytest.approx(0.03, rel=0.1)
+    assert spreads.between == pytest.approx(0.1, rel=0.15)
 
 
 def test_a_missing_table_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
