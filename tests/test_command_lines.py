@@ -470,7 +470,8 @@ def test_help_shows_examples_that_parse(
     _, title, shown = re.split(
         r"^(examples?):$", capsys.readouterr().out, maxsplit=1, flags=re.MULTILINE
     )
-    examples = [shlex.split(line) for line in shown.splitlines() if line.startswith("  python -m ")]
+    lines = shown.replace("\\\n", " ").splitlines()
+    examples = [shlex.split(line) for line in lines if line.startswith("  python -m ")]
     words = command.split()
     assert len([each for each in examples if each[2 : 2 + len(words)] == words]) >= (
         1 if title == "example" else 2

@@ -32,8 +32,11 @@ def main(arguments: list[str] | None = None) -> int:
         if scenario:
             added.add_argument("scenario", metavar="SCENARIO", help="preset or TOML file")
         # The command's first example joins those of the whole command line.
-        examples = (added.epilog or "").splitlines()
-        parser.epilog = f"{parser.epilog or 'examples:'}\n{examples[1]}"
+        _, *lines = (added.epilog or "").splitlines()
+        length = 1
+        while lines[length - 1].endswith("\\"):
+            length += 1
+        parser.epilog = "\n".join([parser.epilog or "examples:", *lines[:length]])
         return added
 
     command(_presets, "print the names of the presets", scenario=False)
