@@ -28,6 +28,7 @@ from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from baselines.guided import HOLD
 from train.run import Run
 from turning_env.console import described, exits
 from turning_env.files import replace_file
@@ -63,7 +64,9 @@ class Training(BaseModel):
         rows = run.read_learning_curve()
         if not rows:
             raise ValueError(f"no episode has ended yet in the training in {run.folder}")
-        steps = [row["steps"] for row in rows]
+        # A guide's training counts decisions, each of which holds for several environment steps.
+        steps_per_row = HOLD if run.parameters.get("guide") is True else 1
+        steps = [row["steps"] * steps_per_row for row in rows]
         mean_returns = [row["mean_return"] for row in rows]
         grid = np.linspace(steps[0], steps[-1], POINTS)
         thinned = np.interp(grid, steps, mean_returns)
