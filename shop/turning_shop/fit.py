@@ -37,6 +37,7 @@ from scipy import optimize, stats
 from turning_shop import Values, WorkshopError
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
+from turning_shop.regression import EdgeEffect, Regression, Solution, least_squares, solve
 
 from turning_env.scenario.power_law import PowerLaw
 from turning_env.scoring.statistics import Estimate
@@ -56,13 +57,6 @@ SETTINGS = ("cutting_speed", "feed", "depth_of_cut", "hardness")
 """Factors that are equal in all readings of one edge in one bar."""
 MIN_VARIATION = 1e-3
 """Variation of a factor, unexplained by other factors, from which its exponent is fitted [-]."""
-MIN_SHARE = 0.1
-"""Share of a factor's variance within edges from which its exponent is estimated there [-]."""
-MIN_GROWTH, MAX_GROWTH = 1e-3, 1000.0
-"""Range in which the growth of a load with the wear is searched [1/mm]; the law allows no more."""
-GROWTHS = np.geomspace(MIN_GROWTH, MAX_GROWTH, 43)  # tried first, seven in a decade
-MAX_ROUNDS = 10  # of growth and edge effect, each estimated with the other
-GROWTH_TOLERANCE = 1e-4  # relative change of the growth at which the rounds end [-]
 TYPICAL_EDGE_SPREAD = {"wear": 0.34, "thrust_force": 0.12, "power": 0.03}
 """Log standard deviation of edges that is assumed if a sheet does not tell it [-].
 
@@ -79,12 +73,9 @@ TYPICAL_GROWTH = {"thrust_force": 4.0, "power": 0.8}
 
 Source: the 13 tools of Vicomtech (shop/docs/measured_data.md), which differ by a factor of 2.
 """
-MIN_KEPT = 1e-3
-"""Lowest share of its edge's mean that a row keeps [-]; at 0, settings would all be the same."""
 SIGNIFICANCE = 0.01
 """Probability of the F test below which rows at the same settings count as correlated [-]."""
 LEVEL = 0.95  # confidence level of all intervals [-]
-MIN_SCATTER = 1e-4  # lowest scatter of the rows [-]: that of rounding to four digits
 MIN_READING_SCATTER = 0.01
 """Lowest scatter of a reading of an edge that was not measured [-] (assumption)."""
 MIN_SETTINGS = 3
@@ -108,20 +99,6 @@ class ReadingScatter(NamedTuple):
     curve: float  # standard deviation of the slopes of edges [-]
     reference: float  # wear [mm] or time [min] at which the slopes of edges have no effect
     degrees: float  # of freedom
-
-
-@dataclass(frozen=True)
-class EdgeEffect:
-    """The deviation that readings of one edge share."""
-
-    count: int  # of edges
-    readings: float  # of an edge, on average: their mean number, less its variance over that mean
-    spread: float  # standard deviation of the logarithm that readings of one edge share [-]
-    degrees: tuple[int, ...]  # of freedom, of each fitted number, the coefficient first
-    is_within: tuple[bool, ...]  # whether each is estimated within edges, rather than between them
-    group: NDArray[np.int64]  # number of each row's edge, from 0, shape (rows,)
-    # Share of its edge's mean to subtract from each row, which makes rows independent [-], (rows,).
-    removed: Values
 
 
 @dataclass(frozen=True)
@@ -280,8 +257,7 @@ def fit(
         raise WorkshopError(f"{response}: {_too_few(sample, base, candidates)}")
 
     regression = _regression(sample, base, fitted)
-    solved = _solve(regression, sample.edges)
-    edges = solved.edges
+    solved = solve(regression, sample.edges)
     names = ("coefficient", *fitted)
     numbers = dict(zip(names, solved.parameters, strict=True))
     # A coefficient that overflows is infinite, and ``validated_law`` refuses it.
@@ -289,17 +265,16 @@ def fit(
         numbers["coefficient"] = np.exp(solved.parameters[0])
     law = validated_law(response, base, numbers)
 
-    if edges:
-        reading = _reading_of_other_edge(law, sample, solved=solved, edges=edges)
+    if solved.edges:
+        reading = _reading_of_other_edge(law, sample, solved=solved, edges=solved.edges)
     else:
         is_assumed = tells_no_edges(measurements, sample.factors)
-        spread = edge_spread if is_assumed else 0.0
-        level = max(float(np.hypot(solved.scatter, spread)), MIN_READING_SCATTER)
-        reading = ReadingScatter(
-            level,
-            curve=TYPICAL_CURVE_SPREAD[response] if is_assumed else 0.0,
-            reference=_curve_reference(law, sample),
-            degrees=float(len(sample.lines) - len(names)),
+        reading = _reading_if_edges_are_unknown(
+            law,
+            sample,
+            solved=solved,
+            edge_spread=edge_spread if is_assumed else 0.0,
+            curve_spread=TYPICAL_CURVE_SPREAD[response] if is_assumed else 0.0,
         )
     return Fit(
         response=response,
@@ -312,7 +287,7 @@ def fit(
         measured=sample.measured,
         predicted=np.asarray(law(**sample.factors)),
         lines=sample.lines,
-        edges=edges,
+        edges=solved.edges,
     )
 
 
@@ -368,34 +343,7 @@ def _too_few(sample: _Sample, base: PowerLaw, candidates: Sequence[str]) -> str:
     )
 
 
-@dataclass(frozen=True)
-class _Regression:
-    """A regression that is linear in its parameters, except in the growth with wear.
-
-    target = design @ parameters + wear_exponent * log(1 + growth * wear)
-    """
-
-    target: Values  # log(response) - log(assumed part), shape (rows,)
-    design: Values  # of the coefficient's logarithm and the exponents, shape (rows, exponents + 1)
-    wear: Values | None  # [mm], shape (rows,); None if no growth is fitted
-    wear_exponent: float
-    progress: int | None  # place of the parameter of wear or time, by which an edge proceeds
-
-    def without_wear(self, growth: float) -> Values:
-        """Return the target less the term of wear with this growth [1/mm], shape (rows,)."""
-        if self.wear is None:
-            return self.target
-        return np.asarray(self.target - self.wear_exponent * np.log1p(growth * self.wear))
-
-    def tangent(self, growth: float) -> Values:
-        """Return the design with a column for the growth, (rows, parameters)."""
-        if self.wear is None:
-            return self.design
-        slope = self.wear_exponent * self.wear / (1.0 + growth * self.wear)
-        return np.column_stack([self.design, slope])
-
-
-def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> _Regression:
+def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> Regression:
     """Return the regression of a law on the numbers that are fitted."""
     has_growth = "wear_growth" in fitted
     exponents = [name for name in fitted if name != "wear_growth"]
@@ -405,7 +353,7 @@ def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> _Regr
     known = PowerLaw.model_validate(assumed_part)
     columns = [np.ones(len(sample.measured))]
     columns += [regressor(base, name, sample.factors) for name in exponents]
-    return _Regression(
+    return Regression(
         target=np.log(sample.measured) - np.log(known(**sample.factors)),
         design=np.column_stack(columns),
         wear=sample.factors["wear"] if has_growth else None,
@@ -415,7 +363,7 @@ def _regression(sample: _Sample, base: PowerLaw, fitted: Sequence[str]) -> _Regr
 
 
 def _reading_of_other_edge(
-    law: PowerLaw, sample: _Sample, solved: "_Solution", edges: EdgeEffect
+    law: PowerLaw, sample: _Sample, solved: Solution, edges: EdgeEffect
 ) -> ReadingScatter:
     """Return the scatter of a reading of an edge that was not measured.
 
@@ -437,6 +385,19 @@ def _reading_of_other_edge(
         curve=float(curve),
         reference=reference,
         degrees=_degrees_of_reading(solved.scatter**2, edges),
+    )
+
+
+def _reading_if_edges_are_unknown(
+    law: PowerLaw, sample: _Sample, solved: Solution, edge_spread: float, curve_spread: float
+) -> ReadingScatter:
+    """Return the scatter of a reading if edges are assumed to differ as stated."""
+    level = float(np.hypot(solved.scatter, edge_spread))
+    return ReadingScatter(
+        level=max(level, MIN_READING_SCATTER),
+        curve=curve_spread,
+        reference=_curve_reference(law, sample),
+        degrees=float(solved.degrees[0]),
     )
 
 
@@ -463,7 +424,7 @@ def _degrees_of_reading(variance_within: float, edges: EdgeEffect) -> float:
     return total**2 / (of_edges**2 / degrees_between + of_rows**2 / degrees_within)
 
 
-def _estimates(law: PowerLaw, names: Sequence[str], solved: "_Solution") -> dict[str, Estimate]:
+def _estimates(law: PowerLaw, names: Sequence[str], solved: Solution) -> dict[str, Estimate]:
     """Return the numbers of a fitted law with their intervals of confidence ``LEVEL``."""
     # Student's t, as the scatter is estimated from the same rows.
     quantiles = stats.t.ppf(0.5 + 0.5 * LEVEL, solved.degrees)
@@ -584,7 +545,7 @@ def _identifiable(
             reasons[term] = _never_varies(factor, factors[factor])
             continue
         others = np.array(centred).reshape(len(kept), len(log)).T
-        weights = _slopes(others, log - log.mean())
+        weights = least_squares(others, log - log.mean())
         if _variation(log - others @ weights) >= MIN_VARIATION:
             kept.append(term)
             centred.append(log - log.mean())
@@ -611,180 +572,6 @@ def _variation(log: Values) -> float:
     return float(np.abs(log - log.mean()).max())
 
 
-def _edge_effect(target: Values, design: Values, edge: NDArray[np.int64]) -> EdgeEffect | None:
-    """Estimate the deviations of edges.
-
-    ``target`` holds log responses (rows,), ``design`` the regressors (rows, regressors) and
-    ``edge`` every row's edge. The variance components are those of Swamy and Arora (1972): the
-    residual variance of the regression within edges, and that of the edges' means less its share
-    of the former. Regressors that vary within edges are estimated there, the others between edges.
-
-    Return None if there are too few edges, or too few readings of each.
-    """
-    group = np.unique(edge, return_inverse=True)[1]
-    members = np.bincount(group)
-    rows, edges = len(group), len(members)
-    design_within = design - _group_means(design, group)
-    target_within = target - _group_means(target, group)
-    centred = design - design.mean(axis=0)
-    total = (centred**2).sum(axis=0)
-    within = (design_within**2).sum(axis=0) > MIN_SHARE * total
-    degrees_within = rows - edges - int(within.sum())
-    degrees_between = edges - 1 - int((~within).sum())
-    if degrees_within < 1 or degrees_between < 1:
-        return None
-    slopes = _slopes(design_within[:, within], target_within)
-    residual = target_within - design_within[:, within] @ slopes
-    variance_within = float((residual**2).sum()) / degrees_within
-
-    # Each edge weighs as often as it was read.
-    level = _group_means(target - design[:, within] @ slopes, group)
-    settings = _group_means(design[:, ~within], group)
-    design_between = np.column_stack([np.ones(rows), settings])
-    deviation = level - design_between @ _slopes(design_between, level)
-    mean_square = float(deviation @ deviation) / degrees_between
-    # Readings of an edge on average: the mean number, less its variance over that mean.
-    readings = (rows - float(members @ members) / rows) / (edges - 1)
-    variance_between = max(0.0, (mean_square - variance_within) / readings)
-
-    # Less the share 1 - sqrt(s_w^2 / (s_w^2 + m s_b^2)) of their edge's mean, rows are independent.
-    variance_of_mean = variance_within + members * variance_between
-    kept_squared = np.divide(
-        variance_within, variance_of_mean, out=np.ones(edges), where=variance_of_mean > 0
-    )
-    kept = np.maximum(np.sqrt(kept_squared), MIN_KEPT)
-    degrees = [degrees_between]
-    for is_within in within:
-        degrees.append(degrees_within if is_within else degrees_between)
-    return EdgeEffect(
-        count=edges,
-        readings=readings,
-        spread=float(np.sqrt(variance_between)),
-        degrees=tuple(degrees),
-        is_within=(False, *within.tolist()),
-        group=group,
-        removed=1.0 - kept[group],
-    )
-
-
-def _slopes(design: Values, target: Values) -> Values:
-    """Return the parameters of least squares, of lowest norm if they are not unique."""
-    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0], np.float64)
-
-
-def _group_means(values: Values, group: NDArray[np.int64]) -> Values:
-    """Return each row's mean over its group, for values of shape (rows,) or (rows, columns)."""
-    sums = np.zeros((int(group.max()) + 1, *values.shape[1:]))
-    np.add.at(sums, group, values)
-    means = (sums.T / np.bincount(group)).T
-    return np.asarray(means[group])
-
-
-class _Solution(NamedTuple):
-    """The solution of a regression; its parameters are in the order of ``_Regression.tangent``."""
-
-    parameters: Values  # shape (parameters,)
-    unbounded: Values  # parameters, with the growth that least squares ask for, even below 0
-    covariance: Values  # of the parameters, shape (parameters, parameters)
-    degrees: tuple[int, ...]  # of freedom, of each parameter
-    scatter: float  # standard deviation of a row, without that of its edge [-]
-    edges: EdgeEffect | None
-
-
-def _solve(regression: _Regression, edge: NDArray[np.int64] | None) -> _Solution:
-    """Solve a regression: by ordinary least squares, or with an edge effect by generalised ones."""
-    growth = MIN_GROWTH
-    edges = None
-    for _ in range(MAX_ROUNDS):
-        previous = growth
-        if regression.wear is not None:
-            growth = _best_growth(regression, edges)
-        if edge is not None:
-            target = regression.without_wear(growth)
-            edges = _edge_effect(target, regression.tangent(growth)[:, 1:], edge)
-        if regression.wear is None or abs(growth / previous - 1.0) < GROWTH_TOLERANCE:
-            break
-
-    target = independent(regression.without_wear(growth), edges)
-    design = independent(regression.design, edges)
-    tangent = independent(regression.tangent(growth), edges)
-    parameters = np.linalg.pinv(design) @ target
-    residual = target - design @ parameters
-    inverse = np.linalg.pinv(tangent)
-    unbounded = inverse @ target
-    if regression.wear is not None:
-        # The last parameter of the tangent is the change of the growth.
-        parameters = np.append(parameters, growth)
-        unbounded[-1] += growth
-    degrees_of_rows = len(target) - len(parameters)
-    scatter = float(np.linalg.norm(residual) / np.sqrt(degrees_of_rows))
-    scatter = max(scatter, MIN_SCATTER)
-    covariance = inverse @ inverse.T * scatter**2
-    degrees = [degrees_of_rows] * len(parameters)
-    if edges is not None:
-        degrees = list(edges.degrees)
-        place = regression.progress
-        if place is not None and edges.is_within[place]:
-            variance = _variance_of_slopes(inverse[place], residual, edges)
-            if variance > covariance[place, place]:
-                factor = np.sqrt(variance / covariance[place, place])
-                covariance[place] *= factor
-                covariance[:, place] *= factor
-                # It is the scatter of as many slopes as there are edges.
-                degrees[place] = edges.degrees[0]
-    return _Solution(
-        parameters,
-        unbounded,
-        covariance=covariance,
-        degrees=tuple(degrees),
-        scatter=scatter,
-        edges=edges,
-    )
-
-
-def _best_growth(regression: _Regression, edges: EdgeEffect | None) -> float:
-    """Return the growth with wear [1/mm] of least squares, with a known edge effect."""
-    basis = np.linalg.qr(independent(regression.design, edges))[0]
-
-    def misfits(growths: Values) -> Values:
-        """Return the squared length of what the other parameters cannot explain, of growths."""
-        targets = [regression.without_wear(growth) for growth in growths]
-        target = independent(np.column_stack(targets), edges)
-        return np.asarray((target**2).sum(axis=0) - ((basis.T @ target) ** 2).sum(axis=0))
-
-    def misfit(log_growth: float) -> float:
-        return float(misfits(np.exp([log_growth]))[0])
-
-    # The misfit may have several minima: search the neighbourhood of the lowest.
-    logs = np.log(GROWTHS)
-    tried = misfits(GROWTHS)
-    best = int(np.argmin(tried))
-    low = logs[max(best - 1, 0)]
-    high = logs[min(best + 1, len(logs) - 1)]
-    minimum = optimize.minimize_scalar(
-        misfit, bounds=(low, high), method="bounded", options={"xatol": 0.1 * GROWTH_TOLERANCE}
-    )
-    found = minimum.x if minimum.fun < tried[best] else logs[best]
-    return float(np.exp(found))
-
-
-def independent(values: Values, edges: EdgeEffect | None) -> Values:
-    """Return targets or regressors whose rows are independent: less a share of the edge's mean."""
-    if edges is None:
-        return values
-    removed = (edges.removed * _group_means(values, edges.group).T).T
-    return np.asarray(values - removed)
-
-
-def _variance_of_slopes(weights: Values, residual: Values, edges: EdgeEffect) -> float:
-    """Return the variance of a parameter that holds however the rows of an edge correlate.
-
-    The parameter is weights @ target, with weights of shape (rows,) (Liang and Zeger 1986).
-    """
-    sums = np.bincount(edges.group, weights * residual)
-    return float((sums**2).sum()) * edges.count / (edges.count - 1)
-
-
 def validated_law(response: str, base: PowerLaw, numbers: dict[str, float]) -> PowerLaw:
     """Return the base law with fitted numbers; raise an error if one is out of range."""
     try:
@@ -792,7 +579,7 @@ def validated_law(response: str, base: PowerLaw, numbers: dict[str, float]) -> P
     except ValidationError as error:
         detail = error.errors()[0]
         field = detail["loc"][-1]
-        number = "coefficient" if field == "coefficient" else f"exponent of {field}"
+        number = f"exponent of {field}" if field in FACTORS[response] else str(field)
         fault = detail["msg"].removeprefix("Value error, ")
         why = "factors vary too little, rows scatter too much, or a unit is wrong"
         raise WorkshopError(f"{response}: {number}, as fitted: {fault}; {why}") from error

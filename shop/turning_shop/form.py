@@ -19,13 +19,13 @@ from turning_shop.fit import (
     Fit,
     complete_rows,
     fresh_rows,
-    independent,
     with_growth,
     without_growth,
     worn_rows,
 )
 from turning_shop.headers import COLUMNS
 from turning_shop.measurements import Measurements
+from turning_shop.regression import independent
 
 from turning_env.scenario.power_law import PowerLaw
 
@@ -130,6 +130,7 @@ def _errors_of_forms(
     with_share: list[Values] = []
     as_power: list[Values] = []
     for left_out in folds(measurements, rows):
+        # A power of the wear has no error at a fresh edge that could be compared.
         tested = left_out & worn
         if not tested.any():
             continue
@@ -155,6 +156,7 @@ def folds(
     groups = measurements.lines if measurements.edges is None else measurements.edges
     place = np.unique(groups[rows], return_inverse=True)[1]
     fold = np.full(len(rows), -1)
+    # Edges that follow one another often have like settings: they go to different parts.
     fold[rows] = place % count
     for number in range(min(count, int(place.max(initial=-1)) + 1)):
         yield fold == number
@@ -230,6 +232,7 @@ def misfit(fitted: Fit, distance: Values) -> Misfit | None:
         means = sums[members > 0] / members[members > 0]
         if len(means) < MIN_UNITS:
             continue
+        # Rows of one edge deviate together, so that edges are the sample.
         error = means.std(ddof=1) / np.sqrt(len(means))
         quantile = stats.t.isf(0.5 * SIGNIFICANCE / BINS, len(means) - 1)
         if abs(means.mean()) < max(MIN_MISFIT, quantile * error):

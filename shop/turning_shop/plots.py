@@ -27,7 +27,7 @@ from turning_env.rendering.plot_style import BLUE, GREEN, GREY, LIGHT, ORANGE, V
 from turning_env.scenario import Scenario
 
 GRID_SIZE = 301  # number of cutting speeds, and of feeds, at which the map evaluates the laws
-# Without wear, the laws of force and power are 0, so that the fresh edge's map needs a little.
+# By a power of the wear, force and power are 0 without wear: the fresh edge's map needs a little.
 FRESH_SHARE = 0.3  # wear of the fresh edge's map over the wear criterion [-]
 A4 = (11.69, 8.27)  # size of the page, across [inch]
 HEIGHT_RATIOS = (1.2, 1.0)  # heights of the maps and of the text

@@ -9,6 +9,7 @@ import pytest
 from turning_shop.calibrate import Calibration, calibrate
 from turning_shop.fit import fit, with_growth
 from turning_shop.measurements import Measurements
+from turning_shop.regression import MAX_GROWTH
 
 from shop.tests.turning_shop.sheets import forces
 from turning_env import Scenario
@@ -171,3 +172,10 @@ def test_a_fresh_edge_is_predicted_by_laws_with_its_share(
     assert not cut["extrapolated"]
     assert main(["whatif", "rough_turning", *settings]) == 2
     assert "says nothing of a fresh edge" in capsys.readouterr().err
+
+
+def test_the_growth_stays_within_its_range_where_a_power_of_the_wear_is_true() -> None:
+    steep = sheet(lambda wear: wear**1.5)
+    fitted = fit("thrust_force", steep, with_growth(BASE.material.thrust_force, 1.0))
+    assert fitted.law.wear_growth == pytest.approx(MAX_GROWTH)
+    assert fitted.law.wear_growth <= MAX_GROWTH
