@@ -311,7 +311,9 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
         single.reset(seed=seed)
     random = np.random.default_rng(0)
     apart: set[int] = set()
-    steps, episodes, settled = max(1, count // num_envs), num_envs, 0
+    steps = max(1, count // num_envs)
+    episodes = num_envs
+    settled = 0
     process, start = psutil.Process(), time.perf_counter()
     for number in tqdm(range(steps), desc=f"{num_envs} environments", disable=None):
         if number == steps // 10:
@@ -335,7 +337,7 @@ def step_long(count: int, num_envs: int = 1024, checked: int = 8) -> Endured:
     return Endured(steps * num_envs, episodes, growth, seconds, len(apart))
 
 
-@exits(RuntimeError, interrupted="interrupted: a soak begins anew", checks=True)
+@exits(RuntimeError, interrupted="interrupted: run it again from the start", checks=True)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Soak, print and judge; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.soak", **described(__doc__))
