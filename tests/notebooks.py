@@ -1,0 +1,51 @@
+"""Shared part of the tests of notebooks: their cells as a script, and its run."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from tests.walking import ROOT
+
+
+def code_cells(path: Path) -> list[dict[str, Any]]:
+    cells = json.loads(path.read_text("utf-8"))["cells"]
+    return [cell for cell in cells if cell["cell_type"] == "code"]
+
+
+def assert_holds_no_outputs(path: Path) -> None:
+    cells = code_cells(path)
+    assert cells
+    assert [cell for cell in cells if cell["outputs"]] == []
+
+
+def script(cells: list[dict[str, Any]]) -> str:
+    """Return the cells as a script.
+
+    Magics are left out, shell commands are processes, and agents learn for a few steps only.
+    """
+    code = "\n".join("".join(cell["source"]) for cell in cells)
+    code = re.sub(r"^%.*", "", code, flags=re.MULTILINE)
+    code = re.sub(r"^STEPS = .*", "STEPS = 4096", code, flags=re.MULTILINE)
+    command = r"import subprocess; subprocess.run('''\1''', shell=True, check=True)"
+    # A backslash at a line's end continues the command.
+    return re.sub(r"^!((?:.*\\\n)*.*)", command, code, flags=re.MULTILINE)
+
+
+def run(path: Path, folder: Path) -> None:
+    """Run a notebook in a folder, from the cell after the installation to the last."""
+    python_folder = str(Path(sys.executable).parent)
+    variables = os.environ | {
+        "PATH": os.pathsep.join((python_folder, os.environ["PATH"])),
+        "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "shop"))),
+        "MPLBACKEND": "agg",
+    }
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", script(code_cells(path))],
+        cwd=folder,
+        env=variables,
+        check=True,
+    )
