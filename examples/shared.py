@@ -13,6 +13,7 @@ from turning_env.scoring.adapt import as_factory
 from turning_env.scoring.play import play, play_family
 from turning_env.scoring.policy import Observations
 from turning_env.scoring.seeds import tuning_seeds
+from turning_env.scoring.statistics import Estimate
 
 ENV_ID = "RoughTurning-v0"
 NUM_SEEDS = 32
@@ -41,13 +42,14 @@ def score(policy: Any, num_seeds: int = NUM_SEEDS, env_id: str = ENV_ID) -> str:
     else:
         scenario = Scenario.load(IDS[env_id])
         episodes = play(as_factory(policy), scenario, tuning_seeds(num_seeds))
-    returns = episodes["return"]
-    error = math.nan
-    if num_seeds > 1:
-        error = returns.std(ddof=1) / math.sqrt(num_seeds)
-    return (
-        f"{returns.mean():.0f} s per episode (standard error {error:.0f}, {num_seeds} tuning seeds)"
-    )
+    mean = float(episodes["return"].mean())
+    if num_seeds == 1:
+        decimals = Estimate(mean, low=mean, high=mean).decimals()
+        return f"{mean:.{decimals}f} s per episode (1 tuning seed)"
+    error = float(episodes["return"].std(ddof=1)) / math.sqrt(num_seeds)
+    decimals = Estimate(mean, low=mean - error, high=mean + error).decimals()
+    spread = f"standard error {error:.{decimals}f}, {num_seeds} tuning seeds"
+    return f"{mean:.{decimals}f} s per episode ({spread})"
 
 
 def at_least(minimum: int) -> Callable[[str], int]:

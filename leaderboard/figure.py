@@ -109,7 +109,7 @@ def _draw_standing(axes: Axes, standing: Standing, place: int) -> None:
         markerfacecolor=colour if is_filled else "white",
     )
     axes.annotate(
-        f"{estimate.value:.0f} s",
+        f"{estimate.value:.{estimate.decimals()}f} s",
         (estimate.value, place),
         (0, 7),
         textcoords="offset points",

@@ -39,6 +39,7 @@ from turning_env.files import digest_of_files, folder_lock, replace_file
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import HELD_OUT_START, TUNING_START, tuning_seeds
+from turning_env.scoring.statistics import Estimate
 
 SEED_STRIDE = 1_000_000
 """Environment i of training seed s plays seed s * SEED_STRIDE + i: no two trainings share bars."""
@@ -157,7 +158,9 @@ class Recorder(BaseCallback):
             return
         returns = [episode["r"] for episode in self.model.ep_info_buffer]
         mean_return = float(np.mean(returns))
-        self.bar.set_postfix_str(f"return per episode {mean_return:.0f} s", refresh=False)
+        decimals = Estimate(mean_return, low=mean_return, high=mean_return).decimals()
+        shown = f"return per episode {mean_return:.{decimals}f} s"
+        self.bar.set_postfix_str(shown, refresh=False)
         last_step = self.rows[-1]["steps"] if self.rows else 0.0
         if self.num_timesteps - last_step < min_steps:
             return

@@ -143,7 +143,7 @@ def _report(number: int, trial: Trial) -> str:
         outcome = f"failed: {played.failed}"
     else:
         outcome = (
-            f"mean return {played.mean_return:.1f} s, severely overloaded "
+            f"mean return {played.mean_return:.2f} s, in severe overload "
             f"for at most {100 * played.severe_limit:.2f} % of cutting time"
         )
     return f"trial {number}: {outcome}, with {trial.setting}"

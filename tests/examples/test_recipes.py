@@ -3,14 +3,17 @@
 What the clone's pins exclude is skipped here, and tried by ``make clients``.
 """
 
+import re
 from importlib import import_module
 
 import numpy as np
 import pytest
 
 from examples.safe_rl import CostStep
+from examples.shared import score
 from examples.stable_baselines import main
 from turning_env import FAMILY_ID, IDS, RoughTurningEnv
+from turning_env.scoring.policy import Observations
 
 SMALL = "--num-envs 8 --total-timesteps 2048 --rollout 512 --tuning-seeds 1"
 
@@ -33,6 +36,20 @@ def test_torchrl_checks_every_id(capsys: pytest.CaptureFixture[str]) -> None:
     assert [env_id for env_id in IDS if f"{env_id}: checked\n" not in output] == []
     assert "random actions: (8, 5)" in output
     assert "mean time in severe overload 0." in output
+
+
+@pytest.mark.parametrize(
+    ("num_seeds", "pattern"),
+    [
+        (1, r"-\d\d s per episode \(1 tuning seed\)"),
+        (2, r"-\d\d\.\d+ s per episode \(standard error \d\.\d+, 2 tuning seeds\)"),
+    ],
+)
+def test_small_returns_have_decimals(num_seeds: int, pattern: str) -> None:
+    def full_override(observations: Observations) -> Observations:
+        return np.ones((len(observations), 1), np.float32)
+
+    assert re.fullmatch(pattern, score(full_override, num_seeds, "RoughTurning-Override-v1"))
 
 
 def test_a_step_has_a_cost_whose_sum_says_whether_a_policy_is_feasible() -> None:
