@@ -98,13 +98,14 @@ class _Model:
                 "but these are arrays: give a function, such as lambda observations: "
                 "model.predict(wrapper.observation(observations), deterministic=True)[0]"
             )
+        # A wrapper that changed the observations is a better reason than their shape.
+        self._statistics = normalisation(self.model)
         if trained.shape != observations.shape[1:]:
             raise ValueError(
                 f"the model was trained on observations of {trained.shape[0]} entries, "
                 f"but these have {observations.shape[1]}: play the id or family of its training; "
                 "export a model with a belief by train.export; or give a function of these"
             )
-        self._statistics = normalisation(self.model)
         if self.space is not None and not _same_bounds(trained, self.space):
             raise ValueError(
                 "the model was trained on observations of other bounds, as a wrapper such as "

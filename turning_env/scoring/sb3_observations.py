@@ -16,7 +16,8 @@ _NEUTRAL = ("VecMonitor", "VecCheckNan")
 ADVICE = (
     "give a function that changes observations likewise, such as "
     "lambda observations: "
-    "model.predict(statistics.normalize_obs(observations), deterministic=True)[0]"
+    "model.predict(statistics.normalize_obs(observations), deterministic=True)[0]; "
+    "a stack of frames needs an object with reset and act"
 )
 
 

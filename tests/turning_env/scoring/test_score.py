@@ -386,7 +386,7 @@ def halved() -> Any:
 @pytest.mark.parametrize(
     ("make_env", "message"),
     [
-        (stacked_frames, "44 entries"),
+        (stacked_frames, "behind VecFrameStack.* an object with reset and act"),
         (normalised_in_each_environment, "NormalizeObservation"),
         (halved, "Halved"),
     ],
