@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from baselines import catalogue, tuned
-from baselines.oracles import clairvoyant, perfect_state
+from baselines.oracles import clairvoyant, perfect_blanks, perfect_load, perfect_state
 from leaderboard import family
 from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Knowledge
 from leaderboard.notices import notify_once
@@ -92,20 +92,46 @@ def oracles(scenario: Scenario) -> list[PolicySpec]:
                 compute=_bound,
             )
         )
-    if perfect_state.covers(scenario):
-        # It knows the state, but of the model mismatch no more than every policy.
-        nominal = scenario.nominal()
-        known.append(
-            PolicySpec(
-                name=CAUSAL,
-                version=perfect_state.VERSION,
-                kind="oracle",
-                description="the optimiser with foresight, told the true depth, hardness and wear "
-                "after every step",
-                make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),
-            )
-        )
+    causal = _causal(scenario)
+    if causal is not None:
+        known.append(causal)
     return known
+
+
+def _causal(scenario: Scenario) -> PolicySpec | None:
+    """Return the causal oracle of a scenario; None if there is none.
+
+    It knows the state, but of the model mismatch no more than every policy.
+    """
+    nominal = scenario.nominal()
+    if perfect_state.covers(scenario):
+        return PolicySpec(
+            name=CAUSAL,
+            version=perfect_state.VERSION,
+            kind="oracle",
+            description="the optimiser with foresight, told the true depth, hardness and wear "
+            "after every step",
+            make=lambda num_envs: perfect_state.PerfectState(nominal, num_envs),
+        )
+    if perfect_load.covers(scenario):
+        return PolicySpec(
+            name=CAUSAL,
+            version=perfect_load.VERSION,
+            kind="oracle",
+            description="the quickest feed that does not overshoot, told the true load, depth, "
+            "hardness and wear after every step",
+            make=lambda num_envs: perfect_load.PerfectLoad(nominal, num_envs),
+        )
+    if perfect_blanks.covers(scenario):
+        return PolicySpec(
+            name=CAUSAL,
+            version=perfect_blanks.VERSION,
+            kind="oracle",
+            description="the cheapest plan of every part, told the true depth and hardness all "
+            "along the blank, and the edge's wear and strength",
+            compute=perfect_blanks.play_blanks,
+        )
+    return None
 
 
 def _bound(scenario: Scenario, seeds: Sequence[int], on_step: Callable[[int], None]) -> Episodes:

@@ -10,12 +10,16 @@ from turning_control.plant import Plant
 
 from baselines.grid_search import GridSearch
 from baselines.oracles.clairvoyant import Grid, bounds
+from baselines.oracles.perfect_blanks import play_blanks
+from baselines.oracles.perfect_load import PerfectLoad
 from baselines.oracles.perfect_state import PerfectState
 from baselines.predictive import Predictive
 from baselines.trivial import ConstantActions
 from research.studies import belief_bound
+from tests.turning_env.playing import changed
 from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.action import commanded
+from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
 
 
@@ -58,6 +62,11 @@ def compile_bounds() -> None:
     oracle = PerfectState(Scenario(), 1)
     oracle.tell(infos)
     oracle.act(observations)
+    override = Scenario.load("override")
+    brief = changed(override, workpiece={"bar_length": 1.0, "depth_profile": []})
+    play(lambda num_envs: PerfectLoad(brief, num_envs), brief, tuning_seeds(1), tell=True)
+    one_part = changed(Scenario.load("batch_casting"), workpiece={"bars": 1})
+    play_blanks(one_part, tuning_seeds(1), lambda ended: None)
 
 
 def compile_control() -> None:
