@@ -7,7 +7,7 @@ jobs belongs to ``turning_env.scenario.family``.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from turning_env.physics.quantities import OBS
 from turning_env.scenario.family import DrawnJobs, Family, Job
 from turning_env.scenario.plan import features, plan_of
 from turning_env.scenario.scenario_batch import ScenarioBatch
+from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes, play, play_family
 from turning_env.scoring.policy import (
     Actions,
@@ -37,13 +38,31 @@ from turning_env.scoring.policy import (
     ScenarioId,
 )
 
-NOMINAL_OPTIMUM = "fixed_nominal_optimum"  # scores 0 on a family
-CAUSAL = "causal"  # the oracle on all tasks; scores 1 on a family
 VARIED = ("rescaled_grid_search", "predictive", "self_tuning")
 """The policies that play if none are named, if they know more than usual or forget."""
-POLICIES = (NOMINAL_OPTIMUM, *VARIED, CAUSAL)  # the policies that play if none are named
+POLICIES = (NOMINAL_OPTIMUM, NOMINAL_SHARE, *VARIED, CAUSAL)
+"""The policies that play if none are named."""
 BATCH = 64  # jobs that are played together
 CHANGE_WEAR = 0.95  # nominal wear over the criterion at which FixedNominalOptimum changes the edge
+
+
+class SetPointShares(NamedTuple):
+    """Shares of the nominal optimum's cutting speed and feed [-]."""
+
+    cutting_speed: float
+    feed: float
+
+
+WHOLE = SetPointShares(cutting_speed=1.0, feed=1.0)
+FEASIBLE_SHARES = {
+    "shop": SetPointShares(cutting_speed=0.92, feed=0.62),
+    "unmodelled": SetPointShares(cutting_speed=0.75, feed=0.62),
+}
+"""Shares with the highest mean return of those that are feasible on 128 training jobs.
+
+``python -m research.studies.family_fixed`` compares them.
+"""
+USUAL_SHARES = SetPointShares(cutting_speed=0.85, feed=0.62)  # on other families
 
 Knowledge = Literal["nominal", "true_wear", "true_forms", "true_laws"]
 """Model from which controllers are built: see ``PolicySpec.knows``."""
@@ -121,10 +140,18 @@ def rule(name: str, task: Task, knows: Knowledge = "nominal", forgets: bool = Fa
     family = family_of(task)
     job = family.job(0)
     parameters = tuned.on_family(family, name)
-    if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, CAUSAL):
+    if (knows != "nominal" or forgets) and name in (NOMINAL_OPTIMUM, NOMINAL_SHARE, CAUSAL):
         raise ValueError(f"{name} has no variants")
     if name == NOMINAL_OPTIMUM:
         policy = PolicySpec(name=NOMINAL_OPTIMUM)
+    elif name == NOMINAL_SHARE:
+        shares = feasible_shares(family)
+        policy = PolicySpec(
+            name=NOMINAL_SHARE,
+            description="a share of the nominal optimum's cutting speed and feed, tuned on "
+            "training jobs to be feasible",
+            parameters=shares._asdict(),
+        )
     elif name == CAUSAL:
         policy = PolicySpec(name=CAUSAL, version=VERSION, kind="oracle")
     else:
@@ -226,6 +253,9 @@ class FamilyPlay:
             return informed(self.policy, scenarios)
         if self.policy == NOMINAL_OPTIMUM:
             return lambda num_envs: FixedNominalOptimum(jobs)
+        if self.policy == NOMINAL_SHARE:
+            shares = feasible_shares(self.family)
+            return lambda num_envs: FixedNominalOptimum(jobs, shares)
         if self.policy == CAUSAL:
             return lambda num_envs: PerfectState(scenarios, num_envs)
         controller = spec(
@@ -286,16 +316,22 @@ def _after(played_before: int, on_step: Callable[[int], None]) -> Callable[[int]
     return on_step_of_batch
 
 
+def feasible_shares(family: Family) -> SetPointShares:
+    """Return the shares of the nominal optimum that are feasible on a family."""
+    return FEASIBLE_SHARES.get(family.name, USUAL_SHARES)
+
+
 class FixedNominalOptimum(Policy):
-    """The nominal model's best set point of each job on a half-worn edge.
+    """The nominal model's best set point of each job on a half-worn edge, or shares of it.
 
     Edges are changed by nominal wear.
     """
 
-    def __init__(self, jobs: Sequence[Job]) -> None:
+    def __init__(self, jobs: Sequence[Job], shares: SetPointShares = WHOLE) -> None:
         self._scenarios: Any = ScenarioBatch.of([job.scenario for job in jobs])
-        self._cutting_speeds = np.array([job.cutting_speed for job in jobs])
-        self._feeds = np.array([job.feed for job in jobs])
+        cutting_speeds = np.array([job.cutting_speed for job in jobs])
+        self._cutting_speeds = shares.cutting_speed * cutting_speeds
+        self._feeds = shares.feed * np.array([job.feed for job in jobs])
 
     def act(self, observations: Observations) -> Actions:
         """Return the actions, shape (num_envs, 3), for observations, shape (num_envs, entries)."""

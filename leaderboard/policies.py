@@ -19,7 +19,7 @@ import numpy as np
 from baselines import catalogue, tuned
 from baselines.oracles import clairvoyant, perfect_blanks, perfect_load, perfect_state
 from leaderboard import family
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Knowledge
+from leaderboard.family import Knowledge
 from leaderboard.notices import notify_once
 from leaderboard.result import ResultError, Task
 from leaderboard.submissions import FileName, Submission, clashing_names, renamed, with_folder
@@ -30,6 +30,7 @@ from turning_env import Scenario
 from turning_env.batch.driver import observation_space
 from turning_env.console import printable
 from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.play import EPISODE_FIELDS, Episodes
 from turning_env.scoring.policy import Policy, PolicySpec, ScenarioId
 
@@ -196,7 +197,7 @@ def named(
 def _known_names(task: Task) -> list[str]:
     """Return the names of all controllers and oracles that can play a task."""
     if task.of_family:
-        return [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, CAUSAL]
+        return [*catalogue.names_on(family.family_of(task)), NOMINAL_OPTIMUM, NOMINAL_SHARE, CAUSAL]
     names = catalogue.names(task.scenario)
     return names + [oracle.name for oracle in oracles(task.scenario)]
 
@@ -427,7 +428,8 @@ def _own_name(source: object, name: str, given: str | None) -> str:
     It is the given name. Without one it is the policy's ``name``, after ``my_`` if a policy of the
     project has it.
     """
-    taken = {*shipped_agents().values(), *catalogue.RULES, CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM}
+    taken = {*shipped_agents().values(), *catalogue.RULES}
+    taken |= {CLAIRVOYANT, CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE}
     own_name = given or (f"my_{name}" if name in taken else name)
     if own_name in taken:
         raise ResultError(

@@ -28,11 +28,11 @@ from leaderboard.result import (
     write_result,
     write_whole,
 )
-from leaderboard.standings import comparators
 from leaderboard.trajectories import MAX_RECORDED, RECORDED_SEEDS, Trajectories, Trajectory, record
 from turning_env import Scenario
 from turning_env.console import printable
 from turning_env.files import folder_lock
+from turning_env.scoring.comparators import comparators
 from turning_env.scoring.play import Episodes, play
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds

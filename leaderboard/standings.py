@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.catalogue import RULES
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.information import Information, class_of, information
 from leaderboard.policies import is_own
 from leaderboard.result import ExcessShares, Result
@@ -21,43 +20,22 @@ from train.run import TERMS, current_names
 from train.training_information import training_information
 from turning_env import SPLITS, Scenario
 from turning_env.files import digest_of
+from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.statistics import (
     Bootstrap,
     Estimate,
     Feasibility,
     Floats,
+    Mean,
     RankKey,
     feasibility,
     interquartile_mean,
     rank_key,
     ratio,
     reason_not_to_rank,
+    score_of,
 )
-
-
-@dataclass(frozen=True)
-class Comparators:
-    """The policies with which all others are compared on a task."""
-
-    fixed: str  # fixed parameters: the zero of the score
-    published: str  # the published controller
-
-
-SPEED_AND_FEED = Comparators(fixed="fixed_tuned", published="grid_search")
-OVERRIDE = Comparators(fixed="programmed_feed", published="modified_fuzzy_override")
-ROUGHNESS = Comparators(fixed="programmed_feed", published="constant_force")
-PARTS = Comparators(fixed="parts_fixed_tuned", published="parts_app_pt")
-
-
-def comparators(scenario: Scenario) -> Comparators:
-    """Return the comparators of a scenario."""
-    if scenario.control.action == "part":
-        return PARTS
-    if scenario.control.action != "override":
-        return SPEED_AND_FEED
-    return ROUGHNESS if scenario.control.aim == "roughness" else OVERRIDE
-
 
 LARGEST = 3
 """Number of the largest differences that a mean leaves out, to show whether a few seeds decide."""
@@ -99,7 +77,7 @@ class Standing:
     constraint_rank: int | None = None  # among feasible policies, by cost
     over_fixed: Estimate | None = None  # [s]
     over_published: Estimate | None = None  # [s]
-    score: Estimate | None = None  # 0 the fixed parameters, 1 the causal oracle
+    score: Estimate | None = None  # 0 the best fixed parameters, 100 the causal oracle
     # Overload included [min/dm3]; None if no metal is removed or a roughness is held.
     full_cost: Estimate | None = None
     minutes: float | None = None  # of an episode, with edge changes and downtime [min]
@@ -118,7 +96,6 @@ class Standing:
     # The following are of families, whose volumes and edges do not add up.
     # Cost of time, edges, overload and breakage over the worth of the metal.
     full_cost_share: Estimate | None = None
-    job_score: Estimate | None = None  # 0 the fixed nominal optimum, 1 the causal oracle
     over_truth: Estimate | None = None  # over the best rule with true laws [s]
     worst_return: float | None = None  # of a job [s]
     feasible_jobs: float | None = None  # share of jobs
@@ -161,21 +138,7 @@ def _rank_key(standing: Standing, field: str) -> RankKey:
     return rank_key(standing.kind, standing.feasible, merit=merit, unranked=standing.unranked)
 
 
-class MetalCost(NamedTuple):
-    """The cost of metal [min/dm3], and its bootstrap replicates, shape (resamples,)."""
-
-    value: float
-    replicates: Floats
-
-    @property
-    def estimate(self) -> Estimate:
-        """Return the cost with its confidence interval."""
-        return Estimate.of(self.value, self.replicates)
-
-
-def _with_ranks(
-    standings: Sequence[Standing], metal_costs: Mapping[str, MetalCost]
-) -> list[Standing]:
+def _with_ranks(standings: Sequence[Standing], metal_costs: Mapping[str, Mean]) -> list[Standing]:
     """Return sorted standings with their ranks within classes and on the constraint track."""
     # Oracles and, where learning games the task, agents are shown, but do not take part in the
     # ranking.
@@ -207,7 +170,7 @@ def _place(name: str, order: Sequence[str]) -> int | None:
 
 
 def _over_cheapest_other(
-    name: str, by_cost: Sequence[str], metal_costs: Mapping[str, MetalCost]
+    name: str, by_cost: Sequence[str], metal_costs: Mapping[str, Mean]
 ) -> Estimate | None:
     """Return the cost of a policy less that of the cheapest other feasible one [min/dm3]."""
     others = [other for other in by_cost if other != name]
@@ -306,8 +269,7 @@ class _Played:
             for field in results[0].episodes
         }
         self.returns = self.episodes["return"]
-        self.mean_return = float(np.mean(self.returns))
-        self.return_replicates = bootstrap.means(self.returns, name)
+        self.mean = Mean(float(np.mean(self.returns)), bootstrap.means(self.returns, name))
         severe_time = self.episodes["severe_overload_time"]
         engaged_time = self.episodes["engaged_time"]
         lower, upper = bootstrap.severe_limits(severe_time, engaged_time, name)
@@ -329,7 +291,7 @@ class _Played:
         mean = interquartile_mean(values.ravel()).item()
         return Estimate.of(mean, self.bootstrap.interquartile_means(values, self.name))
 
-    def metal_cost(self, *, with_overload: bool) -> MetalCost:
+    def metal_cost(self, *, with_overload: bool) -> Mean:
         """Return the cost of the metal that the policy has removed."""
         minutes = _cost_minutes(self.episodes, self.scenario)
         if with_overload:
@@ -338,7 +300,7 @@ class _Played:
         volume = self.episodes["removed"] / 1000.0  # cm3 to dm3
         minutes_replicates = self.bootstrap.means(minutes, self.name)
         volume_replicates = self.bootstrap.means(volume, self.name)
-        return MetalCost(_share(minutes, volume), ratio(minutes_replicates, volume_replicates))
+        return Mean(_share(minutes, volume), ratio(minutes_replicates, volume_replicates))
 
     def excess_shares(self) -> ExcessShares | None:
         """Return the shares of cutting time over a limit; None if a result lacks them."""
@@ -367,11 +329,13 @@ class _Comparison:
         first = next(iter(results_by_name.values()))[0]
         self.task = first.task
         self.scenario = first.task.scenario
+        on_family = self.task.of_family is not None
+        self.comparators = comparators(self.scenario, on_family=on_family)
         bootstrap = Bootstrap(len(first.task.seeds))
         self.played = {
             name: _Played(name, results, bootstrap) for name, results in results_by_name.items()
         }
-        self.metal_costs: dict[str, MetalCost] = {}
+        self.metal_costs: dict[str, Mean] = {}
         if self.task.of_family is None:
             for name, played in self.played.items():
                 if played.episodes["removed"].any():
@@ -409,7 +373,7 @@ class _Comparison:
             unranked=reason_not_to_rank(policy.kind, self.scenario),
             feasible=played.feasibility == "feasible",
             feasibility=played.feasibility,
-            mean_return=Estimate.of(played.mean_return, played.return_replicates),
+            mean_return=played.mean.estimate,
             interquartile_return=played.interquartile(played.returns),
             severe_share=played.share_of_cutting("severe_overload_time"),
             severe_lower_limit=played.severe_limits.lower,
@@ -417,6 +381,7 @@ class _Comparison:
             best_rule=best_rule,
             over_best_rule=self._difference(played, best_rule),
             over_causal=self._difference(played, CAUSAL),
+            score=self._score(played),
             overload_share=overload_share,
             share_above_2_percent=None if excess is None else excess.above_2_percent,
             share_above_10_percent=None if excess is None else excess.above_10_percent,
@@ -429,9 +394,9 @@ class _Comparison:
         for rule, played in self.played.items():
             if rule == name or not played.is_rule:
                 continue
-            returns[rule] = played.mean_return
+            returns[rule] = played.mean.value
             if played.feasibility == "feasible":
-                feasible[rule] = played.mean_return
+                feasible[rule] = played.mean.value
         return highest(feasible or returns)
 
     def _difference(self, played: _Played, other_name: str | None) -> Estimate | None:
@@ -439,28 +404,22 @@ class _Comparison:
         if other_name is None or other_name == played.name or other_name not in self.played:
             return None
         other = self.played[other_name]
-        replicates = played.return_replicates - other.return_replicates
-        return Estimate.of(played.mean_return - other.mean_return, replicates)
+        replicates = played.mean.replicates - other.mean.replicates
+        return Estimate.of(played.mean.value - other.mean.value, replicates)
 
     def _score(self, played: _Played) -> Estimate | None:
-        """Return the share of the gap in return from fixed parameters to the causal oracle.
-
-        A policy that closes the gap scores 1; the two ends have no score.
-        """
-        fixed = self.played.get(comparators(self.scenario).fixed)
+        """Return the place of the mean return between the best fixed parameters and the oracle."""
+        fixed = self.played.get(self.comparators.fixed)
         causal = self.played.get(CAUSAL)
-        if fixed is None or causal is None or played in (fixed, causal):
+        if fixed is None or causal is None:
             return None
-        closed = played.mean_return - fixed.mean_return
-        gap = causal.mean_return - fixed.mean_return
-        closed_replicates = played.return_replicates - fixed.return_replicates
-        gap_replicates = causal.return_replicates - fixed.return_replicates
-        return Estimate.of(closed / gap, closed_replicates / gap_replicates)
+        score = score_of(played.mean, fixed=fixed.mean, oracle=causal.mean)
+        return None if score is None else score.estimate
 
     def _with_episode_numbers(self, standing: Standing, played: _Played) -> Standing:
         """Add the numbers of tasks on one scenario."""
         control = self.scenario.control
-        compared = comparators(self.scenario)
+        compared = self.comparators
         episodes = played.episodes
         edges = episodes["edges_used"]
         minutes = total_minutes(episodes, self.scenario)
@@ -468,7 +427,6 @@ class _Comparison:
             standing,
             over_fixed=self._difference(played, compared.fixed),
             over_published=self._difference(played, compared.published),
-            score=self._score(played),
             minutes=float(np.mean(minutes)),
             removal_rate=_share(episodes["removed"], minutes),
             excess=played.share_of_cutting("excess"),
@@ -499,7 +457,7 @@ class _Comparison:
         severe_share = ratio(episodes["severe_overload_time"], episodes["engaged_time"])
         is_feasible = severe_share <= self.scenario.limits.overload_allowance
         with_true_laws = {
-            other.name: other.mean_return
+            other.name: other.mean.value
             for other in self.played.values()
             if other.policy.knows == "true_laws"
         }
@@ -508,19 +466,10 @@ class _Comparison:
             full_cost_share=Estimate.of(
                 cost.mean() / worth.mean(), cost_replicates / worth_replicates
             ),
-            job_score=self._job_score(played),
             over_truth=self._difference(played, highest(with_true_laws)),
             worst_return=float(played.returns.min()),
             feasible_jobs=float(is_feasible.mean()),
         )
-
-    def _job_score(self, played: _Played) -> Estimate | None:
-        """Return the share of each job's gap from the nominal optimum to the causal oracle."""
-        if NOMINAL_OPTIMUM not in self.played or CAUSAL not in self.played:
-            return None
-        low = self.played[NOMINAL_OPTIMUM].returns.mean(axis=0)
-        high = self.played[CAUSAL].returns.mean(axis=0)
-        return played.interquartile((played.returns - low) / (high - low))
 
 
 def _with_leads(standing: Standing, played: _Played, other: _Played) -> Standing:

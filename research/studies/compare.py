@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 from baselines import catalogue
 from baselines.oracles.perfect_state import VERSION
-from leaderboard.family import CAUSAL, FamilyPlay, Truthful
+from leaderboard.family import FamilyPlay, Truthful
 from leaderboard.table import markdown
 from train.agents.agent_file import ONNX_SUFFIX, informed
 from train.curves import FILE as CURVES
@@ -40,6 +40,7 @@ from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
 from turning_env.files import digest_of, replace_file
+from turning_env.scoring.comparators import CAUSAL
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
 from turning_env.scoring.seeds import held_out_seeds, tuning_seeds

@@ -10,7 +10,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from leaderboard.__main__ import main
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM, Forgetful, family_task
+from leaderboard.family import Forgetful, family_task
 from leaderboard.policies import one_named
 from leaderboard.result import PACK_FILE, Result, ResultError, read_results, result_folder
 from leaderboard.standings import Standing, rank
@@ -18,6 +18,7 @@ from tests.train import onnx_agents
 from tests.turning_env.test_family_env import BRIEF
 from turning_env import FAMILY_ID, Family
 from turning_env.physics.quantities import OBS
+from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM, NOMINAL_SHARE
 from turning_env.scoring.policy import Actions, Observations, Policy, PolicySpec
 from turning_env.scoring.statistics import Estimate, Floats
 
@@ -31,7 +32,7 @@ WORTH = 400.0  # of the metal of each job [s]
 RULE = PolicySpec(name="rule")
 WITH_TRUE_LAWS = PolicySpec(name="rule", kind="oracle", knows="true_laws")
 LEARNED = [PolicySpec(name="agent", kind="agent", training_seed=seed) for seed in (0, 1)]
-LOWEST = PolicySpec(name=NOMINAL_OPTIMUM)
+LOWEST = PolicySpec(name=NOMINAL_SHARE)
 ORACLE = PolicySpec(name=CAUSAL, kind="oracle")
 
 
@@ -102,7 +103,7 @@ def test_numbers_of_jobs_by_hand(compared: dict[str, Standing]) -> None:
     assert value(agent.full_cost_share) == pytest.approx((WORTH - 5.0) / WORTH)
 
 
-def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> None:
+def test_scores_lie_between_fixed_parameters_and_the_oracle() -> None:
     base = np.linspace(-1000.0, 0.0, JOBS)
     gap = np.linspace(10.0, 500.0, JOBS)
     standings = standings_of(
@@ -112,16 +113,16 @@ def test_scores_lie_between_the_nominal_optimum_and_the_oracle_of_each_job() -> 
             played(RULE, base + 0.5 * gap),
         ]
     )
-    assert value(standings[NOMINAL_OPTIMUM].job_score) == pytest.approx(0.0)
-    assert value(standings[CAUSAL].job_score) == pytest.approx(1.0)
-    assert value(standings["rule"].job_score) == pytest.approx(0.5)
+    assert value(standings[NOMINAL_SHARE].score) == pytest.approx(0.0)
+    assert value(standings[CAUSAL].score) == pytest.approx(100.0)
+    assert value(standings["rule"].score) == pytest.approx(50.0)
 
 
 def test_without_the_oracle_there_is_no_score() -> None:
     base = np.linspace(-1000.0, 0.0, JOBS)
     standings = standings_of([played(LOWEST, base), played(RULE, base + 5.0)])
-    assert {name: standing.job_score for name, standing in standings.items()} == {
-        NOMINAL_OPTIMUM: None,
+    assert {name: standing.score for name, standing in standings.items()} == {
+        NOMINAL_SHARE: None,
         "rule": None,
     }
 

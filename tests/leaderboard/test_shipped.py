@@ -7,13 +7,13 @@ import pytest
 
 from baselines.catalogue import names
 from leaderboard import verify
-from leaderboard.family import CAUSAL, NOMINAL_OPTIMUM
 from leaderboard.policies import CLAIRVOYANT, SUMS, agent_files, oracles
 from leaderboard.result import MANIFEST_FILE, Manifest, read_part, read_results
 from leaderboard.verify import Selection
 from train.agents import agent_file
 from turning_env import FAMILY_ID, IDS, SPLITS, Family, Scenario
 from turning_env.scenario.family import DRAFTS, families
+from turning_env.scoring.comparators import CAUSAL, NOMINAL_OPTIMUM
 
 ROOT = Path(__file__).parents[2]
 RESULTS, AGENTS = ROOT / "leaderboard" / "results", ROOT / "agents"

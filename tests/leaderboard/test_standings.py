@@ -247,11 +247,11 @@ def test_score_runs_from_fixed_parameters_to_the_causal_oracle(make_result: Make
         ]
     )
     assert list(standings)[-2:] == ["clairvoyant", "causal"]  # oracles are listed, not ranked
-    assert value(standings["good"].score) == pytest.approx(0.9)
+    assert value(standings["good"].score) == pytest.approx(90.0)
     assert value(standings["good"].over_causal) == pytest.approx(-10.0)
-    assert value(standings["clairvoyant"].score) == pytest.approx(2.0)
-    assert standings["fixed_tuned"].score is None
-    assert standings["causal"].score is None
+    assert value(standings["clairvoyant"].score) == pytest.approx(200.0)
+    assert value(standings["fixed_tuned"].score) == 0.0
+    assert value(standings["causal"].score) == 100.0
     assert standings["good"].best_rule == "grid_search"
 
 
@@ -372,7 +372,7 @@ def test_every_number_has_a_column_of_its_own(make_result: MakeResult) -> None:
             make_result("causal", policy=oracle, returns=2.0),
         ]
     )
-    fields = ["score", "job_score", "mean_return"]
+    fields = ["score", "over_causal", "mean_return"]
     head, *_ = table.selection([board], fields, policies=[]).splitlines()
     # Policy and feasibility stand before the numbers.
     assert len(head.strip("| ").split("|")) == 2 + len(fields)

@@ -10,7 +10,6 @@ import pytest
 
 from leaderboard import policies, verify
 from leaderboard.__main__ import main
-from leaderboard.family import CAUSAL
 from leaderboard.policies import CLAIRVOYANT
 from leaderboard.result import (
     MANIFEST_FILE,
@@ -25,6 +24,7 @@ from leaderboard.verify import Selection
 from tests.leaderboard.conftest import ENV_ID, MakeResult, on, only, spec
 from tests.train import onnx_agents
 from turning_env import MODEL_VERSION, Scenario
+from turning_env.scoring.comparators import CAUSAL
 from turning_env.scoring.policy import PolicySpec
 
 RULE = "fixed_handbook"

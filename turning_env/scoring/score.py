@@ -19,6 +19,7 @@ from turning_env.batch.driver import observation_space
 from turning_env.scenario import Scenario
 from turning_env.scenario.family import Family
 from turning_env.scoring.adapt import as_factory
+from turning_env.scoring.comparators import CAUSAL, comparators
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.sandbox import LIMITS, Limits
 from turning_env.scoring.seeds import MAX_SEEDS, held_out_seeds, tuning_seeds
@@ -27,10 +28,12 @@ from turning_env.scoring.statistics import (
     Estimate,
     Feasibility,
     Floats,
+    Mean,
     RankKey,
     feasibility,
     rank_key,
     reason_not_to_rank,
+    score_of,
     severe_share,
 )
 
@@ -130,6 +133,9 @@ class Score:
     validation seeds have no ranking."""
     ranked: int  # number of ranked policies, including this one if it has a rank
     mean_return: Estimate  # [s of machine time]
+    score: Estimate | None
+    """Score on the scale from the best fixed speed and feed, 0, to the oracle of the state, 100;
+    None if these have no results to compare with."""
     feasible: bool
     """Whether the upper confidence limit of ``severe_share`` is within the scenario's
     allowance."""
@@ -181,8 +187,10 @@ class Score:
         )
 
     def __str__(self) -> str:
-        """Return rank, return, difference from the next-ranked policy, and feasibility."""
+        """Return rank, return, score, difference from the next-ranked policy, and feasibility."""
         parts = [f"return {_interval(self.mean_return)}"]
+        if self.score is not None:
+            parts.append(f"score {_interval(self.score, unit='')}")
         if self.rank is not None:
             parts.insert(0, f"rank {self.rank} of {self.ranked}")
             ranked = [policy for policy in self.comparisons if policy.unranked is None]
@@ -345,6 +353,7 @@ def compare(
         severe=episodes["severe_overload_time"][np.newaxis],
         engaged=episodes["engaged_time"][np.newaxis],
     )
+    compared = comparators(scenario, on_family=env_id == FAMILY_ID)
     ranking = _Ranking(result, scenario)
     scored = ranking.comparison(result)
     comparisons = [ranking.comparison(policy) for policy in others]
@@ -368,6 +377,7 @@ def compare(
         rank=rank,
         ranked=len(ranked) + (rank is not None),
         mean_return=scored.mean_return,
+        score=ranking.score(others, fixed=compared.fixed),
         feasible=scored.feasible,
         feasibility=scored.feasibility,
         severe_share=share("severe_overload_time"),
@@ -386,23 +396,38 @@ class _Ranking:
     def __init__(self, result: PolicyResult, scenario: Scenario) -> None:
         self._scenario = scenario
         self._bootstrap = Bootstrap(result.returns.shape[1])
-        self._mean = float(np.mean(result.returns))
-        self._means = self._bootstrap.means(result.returns, result.name)
+        self._mean = self._mean_of(result)
+
+    def _mean_of(self, policy: PolicyResult) -> Mean:
+        replicates = self._bootstrap.means(policy.returns, policy.name)
+        return Mean(float(np.mean(policy.returns)), replicates)
+
+    def score(self, others: Sequence[PolicyResult], fixed: str) -> Estimate | None:
+        """Return the score between the ends among others; ``fixed``: the name of the lower one."""
+        means = {}
+        for policy in others:
+            if policy.name in (fixed, CAUSAL):
+                means[policy.name] = self._mean_of(policy)
+        if len(means) < 2:
+            return None
+        score = score_of(self._mean, fixed=means[fixed], oracle=means[CAUSAL])
+        return None if score is None else score.estimate
 
     def comparison(self, policy: PolicyResult) -> Comparison:
         """Return the comparison with another policy."""
         limits = self._bootstrap.severe_limits(policy.severe, policy.engaged, policy=policy.name)
         verdict = feasibility(limits, self._scenario.limits.overload_allowance)
-        mean = float(np.mean(policy.returns))
-        means = self._bootstrap.means(policy.returns, policy.name)
+        mean = self._mean_of(policy)
         return Comparison(
             name=policy.name,
             kind=policy.kind,
             feasible=verdict == "feasible",
             feasibility=verdict,
             unranked=reason_not_to_rank(policy.kind, self._scenario),
-            mean_return=Estimate.of(mean, means),
-            ahead=Estimate.of(self._mean - mean, self._means - means),
+            mean_return=mean.estimate,
+            ahead=Estimate.of(
+                self._mean.value - mean.value, self._mean.replicates - mean.replicates
+            ),
         )
 
 
@@ -415,8 +440,8 @@ def _key(policy: Comparison) -> RankKey:
     )
 
 
-def _interval(estimate: Estimate, sign: str = "") -> str:
-    """Return an estimate [s] with its interval, in as many decimals as it is known to."""
+def _interval(estimate: Estimate, sign: str = "", unit: str = " s") -> str:
+    """Return an estimate with its interval, in as many decimals as it is known to."""
     decimals = estimate.decimals()
-    value = f"{estimate.value:{sign}.{decimals}f} s"
+    value = f"{estimate.value:{sign}.{decimals}f}{unit}"
     return f"{value} ({estimate.low:.{decimals}f} to {estimate.high:.{decimals}f})"

@@ -64,11 +64,48 @@ class Estimate:
         return min(max(1 - math.floor(math.log10(shown)), 0), MAX_DECIMALS)
 
 
-class Bootstrap:
-    """The resamples of one ranking, in which every policy plays the same seeds."""
+class Mean(NamedTuple):
+    """A mean, and its bootstrap replicates of shape (resamples,)."""
 
-    def __init__(self, seeds: int) -> None:
-        self._seeds = np.random.default_rng(KEY).integers(seeds, size=(RESAMPLES, seeds))
+    value: float
+    replicates: Floats
+
+    @property
+    def estimate(self) -> Estimate:
+        """Return the mean with its confidence interval."""
+        return Estimate.of(self.value, self.replicates)
+
+
+def score_of(mean: Mean, fixed: Mean, oracle: Mean) -> Mean | None:
+    """Return the score of a policy by mean returns on the same episodes, with its replicates.
+
+        100 (return - fixed) / (oracle - fixed)
+
+    The best fixed parameters score 0, the oracle of the state scores 100. Return None if the oracle
+    does not certainly return more than the fixed parameters.
+    """
+    gap = Mean(oracle.value - fixed.value, oracle.replicates - fixed.replicates)
+    if gap.estimate.low <= 0.0 or gap.replicates.min() <= 0.0:
+        return None
+    above_fixed = mean.replicates - fixed.replicates
+    return Mean(
+        100.0 * (mean.value - fixed.value) / gap.value,
+        100.0 * above_fixed / gap.replicates,
+    )
+
+
+class Bootstrap:
+    """The resamples of one ranking, in which every policy plays the same seeds.
+
+    Args:
+        seeds: number of seeds.
+        stratum: name of the task, if resamples of several tasks are to be independent.
+    """
+
+    def __init__(self, seeds: int, stratum: str = "") -> None:
+        self._stratum = stratum
+        key = [KEY, crc32(stratum.encode())] if stratum else KEY
+        self._seeds = np.random.default_rng(key).integers(seeds, size=(RESAMPLES, seeds))
         self._seed_weights = _weights(self._seeds, seeds)
         # All quantities of a policy are resampled with the same training seeds.
         self._training_weights: dict[tuple[str, int], Floats] = {}
@@ -76,7 +113,8 @@ class Bootstrap:
     def _training_seeds(self, policy: str, count: int) -> NDArray[np.int64]:
         """Return the training seeds of a policy in each resample, shape (resamples, count)."""
         # Keyed by name: two policies' training seeds are unrelated even if they are equal numbers.
-        generator = np.random.default_rng([KEY, crc32(policy.encode())])
+        name = self._stratum + policy
+        generator = np.random.default_rng([KEY, crc32(name.encode())])
         return generator.integers(count, size=(RESAMPLES, count))
 
     def means(self, values: Floats, policy: str) -> Floats:
