@@ -240,6 +240,7 @@ RULES = {
         on_program(ConstantForce),
         plays=holds_roughness,
         parameters={},
+        published=True,
     ),
     "constant_force_limit": Rule(
         "constant cutting force at a share of the force limit, by override "
@@ -247,6 +248,7 @@ RULES = {
         on_program(ConstantForce),
         plays=on_override,
         parameters={"force_share": FORCE_SHARE},
+        published=True,
     ),
     "constant_force_with_speed": Rule(
         "constant cutting force at a share of the force limit (roughness control paper), "
@@ -254,6 +256,7 @@ RULES = {
         on_program(ConstantForce),
         plays=on_speed_and_feed,
         parameters={"force_share": FORCE_SHARE, **PROGRAM},
+        published=True,
     ),
     "model_feed": Rule(
         "the feed of the nominal model for the reference of roughness, without measuring "
@@ -272,5 +275,6 @@ RULES = {
             "chip_thickness_max": 0.3,
             "entering_angle": 75.0,
         },
+        published=True,
     ),
 }

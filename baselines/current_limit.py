@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from baselines.constant_force import FORCE_SHARE
 from baselines.models.part_program import PROGRAM, PartProgram, override_rules
-from baselines.rule import Array, Mask
+from baselines.rule import Array, Mask, published
 from turning_env import Reading, Scenario, read
 from turning_env.numerics.functions import real_power, sine_and_cosine
 from turning_env.physics.drives import force_from_current, lag_share
@@ -246,12 +246,14 @@ def _highest_grade_within(force_at_grade: Array, limit: float) -> NDArray[np.int
     return np.asarray(np.maximum((force_at_grade <= limit).sum(axis=1) - 1, 0))
 
 
-RULES = override_rules(
-    "current_limit",
-    "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it "
-    "(servo current paper)",
-    controller=CurrentLimit,
-    parameters={"force_share": FORCE_SHARE},
-    with_speed={"force_share": FORCE_SHARE, **PROGRAM},
-    plays=lambda scenario: scenario.material.thrust_force.feed > 0.0,
+RULES = published(
+    override_rules(
+        "current_limit",
+        "feed by a 16-grade switch within a limit of the force, as filtered servo current tells it "
+        "(servo current paper)",
+        controller=CurrentLimit,
+        parameters={"force_share": FORCE_SHARE},
+        with_speed={"force_share": FORCE_SHARE, **PROGRAM},
+        plays=lambda scenario: scenario.material.thrust_force.feed > 0.0,
+    )
 )

@@ -28,7 +28,7 @@ from baselines.models.part_program import (
     override_rules,
     target_load,
 )
-from baselines.rule import Array
+from baselines.rule import Array, published
 from turning_env import Reading
 from turning_env.numerics.functions import exp
 
@@ -104,20 +104,22 @@ def fuzzy_override(
     return OverrideLaw(program, law)
 
 
-RULES = {
-    **override_rules(
-        "fuzzy_override",
-        "fuzzy feed override, first form (fuzzy override paper, equations (1) to (4))",
-        controller=fuzzy_override,
-        parameters={"target": 1.0, **FIRST_FORM},
-        with_speed={**SPEED_AND_TARGET, **FIRST_FORM},
-    ),
-    **override_rules(
-        "modified_fuzzy_override",
-        "fuzzy feed override, modified against over-regulation "
-        "(fuzzy override paper, equations (5) to (7))",
-        controller=fuzzy_override,
-        parameters={"target": 1.0, **MODIFIED_FORM},
-        with_speed={**SPEED_AND_TARGET, **MODIFIED_FORM},
-    ),
-}
+RULES = published(
+    {
+        **override_rules(
+            "fuzzy_override",
+            "fuzzy feed override, first form (fuzzy override paper, equations (1) to (4))",
+            controller=fuzzy_override,
+            parameters={"target": 1.0, **FIRST_FORM},
+            with_speed={**SPEED_AND_TARGET, **FIRST_FORM},
+        ),
+        **override_rules(
+            "modified_fuzzy_override",
+            "fuzzy feed override, modified against over-regulation "
+            "(fuzzy override paper, equations (5) to (7))",
+            controller=fuzzy_override,
+            parameters={"target": 1.0, **MODIFIED_FORM},
+            with_speed={**SPEED_AND_TARGET, **MODIFIED_FORM},
+        ),
+    }
+)

@@ -215,6 +215,7 @@ RULES = {
         GridSearch,
         plays=_plays,
         parameters={},
+        published=True,
     ),
     "rescaled_grid_search": Rule(
         "this project's own rescaling of the grid search: models scaled by measured force and "

@@ -189,6 +189,7 @@ def _ruled(rule: str, corrected: bool) -> Rule:
         plays=plays,
         parameters={"margin": Range(0.6, 1.1), "first_margin": Range(0.3, 1.1)},
         worth_tuning=rule in ("MT", "PN") and not corrected,
+        published=True,
     )
 
 

@@ -5,7 +5,7 @@ tuned. The controllers are files of their own; ``catalogue.py`` collects them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,8 @@ class Rule:
     """
     together: bool = False
     """Whether ``controller`` also takes a sequence of scenarios, one for each environment."""
+    published: bool = False
+    """Whether it is a controller of a published paper; its parameters may be tuned here."""
     tuned_on: str | None = None
     """The preset on which it is tuned for all scenarios.
 
@@ -82,3 +84,8 @@ class Rule:
             if not isinstance(value, Range):
                 fixed[name] = value
         return fixed
+
+
+def published(rules: Mapping[str, Rule]) -> dict[str, Rule]:
+    """Return rules as those of a published paper."""
+    return {name: replace(rule, published=True) for name, rule in rules.items()}

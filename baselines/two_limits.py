@@ -334,6 +334,7 @@ for _rule in ("PV", "SN", "PN"):
         partial(_fixed, rule=_rule),
         plays=partial(_plays, _rule),
         parameters={},
+        published=True,
     )
 for _rule in ("PV", "SN", "PN"):
     RULES[f"adaptive_{_rule.lower()}"] = Rule(
@@ -343,4 +344,5 @@ for _rule in ("PV", "SN", "PN"):
         plays=partial(_plays, _rule),
         parameters={"margin": Range(0.80, 1.05), "smoothing": Range(0.05, 1.0)},
         worth_tuning=_rule == "PN",
+        published=True,
     )

@@ -368,7 +368,11 @@ def _show(options: argparse.Namespace) -> None:
     python -m leaderboard show --results leaderboard/results
     python -m leaderboard show --results leaderboard/results --all --json
     python -m leaderboard show --results leaderboard/results --markdown mean_return overload_share
+    python -m leaderboard show --results leaderboard/results --aggregate
     """
+    if options.aggregate:
+        print(_aggregated(options))
+        return
     leaderboards = read_leaderboards(
         options.results,
         env_id=options.env,
@@ -381,6 +385,24 @@ def _show(options: argparse.Namespace) -> None:
     _print(leaderboards, options.json)
     if not options.all and len(_result_folders(options.results)) > 1:
         print("--all prints the other leaderboards", file=sys.stderr)
+
+
+def _aggregated(options: argparse.Namespace) -> str:
+    """Return the tables of scores over the tasks."""
+    from leaderboard import aggregate  # needed only here
+
+    tasks = aggregate.read(options.results)
+    tables = []
+    if options.aggregate in ("tasks", "both"):
+        tables.append(aggregate.by_task(tasks))
+    if options.aggregate in ("means", "both"):
+        tables.append(aggregate.over_tasks(tasks, options.policies, over=options.over))
+    if options.markdown is not None:
+        return "\n\n".join([table.markdown(rows) for rows in tables])
+    texts = []
+    for rows in tables:
+        texts.append(table.aligned([list(rows[0]), *[list(row.values()) for row in rows]]))
+    return "\n\n".join(texts)
 
 
 def _add_show_options(parser: argparse.ArgumentParser) -> None:
@@ -419,6 +441,21 @@ def _add_show_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME",
         help="policies in that table (default: all)",
+    )
+    add(
+        "--aggregate",
+        nargs="?",
+        const="both",
+        choices=("tasks", "means", "both"),
+        help="print scores over the tasks: the best policies of each task, means over tasks, or "
+        "both (default: both); 0 is the best fixed speed and feed, 100 the oracle of the state; "
+        "--policies adds rows to the means",
+    )
+    add(
+        "--over",
+        default="best rule",
+        metavar="NAME",
+        help="row of the means with which the others are compared (default: %(default)s)",
     )
 
 
@@ -557,12 +594,17 @@ def _add_cards_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _figure(options: argparse.Namespace) -> None:
-    """Draw the ranking for print.
+    """Draw the ranking for print, or scores over the tasks.
 
     python -m leaderboard figure --results leaderboard/results --out docs/leaderboard.png
+    python -m leaderboard figure --aggregate --results leaderboard/results --out scores.png
     """
-    from leaderboard import figure  # needed only here: imports Matplotlib
+    from leaderboard import aggregate, figure  # needed only here: imports Matplotlib
 
+    if options.aggregate:
+        figure.write_scores(aggregate.read(options.results), options.out)
+        print(f"wrote {options.out}")
+        return
     folder = result_folder(options.results, options.env, _scenario(options).name)
     figure.write(read_leaderboard(folder), options.out)
     print(f"wrote {options.out}")
@@ -573,6 +615,7 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--env", choices=IDS, default=SPLITS_ENV_ID, help="the environment's id")
     add("--scenario", metavar="PRESET_OR_TOML", help="scenario instead of the id's own")
+    add("--aggregate", action="store_true", help="draw scores over the tasks instead")
     add(
         "--out",
         type=Path,

@@ -1,6 +1,6 @@
-"""The ranking and two trajectories as one picture for print."""
+"""The pictures for print: a ranking with two trajectories, and scores over the tasks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import NamedTuple
@@ -9,6 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from leaderboard.aggregate import (
+    BEST_AGENT,
+    BEST_RULE,
+    Entry,
+    TaskScores,
+    entries,
+    levels_and_shares,
+    mean_score,
+)
 from leaderboard.ranking import Leaderboard
 from leaderboard.result import ResultError
 from leaderboard.standings import Standing
@@ -30,6 +39,19 @@ PLAIN_NAMES = {
 MAX_POLICIES = 8
 MAX_LETTERS = 28  # in a line of a name
 _SHARES_AT = 1.16  # place of the shares of time over a limit, in widths of the axes
+
+
+_LEVELS = np.linspace(-50.0, 110.0, 161)  # scores at which profiles are drawn
+_KIND_LOOKS = {
+    "random": style.LINES[6],
+    "best fixed": style.LineLook(style.GREY, "-"),
+    "best simple search": style.LINES[5],
+    "best published": style.LINES[4],
+    BEST_AGENT: style.LINES[3],
+    BEST_RULE: style.LINES[0],
+    "best privileged agent": style.LINES[2],
+}
+"""Colour and dashes of kinds of policies in the picture of scores. Vermillion is left to limits."""
 
 
 def write(leaderboard: Leaderboard, path: Path) -> None:
@@ -191,3 +213,85 @@ def _draw_along_bar(
         color=colour,
         label=PLAIN_NAMES.get(name, episode.policy.label),
     )
+
+
+def write_scores(tasks: Sequence[TaskScores], path: Path) -> None:
+    """Draw scores over the tasks, whole or not at all: performance profiles and means."""
+    every_kind = entries(tasks)
+    listed = {title: every_kind[title] for title in _KIND_LOOKS if title in every_kind}
+    with style.for_print():
+        figure = Figure(figsize=(5.4, 6.0), layout="constrained")  # narrow: phones show it, too
+        upper, lower = figure.subplots(2, 1, height_ratios=(1.3, 1.0))
+        _draw_profiles(upper, listed)
+        _draw_mean_scores(lower, listed)
+        try:
+            style.save(style.readable(figure), path)
+        except ValueError as error:
+            raise ResultError(str(error)) from error
+
+
+def _draw_profiles(axes: Axes, listed: Mapping[str, Entry]) -> None:
+    """Draw the share of episodes above each score, with its interval."""
+    for title, entry in listed.items():
+        look = _KIND_LOOKS[title]
+        shares = levels_and_shares(entry, _LEVELS)
+        axes.plot(
+            _LEVELS,
+            100.0 * shares["value"],
+            color=look.colour,
+            linestyle=look.dashes,
+            label=_title(title, entry),
+        )
+        axes.fill_between(
+            _LEVELS,
+            100.0 * shares["low"],
+            100.0 * shares["high"],
+            color=look.colour,
+            alpha=0.2,
+            linewidth=0.0,
+        )
+    axes.axvline(0.0, color=style.GREY, linewidth=0.6)
+    axes.axvline(100.0, color=style.GREY, linewidth=0.6)
+    axes.set_xlim(_LEVELS[0], _LEVELS[-1])
+    axes.set_ylim(0.0, 101.0)
+    axes.set_xlabel("score: 0 best fixed speed and feed, 100 oracle of the state")
+    axes.set_ylabel("episodes above the score [%]")
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(-0.1, 1.0),
+        ncols=2,
+        title="number of tasks in brackets",
+        alignment="left",
+    )
+
+
+def _title(title: str, entry: Entry) -> str:
+    return f"{title} ({len(entry)})"
+
+
+def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
+    """Draw the interquartile mean over tasks of each kind that is not far below 0."""
+    titles = []
+    for title, entry in listed.items():
+        colour = _KIND_LOOKS[title].colour
+        estimate = mean_score(entry).estimate
+        if estimate.high < _LEVELS[0]:
+            continue
+        place = len(titles)
+        axes.plot([estimate.low, estimate.high], [place, place], color=colour, linewidth=2.5)
+        axes.plot(estimate.value, place, "o", color=colour)
+        axes.annotate(
+            f"{estimate.value:.0f}",
+            (estimate.value, place),
+            (0, 6),
+            textcoords="offset points",
+            ha="center",
+        )
+        titles.append(_title(title, entry))
+    axes.set_yticks(range(len(titles)), titles)
+    axes.set_ylim(-0.6, len(titles) - 0.2)
+    axes.set_xlim(_LEVELS[0], _LEVELS[-1])
+    axes.set_xlabel("interquartile mean over tasks of the score, 95 % interval")
+    axes.grid(axis="x")
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)

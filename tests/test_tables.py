@@ -121,5 +121,5 @@ def test_a_level_in_a_figure_is_the_return_of_its_policy() -> None:
     assert mean_returns[name] == pytest.approx(float(level), abs=0.05)
 
 
-def test_both_kinds_of_figures_are_drawn_by_commands() -> None:
-    assert len(cases(DRAW)) == 2
+def test_figures_are_drawn_by_commands() -> None:
+    assert len(cases(DRAW)) == 3

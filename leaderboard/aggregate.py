@@ -1,0 +1,333 @@
+"""Scores over the tasks: the best policy of each kind, means over tasks, and comparisons.
+
+A score is 0 for the best fixed speed and feed, and 100 for the oracle of the state
+(``turning_env.scoring.statistics.score_of``). The numbers are those of Agarwal et al. (2021, "Deep
+reinforcement learning at the edge of the statistical precipice", arXiv 2108.13264): interquartile
+means over tasks, performance profiles and probabilities of improvement. Their intervals come from
+a stratified bootstrap, which resamples the seeds of every task, and each policy's training seeds,
+apart from those of other tasks.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from baselines.catalogue import RULES
+from leaderboard.notices import notify_once
+from leaderboard.ranking import Leaderboard, read_leaderboard
+from leaderboard.result import ResultError, result_files, result_folder
+from leaderboard.standings import Standing
+from leaderboard.table import MARKS
+from turning_env import FAMILY_ID, IDS
+from turning_env.scenario.family import DRAFTS, families
+from turning_env.scoring.comparators import CAUSAL, comparators
+from turning_env.scoring.score import SPLIT
+from turning_env.scoring.statistics import (
+    Bootstrap,
+    Estimate,
+    Floats,
+    Mean,
+    interquartile_mean,
+    reason_not_to_rank,
+    score_of,
+)
+
+SIMPLE_SEARCHES = ("linear_cma_es",)
+"""Agents without a network, found by a search over a handful of numbers."""
+LEVELS = (0.0, 50.0, 90.0)
+"""Scores at which the table gives the performance profile."""
+BEST_RULE = "best rule"
+BEST_AGENT = "best unprivileged agent"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of policies, of which the best one stands for all on each task."""
+
+    title: str
+    holds: Callable[[Standing, str], bool]
+    """Returns whether a standing is of this kind; also takes the name of the fixed parameters."""
+    by_task: bool = True  # whether the table of tasks has it
+
+
+def _is_published(standing: Standing, fixed: str) -> bool:
+    return standing.name in RULES and RULES[standing.name].published
+
+
+def _is_unprivileged(standing: Standing, fixed: str) -> bool:
+    is_learned = standing.kind == "agent" and standing.name not in SIMPLE_SEARCHES
+    return is_learned and standing.policy_class != "privileged agent"
+
+
+def _of_class(title: str, policy_class: str) -> Kind:
+    """Return the kind of a class, without simple searches."""
+
+    def holds(standing: Standing, fixed: str) -> bool:
+        return standing.policy_class == policy_class and standing.name not in SIMPLE_SEARCHES
+
+    return Kind(title, holds)
+
+
+KINDS = (
+    Kind("random", lambda standing, fixed: standing.name == "random"),
+    Kind("best simple search", lambda standing, fixed: standing.name in SIMPLE_SEARCHES),
+    Kind("best fixed", lambda standing, fixed: standing.name == fixed),
+    Kind("best published", _is_published),
+    _of_class(BEST_RULE, "rule"),
+    _of_class("best model-free agent", "model-free agent"),
+    _of_class("best agent on a belief", "agent on a belief"),
+    _of_class("best learned guide of a rule", "learned guide of a rule"),
+    # No class of agents plays all tasks, but these do together.
+    Kind(BEST_AGENT, _is_unprivileged, by_task=False),
+    _of_class("best privileged agent", "privileged agent"),
+    Kind("oracle", lambda standing, fixed: standing.name == CAUSAL),
+)
+"""Kinds of policies, in the order of tables."""
+
+
+class TaskScores:
+    """The scores of all policies on one task.
+
+    Args:
+        leaderboard: ranked results of the task.
+    """
+
+    def __init__(self, leaderboard: Leaderboard) -> None:
+        task = leaderboard.task
+        self.label = task.of_family.family.name if task.of_family else task.env_id
+        self.ranks_agents = reason_not_to_rank("agent", task.scenario) is None
+        compared = comparators(task.scenario, on_family=task.of_family is not None)
+        self.fixed = compared.fixed
+        self._standings = {standing.name: standing for standing in leaderboard.standings}
+        self._bootstrap = Bootstrap(len(task.seeds), stratum=self.label)
+        self._returns = _returns_by_name(leaderboard)
+        for end in (self.fixed, CAUSAL):
+            if end not in self._returns:
+                raise ResultError(f"{self.label} has no scores: {end} has not played")
+        self._fixed_mean = self._mean_return(self.fixed)
+        self._oracle_mean = self._mean_return(CAUSAL)
+        if self.score(CAUSAL) is None:
+            raise ResultError(
+                f"{self.label} has no scores: {CAUSAL} is no better than {self.fixed}"
+            )
+
+    def best(self, kind: Kind) -> str | None:
+        """Return the best policy of a kind: the first one that is ranked, or an oracle."""
+        for name, standing in self._standings.items():
+            is_shown = standing.unranked is None or name == CAUSAL
+            if is_shown and kind.holds(standing, self.fixed):
+                return name
+        return None
+
+    def has(self, name: str) -> bool:
+        """Return whether a policy has played and is ranked."""
+        return name in self._standings and self._standings[name].unranked is None
+
+    def mark(self, name: str) -> str:
+        """Return the mark of a policy that is not certainly feasible, as tables have it."""
+        standing = self._standings[name]
+        return "" if standing.kind == "oracle" else MARKS[standing.feasibility]
+
+    def score(self, name: str) -> Mean | None:
+        """Return the score of a policy with its replicates; None if the ends do not differ."""
+        return score_of(self._mean_return(name), fixed=self._fixed_mean, oracle=self._oracle_mean)
+
+    def episode_scores(self, name: str) -> Floats:
+        """Return the score of each episode of a policy, shape (training seeds, seeds).
+
+        It is 100 less the distance from the oracle on the same seed in hundredths of the mean gap,
+        so the mean of all episodes is the policy's score.
+        """
+        gap = self._oracle_mean.value - self._fixed_mean.value
+        oracle = self._returns[CAUSAL].mean(axis=0)
+        return np.asarray(100.0 - 100.0 * (oracle - self._returns[name]) / gap)
+
+    def share_above(self, name: str, level: float) -> Mean:
+        """Return the share of a policy's episodes with a score above a level."""
+        return self._mean_of(np.asarray(self.episode_scores(name) > level, np.float64), name)
+
+    def wins(self, name: str, other: str) -> Mean:
+        """Return the share of seeds on which a policy returns more than another; a tie is half.
+
+        Every training of one is compared with every training of the other.
+        """
+        wins = np.zeros(self._returns[name].shape)
+        for returns in self._returns[other]:
+            wins += np.where(self._returns[name] == returns, 0.5, self._returns[name] > returns)
+        return self._mean_of(wins / len(self._returns[other]), name)
+
+    def _mean_return(self, name: str) -> Mean:
+        return self._mean_of(self._returns[name], name)
+
+    def _mean_of(self, values: Floats, name: str) -> Mean:
+        return Mean(float(np.mean(values)), self._bootstrap.means(values, name))
+
+
+def _returns_by_name(leaderboard: Leaderboard) -> dict[str, Floats]:
+    """Return the returns of each standing's policy [s], shape (training seeds, seeds)."""
+    names = leaderboard.names
+    lists: dict[str, list[list[float]]] = {}
+    for result in leaderboard.results:
+        name = names[result.policy.label]
+        lists.setdefault(name, []).append(result.episodes["return"])
+    return {name: np.array(returns) for name, returns in lists.items()}
+
+
+def read(results: Path) -> list[TaskScores]:
+    """Return the scores of every task: all ids on their own presets, and the families' unseen jobs.
+
+    A notice on stderr names each task that has no scores. Raise ResultError if none has.
+    """
+    folders = [result_folder(results, env_id, preset) for env_id, preset in IDS.items()]
+    for family in families():
+        if family not in DRAFTS:
+            folders.append(result_folder(results, FAMILY_ID, f"{family}-{SPLIT}"))
+    tasks = []
+    for folder in folders:
+        if not result_files(folder):
+            continue
+        try:
+            tasks.append(TaskScores(read_leaderboard(folder)))
+        except ResultError as error:
+            notify_once(f"skipped: {error}")
+    if not tasks:
+        raise ResultError(f"{results} holds no task on which {CAUSAL} and fixed parameters played")
+    return tasks
+
+
+def by_task(tasks: Sequence[TaskScores]) -> list[dict[str, str]]:
+    """Return a row per task with the best policy of each kind and its score, as texts."""
+    kinds = []
+    for kind in KINDS:
+        if kind.by_task and any(task.best(kind) for task in tasks):
+            kinds.append(kind)
+    rows = []
+    for task in tasks:
+        row = {"task": task.label}
+        for kind in kinds:
+            name = task.best(kind)
+            row[kind.title] = "" if name is None else _named_score(task, name)
+        rows.append(row)
+    return rows
+
+
+def _named_score(task: TaskScores, name: str) -> str:
+    """Return a policy's name and score, with a mark if it is not certainly feasible."""
+    score = task.score(name)
+    assert score is not None
+    # A score between -0.5 and 0 is 0, not -0.
+    return f"`{name}` {round(score.value) + 0}{task.mark(name)}"
+
+
+Entry = dict[TaskScores, str]
+"""The policy that stands for a kind, or the policy itself, by the task that it plays."""
+
+
+def entries(tasks: Sequence[TaskScores], policies: Collection[str] = ()) -> dict[str, Entry]:
+    """Return the kinds, and policies, by title, with the policy that plays each task.
+
+    Tasks on which agents are not ranked do not count: they would favour kinds that cannot play them
+    well. Raise ResultError if a policy plays none of the others.
+    """
+    counted = [task for task in tasks if task.ranks_agents]
+    found: dict[str, Entry] = {}
+    for kind in KINDS:
+        entry = {}
+        for task in counted:
+            name = task.best(kind)
+            if name is not None:
+                entry[task] = name
+        if entry:
+            found[kind.title] = entry
+    for policy in policies:
+        entry = {task: policy for task in counted if task.has(policy)}
+        if not entry:
+            raise ResultError(f"no policy is called {policy}")
+        found[policy] = entry
+    return found
+
+
+def mean_score(entry: Entry) -> Mean:
+    """Return the interquartile mean over tasks of the score.
+
+    Of fewer than four tasks it is their mean: quarters are rounded down.
+    """
+    scores = []
+    for task, name in entry.items():
+        score = task.score(name)
+        assert score is not None
+        scores.append(score)
+    replicates = np.stack([score.replicates for score in scores], axis=-1)
+    values = np.array([score.value for score in scores])
+    return Mean(interquartile_mean(values).item(), interquartile_mean(replicates))
+
+
+def profile(entry: Entry, level: float) -> Mean:
+    """Return the share of episodes with a score above a level, each task with the same weight."""
+    return _mean_over_tasks([task.share_above(name, level) for task, name in entry.items()])
+
+
+def improvement(entry: Entry, other: Entry) -> Mean | None:
+    """Return the probability that an episode returns more than the other's on the same seed.
+
+    It is the mean over the tasks that both play; None if there is none.
+    """
+    common = [task for task in entry if task in other]
+    if not common:
+        return None
+    return _mean_over_tasks([task.wins(entry[task], other[task]) for task in common])
+
+
+def _mean_over_tasks(means: Sequence[Mean]) -> Mean:
+    value = float(np.mean([mean.value for mean in means]))
+    return Mean(value, np.mean([mean.replicates for mean in means], axis=0))
+
+
+def over_tasks(
+    tasks: Sequence[TaskScores], policies: Collection[str] = (), over: str = BEST_RULE
+) -> list[dict[str, str]]:
+    """Return a row per kind, and per policy, with numbers over the tasks, as texts.
+
+    Args:
+        tasks: the scores.
+        policies: policies that have a row beside the kinds.
+        over: kind or policy with which the others are compared.
+    """
+    listed = entries(tasks, policies)
+    compared = listed.get(over)
+    if compared is None:
+        compared = entries(tasks, [over])[over]
+    rows = []
+    for title, entry in listed.items():
+        row = {"policy": title, "tasks": str(len(entry))}
+        row["score"] = _text(mean_score(entry).estimate)
+        for level in LEVELS:
+            share = profile(entry, level).estimate
+            row[f"episodes above {level:.0f} [%]"] = _text(share, factor=100.0)
+        row[f"better than {over} [%]"] = ""
+        wins = improvement(entry, compared)
+        if wins is not None and title != over:
+            row[f"better than {over} [%]"] = _text(wins.estimate, factor=100.0)
+        rows.append(row)
+    return rows
+
+
+def _text(estimate: Estimate, factor: float = 1.0) -> str:
+    """Return an estimate with its interval."""
+    decimals = min(estimate.decimals(factor), 1)
+    texts = []
+    for value in (estimate.value, estimate.low, estimate.high):
+        texts.append(f"{factor * value:.{decimals}f}")
+    return f"{texts[0]} ({texts[1]} to {texts[2]})"
+
+
+def levels_and_shares(entry: Entry, levels: Floats) -> Mapping[str, Floats]:
+    """Return the performance profile of an entry at many levels: shares with their intervals."""
+    estimates = [profile(entry, level).estimate for level in levels]
+    return {
+        "value": np.array([estimate.value for estimate in estimates]),
+        "low": np.array([estimate.low for estimate in estimates]),
+        "high": np.array([estimate.high for estimate in estimates]),
+    }

@@ -1,0 +1,149 @@
+"""Scores over tasks against values computed by hand."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from leaderboard import aggregate
+from leaderboard.__main__ import main
+from leaderboard.aggregate import TaskScores, by_task, entries, improvement, mean_score, profile
+from leaderboard.result import ResultError, Task, result_folder, write_manifest, write_result
+from tests.leaderboard.conftest import MakeResult, spec
+from tests.leaderboard.test_standings import leaderboard_of
+from turning_env import IDS, Scenario
+
+MakeTask = Callable[..., TaskScores]
+ORACLE = spec("causal", kind="oracle")
+NOISE = np.array([-30.0, 10.0, 20.0, 0.0])  # of an edge's return [s], the same for all policies
+
+
+def task_on(env_id: str) -> Task:
+    return Task(env_id=env_id, scenario=Scenario.load(IDS[env_id]), seeds=[0, 1, 2, 3])
+
+
+@pytest.fixture
+def make_scores(make_result: MakeResult) -> MakeTask:
+    """Return a function that makes the scores of a task by returns of a rule and of an agent."""
+
+    def make(env_id: str, fixed: str, rule: float, agent: tuple[float, float]) -> TaskScores:
+        on = task_on(env_id)
+        learned = [
+            make_result("ppo", on=on, policy=spec("ppo", seed=seed), returns=returns + NOISE)
+            for seed, returns in enumerate(agent)
+        ]
+        results = [
+            make_result(fixed, on=on, returns=-100.0 + NOISE),
+            make_result("predictive", on=on, returns=rule + NOISE),
+            make_result("causal", on=on, policy=ORACLE, returns=0.0 + NOISE),
+            *learned,
+        ]
+        return TaskScores(leaderboard_of(results))
+
+    return make
+
+
+@pytest.fixture
+def tasks(make_scores: MakeTask) -> list[TaskScores]:
+    """Return two tasks: the agent is worse than the rule on one, and as good on the other."""
+    return [
+        make_scores("RoughTurning-v0", "fixed_tuned", rule=-10.0, agent=(-40.0, -20.0)),
+        make_scores("RoughTurning-Override-v1", "override_tuned", rule=-50.0, agent=(-50.0, -50.0)),
+    ]
+
+
+def test_a_row_has_the_best_policy_of_each_kind_with_its_score(tasks: list[TaskScores]) -> None:
+    first, second = by_task(tasks)
+    assert first["task"] == "RoughTurning-v0"
+    assert first["best fixed"] == "`fixed_tuned` 0"
+    assert first["best rule"] == "`predictive` 90"
+    assert first["oracle"] == "`causal` 100"
+    assert second["best rule"] == "`predictive` 50"
+    assert "best published" not in first
+
+
+def test_scores_are_averaged_over_tasks(tasks: list[TaskScores]) -> None:
+    listed = entries(tasks, ["ppo"])
+    assert mean_score(listed["best rule"]).value == pytest.approx((90.0 + 50.0) / 2)
+    assert mean_score(listed["ppo"]).value == pytest.approx((70.0 + 50.0) / 2)
+    assert mean_score(listed["oracle"]).value == pytest.approx(100.0)
+
+
+def test_the_mean_over_tasks_leaves_out_the_outer_quarters(make_scores: MakeTask) -> None:
+    ids = ("RoughTurning-v0", "RoughTurning-Shift-v0", "RoughTurning-Override-v1")
+    fixed = ("fixed_tuned", "fixed_tuned", "override_tuned")
+    several = []
+    for env_id, name, rule in zip(ids, fixed, (-10.0, -20.0, -60.0), strict=True):
+        several.append(make_scores(env_id, name, rule=rule, agent=(-50.0, -50.0)))
+    several.append(
+        make_scores("RoughTurning-Surface-v1", "override_tuned", rule=-9000.0, agent=(-50.0, -50.0))
+    )
+    assert mean_score(entries(several, ["predictive"])["predictive"]).value == pytest.approx(60.0)
+
+
+def test_the_mean_score_of_episodes_is_the_score(tasks: list[TaskScores]) -> None:
+    for task in tasks:
+        score = task.score("ppo")
+        assert score is not None
+        assert task.episode_scores("ppo").mean() == pytest.approx(score.value)
+
+
+def test_a_profile_counts_episodes_and_tasks_alike(tasks: list[TaskScores]) -> None:
+    # The agent's trainings score 60 and 80 on the first task, and 50 on the second.
+    entry = entries(tasks, ["ppo"])["ppo"]
+    assert profile(entry, 0.0).value == pytest.approx(1.0)
+    assert profile(entry, 70.0).value == pytest.approx((0.5 + 0.0) / 2)
+    assert profile(entry, 90.0).value == 0.0
+
+
+def test_improvement_counts_a_tie_as_half(tasks: list[TaskScores]) -> None:
+    listed = entries(tasks, ["ppo"])
+    wins = improvement(listed["best rule"], listed["ppo"])
+    losses = improvement(listed["ppo"], listed["best rule"])
+    assert wins is not None
+    assert losses is not None
+    assert wins.value == pytest.approx((1.0 + 0.5) / 2)
+    assert wins.value + losses.value == pytest.approx(1.0)
+
+
+def test_resamples_of_tasks_are_independent(make_scores: MakeTask) -> None:
+    first, second = (
+        make_scores(env_id, "fixed_tuned", rule=-10.0, agent=(-40.0, -20.0))
+        for env_id in ("RoughTurning-v0", "RoughTurning-Shift-v0")
+    )
+    replicates = []
+    for task in (first, second):
+        score = task.score("ppo")
+        assert score is not None
+        replicates.append(score.replicates)
+    assert abs(np.corrcoef(replicates)[0, 1]) < 0.1
+
+
+def test_a_task_without_its_oracle_has_no_scores(make_result: MakeResult) -> None:
+    board = leaderboard_of([make_result("fixed_tuned", returns=0.0)])
+    with pytest.raises(ResultError, match="causal has not played"):
+        TaskScores(board)
+
+
+def test_an_unknown_policy_is_named(tasks: list[TaskScores]) -> None:
+    with pytest.raises(ResultError, match="no policy is called nobody"):
+        aggregate.over_tasks(tasks, ["nobody"])
+
+
+def test_the_command_prints_both_tables(
+    make_result: MakeResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    on = task_on("RoughTurning-v0")
+    folder = result_folder(tmp_path, on.env_id, on.scenario.name)
+    for result in (
+        make_result("fixed_tuned", on=on, returns=-100.0),
+        make_result("predictive", on=on, returns=-10.0),
+        make_result("causal", on=on, policy=ORACLE, returns=0.0),
+    ):
+        write_result(result, folder)
+    write_manifest(folder, on)
+    assert main(["show", "--results", str(tmp_path), "--aggregate", "--markdown"]) == 0
+    tasks_table, means_table = capsys.readouterr().out.strip().split("\n\n")
+    assert "| RoughTurning-v0 | `fixed_tuned` 0 | `predictive` 90 | `causal` 100 |" in tasks_table
+    assert "| best rule | 1 | 90" in means_table
