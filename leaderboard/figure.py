@@ -271,7 +271,7 @@ def _title(title: str, entry: Entry) -> str:
 
 def _draw_mean_scores(axes: Axes, listed: Mapping[str, Entry]) -> None:
     """Draw the interquartile mean over tasks of each kind that is not far below 0."""
-    titles = []
+    titles: list[str] = []
     for title, entry in listed.items():
         colour = _KIND_LOOKS[title].colour
         estimate = mean_score(entry).estimate
