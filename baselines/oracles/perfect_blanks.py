@@ -82,6 +82,14 @@ class Cut(NamedTuple):
     life: Any  # used life per minute [1/min]
 
 
+class SetPoint(NamedTuple):
+    """The set point of a pass, and its cost."""
+
+    log_speed: float  # [log m/min]
+    log_feed: float  # [log mm/rev]
+    cost: float  # [min]
+
+
 class Plan(NamedTuple):
     """The plan of a blank."""
 
@@ -219,8 +227,11 @@ def best_plan(blank, task, allowances, log_speeds, log_feeds):  # type: ignore[n
             cost = 0.0
             for number in range(passes):
                 cut = cut_of_pass(blank, task, passes, allowance, number)
-                speeds[number], feeds[number], least = cheapest(cut, blank, task)
-                cost += least
+                set_point = cheapest(cut, blank, task)
+                speeds[number] = set_point.log_speed
+                feeds[number] = set_point.log_feed
+                cost += set_point.cost
+                # Costs are positive: the rest of the passes cannot make this plan the best.
                 if cost >= best.cost:
                     break
             if cost < best.cost:
@@ -260,12 +271,10 @@ def at_unit_set_point(load, log_depth, log_hardness):  # type: ignore[no-untyped
 
 @compiled
 def cheapest(cut, blank, task):  # type: ignore[no-untyped-def]
-    """Return log speed, log feed and cost [min] of the cheapest set point of a pass."""
+    """Return the cheapest set point of a pass, by grids that narrow around the best point."""
     speed_low, speed_high = task.log_speeds
     feed_low, feed_high = task.log_feeds
-    best_speed = speed_low
-    best_feed = feed_low
-    least = np.inf
+    best = SetPoint(speed_low, feed_low, np.inf)
     for _ in range(ROUNDS):
         speed_step = (speed_high - speed_low) / (POINTS - 1)
         feed_step = (feed_high - feed_low) / (POINTS - 1)
@@ -274,15 +283,14 @@ def cheapest(cut, blank, task):  # type: ignore[no-untyped-def]
                 log_speed = speed_low + row * speed_step
                 log_feed = feed_low + column * feed_step
                 cost = cost_of_pass(cut, blank, task, log_speed, log_feed)
-                if cost < least:
-                    best_speed = log_speed
-                    best_feed = log_feed
-                    least = cost
-        speed_low = max(best_speed - speed_step, task.log_speeds[0])
-        speed_high = min(best_speed + speed_step, task.log_speeds[1])
-        feed_low = max(best_feed - feed_step, task.log_feeds[0])
-        feed_high = min(best_feed + feed_step, task.log_feeds[1])
-    return best_speed, best_feed, least
+                if cost < best.cost:
+                    best = SetPoint(log_speed, log_feed, cost)
+        # The next grid reaches from one neighbour of the best point to the other.
+        speed_low = max(best.log_speed - speed_step, task.log_speeds[0])
+        speed_high = min(best.log_speed + speed_step, task.log_speeds[1])
+        feed_low = max(best.log_feed - feed_step, task.log_feeds[0])
+        feed_high = min(best.log_feed + feed_step, task.log_feeds[1])
+    return best
 
 
 @compiled
