@@ -85,11 +85,11 @@ results: .venv/run
 			RoughTurning-Shift-v0) seeds="--seeds $(SPLIT_SEEDS)";; \
 			RoughTurning-Family-v0) \
 				play=".venv/bin/python -m leaderboard run --env $$env --results $(SHIPPED_RESULTS) --jobs $(JOBS) --seeds $(NUM_SEEDS)"; \
-				$$play --splits --policies $(DEGENERATE) fixed_nominal_optimum predictive self_tuning causal; \
+				$$play --splits --policies $(DEGENERATE) random fixed_nominal_optimum fixed_nominal_share predictive self_tuning causal; \
 				$$play --splits --policies self_tuning --knows true_wear; \
 				$$play --splits --policies predictive self_tuning --knows true_laws; \
 				$$play --policies self_tuning --forgets; \
-				$$play --scenario unmodelled --splits --policies idle never_cut fixed_nominal_optimum predictive self_tuning contextual causal; \
+				$$play --scenario unmodelled --splits --policies idle never_cut random fixed_nominal_optimum fixed_nominal_share predictive self_tuning contextual causal; \
 				$$play --scenario unmodelled --splits --policies self_tuning --knows true_forms; \
 				continue;; \
 			*) seeds="--seeds $(TASK_SEEDS)";; \
