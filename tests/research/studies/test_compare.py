@@ -31,6 +31,19 @@ scenario.control.action = "set_point"
 policy = "fixed_tuned"
 """
 
+TRUE_LAWS = """
+question = "What are the true laws worth?"
+task = "RoughTurning-Family-v0"
+seeds = "training_jobs"
+episodes = 1
+
+[variants.nominal_laws]
+policy = "fixed_nominal_optimum"
+[variants.true_laws]
+like = "nominal_laws"
+true_fields = ""
+"""
+
 
 def cells(line: str) -> list[str]:
     """Return the cells of a line of a table."""
@@ -151,9 +164,10 @@ def _played(**returns: Floats) -> Played:
 def test_true_laws_change_what_a_controller_earns_on_a_job(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["family_ablation", "--variants", "as_it_is", "true_laws"]
-    arguments += ["--episodes", "1", "--runs", str(tmp_path / "runs")]
-    assert main(arguments) == 0
+    # The fixed optimum depends on the laws alone, and no other controller is played as fast.
+    study = tmp_path / "true_laws.toml"
+    study.write_text(TRUE_LAWS)
+    assert main([str(study), "--runs", str(tmp_path / "runs")]) == 0
     _, _, nominal_laws, true_laws = capsys.readouterr().out.splitlines()
     assert cells(nominal_laws)[1] != cells(true_laws)[1]
 
