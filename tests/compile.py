@@ -19,8 +19,15 @@ from research.studies import belief_bound
 from tests.turning_env.playing import changed
 from turning_env import FamilyVectorEnv, RoughTurningEnv, RoughTurningVectorEnv, Scenario
 from turning_env.action import commanded
+from turning_env.numerics.functions import exp, expm1, log
 from turning_env.scoring.play import play
 from turning_env.scoring.seeds import tuning_seeds
+
+
+def compile_functions() -> None:
+    """Call the functions that are compiled for arrays, too."""
+    for function in (exp, expm1, log):
+        function(np.ones(1))
 
 
 def compile_rules(num_envs: int) -> None:
@@ -91,6 +98,7 @@ def compile_control() -> None:
 
 
 if __name__ == "__main__":
+    compile_functions()
     # One environment has functions of its own.
     compile_rules(num_envs=1)
     compile_rules(num_envs=2)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 import gymnasium
+import numpy as np
 
 from turning_env import FAMILY_ID, IDS, score
 from turning_env.console import UserError, described, exits, positive, print_json
@@ -166,7 +167,7 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _warm_up(_: argparse.Namespace) -> int:
-    """Compile everything that environments, batches and windows call.
+    """Compile everything that environments, batches, windows and readings of arrays call.
 
     It prints where the machine code is kept. Run it when you build a container image, or before you
     start many processes that cannot write to the folder: the package's own, or the user's cache
@@ -175,6 +176,7 @@ def _warm_up(_: argparse.Namespace) -> int:
     python -m turning_env warm-up
     """
     from turning_env.batch import driver
+    from turning_env.numerics import functions
     from turning_env.numerics.compilation import machine_code_folder
     from turning_env.rendering import fields
 
@@ -185,7 +187,10 @@ def _warm_up(_: argparse.Namespace) -> int:
             envs.step(envs.action_space.sample())
             envs.close()
     fields.warm_up()
-    sources = [Path(driver.__file__).parent, Path(fields.__file__).parent]
+    for function in (functions.exp, functions.expm1, functions.log):
+        function(np.ones(1))
+    files = (driver.__file__, fields.__file__, functions.__file__)
+    sources = [Path(str(file)).parent for file in files]
     folders = [folder for folder in map(machine_code_folder, sources) if folder]
     for folder in folders:
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

@@ -25,6 +25,7 @@ def test_the_schema_says_unit_and_range(capsys: pytest.CaptureFixture[str]) -> N
 CALLS = """
 import numpy as np
 from turning_env import IDS, RoughTurningEnv, Scenario
+from turning_env.numerics.functions import exp, expm1, log
 from turning_env.rendering.fields import Fields
 
 for preset in IDS.values():
@@ -32,6 +33,8 @@ for preset in IDS.values():
     env.reset(seed=0)
     env.step(env.action_space.sample())
     Fields(Scenario.load(preset)).along((0, 0), 0, np.zeros(3))
+for function in (exp, expm1, log):
+    function(np.ones(2))
 """
 """Calls of all that is compiled, in a process that logs what it compiles."""
 

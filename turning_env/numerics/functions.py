@@ -15,12 +15,19 @@ here. Nor give names to the parts of a formula: NumPy reuses the memory of unnam
 functions of arrays took up to 1.6 times as long with them.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
+import numba
 import numpy as np
 from numba.extending import overload
+from numpy.typing import NDArray
 
-from turning_env.numerics.compilation import INLINED, compiled
+from turning_env.numerics.compilation import INLINED, compiled, compiled_entry
+
+_Kernel = Callable[[NDArray[np.float64]], Any]
+_COMPILES = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
 # log 2 in two parts (Cody and Waite 1980). The first has 42 bits, so that its product with an
 # exponent is exact.
@@ -78,21 +85,69 @@ def _exp_parts(x):
     return r + r2 * (low + r4 * (middle + r4 * high)), power.view(np.float64)
 
 
-@compiled
+def _compiled_for_arrays(kernel: _Kernel) -> Callable[[Callable[..., Any]], Any]:
+    """Decorate a function of one argument, as ``compiled``.
+
+    Called from Python with an array, it runs a compiled loop over the elements: the bits are the
+    same, and small arrays take a tenth of the time of NumPy's thirty operations.
+
+    Args:
+        kernel: replaces the elements of a contiguous array by the function's values.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        @functools.wraps(function)
+        def call(x: Any) -> Any:
+            if type(x) is np.ndarray and x.ndim > 0 and x.dtype == np.float64 and _COMPILES:
+                # A copy is writable and contiguous, so the kernel is compiled for one type only.
+                values = np.array(x, order="C")
+                kernel(values.reshape(-1))
+                return values
+            return function(x)
+
+        options: Any = {"error_model": "numpy", **INLINED}
+        overload(call, jit_options=options, strict=False)(lambda x: function)
+        return call
+
+    return decorate
+
+
+@compiled_entry
+def _exp_all(values):
+    for i in range(len(values)):
+        # The compiled limits would replace NaN.
+        if values[i] == values[i]:
+            values[i] = exp(values[i])
+
+
+@compiled_entry
+def _expm1_all(values):
+    for i in range(len(values)):
+        if values[i] == values[i]:
+            values[i] = expm1(values[i])
+
+
+@compiled_entry
+def _log_all(values):
+    for i in range(len(values)):
+        values[i] = log(values[i])
+
+
+@_compiled_for_arrays(lambda values: _exp_all(values))
 def exp(x):
     """Return e to the power of x; x is clipped to -708..708."""
     mantissa, power = _exp_parts(_clipped(x))
     return (1.0 + mantissa) * power
 
 
-@compiled
+@_compiled_for_arrays(lambda values: _expm1_all(values))
 def expm1(x):
     """Return exp(x) - 1 without cancellation near 0; x is clipped to -708..708."""
     mantissa, power = _exp_parts(_clipped(x))
     return mantissa * power + (power - 1.0)
 
 
-@compiled
+@_compiled_for_arrays(lambda values: _log_all(values))
 def log(x):
     """Return the natural logarithm of a normal number above 0; about -709 for 0."""
     # x = mantissa * 2^exponent, where the mantissa lies between the roots of 1/2 and 2.

@@ -76,6 +76,17 @@ def test_a_power_of_zero_is_zero(exponent):
     assert real_power(0.0, exponent) == 0.0
 
 
+@pytest.mark.parametrize("function", [exp, expm1, log])
+def test_values_that_are_no_numbers_stay_none_and_arguments_stay_as_they_are(function):
+    x = np.array([[1.0, np.nan], [2.0, 3.0]])
+    x.flags.writeable = False
+    values = function(x.T)
+    assert values.shape == (2, 2)
+    assert values[0, 1] == function(2.0)
+    if function is not log:  # whose argument must be a normal number
+        assert np.isnan(values[1, 0])
+
+
 @pytest.mark.parametrize("x", [-720.0, 720.0])
 def test_exp_is_clipped_in_the_same_way_for_arrays(x):
     assert exp(x) == exp(np.array([x]))[0]
