@@ -164,14 +164,17 @@ def _reconcile_actions(changed: dict[str, Any]) -> None:
 def _reconcile_laws(changed: dict[str, Any]) -> None:
     """Set exponents to 0 that a law may not have, and others to values that it may."""
     laws = changed["material"]
-    laws["wear"]["wear"] = 0.0
-    laws["thrust_force"]["time"] = 0.0
-    laws["power"]["time"] = 0.0
+    laws["wear"] |= {"wear": 0.0, "wear_growth": 0.0}
+    for name in ("thrust_force", "power"):
+        law = laws[name]
+        law["time"] = 0.0
+        if law["wear_growth"] > 0.0:
+            law["wear"] = law["wear"] or 1.0
     laws["wear"]["time"] = abs(laws["wear"]["time"]) or 0.245
-    changed["edge_failure"]["temperature"]["time"] = 0.0
+    changed["edge_failure"]["temperature"] |= {"time": 0.0, "wear_growth": 0.0}
     for name in ("radial_force", "torque", "roughness"):
         law = changed["limits"][name]
-        law |= {"cutting_speed": 0.0, "time": 0.0, "wear": 0.0}
+        law |= {"cutting_speed": 0.0, "time": 0.0, "wear": 0.0, "wear_growth": 0.0}
         law["feed"] = abs(law["feed"]) or 0.75
 
 
