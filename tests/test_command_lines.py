@@ -218,6 +218,10 @@ MISTAKES = {
     "train.guided_ppo": [
         "--env nothing",
     ],
+    "research.studies.family_fixed": [
+        "nothing",
+        "shop --jobs 0",
+    ],
     "research.studies.family_sources": [
         "nothing",
         "shop --list nothing",

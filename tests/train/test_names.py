@@ -18,7 +18,11 @@ AGENTS = Path(__file__).parents[2] / "agents"
 def test_every_hyperparameter_of_a_shipped_agent_has_a_present_name(path: Path) -> None:
     metadata = agent_file.read(path).metadata
     known = set(hyperparameters(metadata.algorithm, metadata.env_id))
-    known |= set(hyperparameters("ppo", metadata.env_id)) | {"family", "context"}
+    known |= set(hyperparameters("ppo", metadata.env_id)) | {
+        "family",
+        "context",
+        "training_information",
+    }
     unknown = set(current_names(metadata.parameters)) - known
     assert unknown == set()
 
