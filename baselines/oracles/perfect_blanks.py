@@ -50,7 +50,7 @@ class Load(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What plans of a scenario are compared by."""
+    """Laws and ranges by which the plans of a scenario are compared."""
 
     force: Load
     power: Load

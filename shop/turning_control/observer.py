@@ -92,7 +92,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class SectionOutlook:
-    """What commands must bear in a section of the drawing."""
+    """Depth and expected loads in a section of the drawing."""
 
     depth: Values  # nominal [mm]
     loads: ByLoad  # over nominal [-]
@@ -100,7 +100,7 @@ class SectionOutlook:
 
 @dataclass(frozen=True)
 class Outlook:
-    """What commands must bear from now on."""
+    """Sections and times that the next commands must suit."""
 
     present: SectionOutlook
     following: SectionOutlook  # the next section of the bar, or the first one of the next bar

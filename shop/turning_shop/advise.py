@@ -28,10 +28,10 @@ from turning_env.scenario import Scenario
 
 MAX_SPEEDS = 120  # round cutting speeds that are tried
 MAX_FEEDS = 60  # round feeds that are tried
-LEAST_COST = "least cost"
-LEAST_COST_AS_MEASURED = "least cost as measured"
-MOST_METAL = "most metal"
-AIMS = (LEAST_COST, LEAST_COST_AS_MEASURED, MOST_METAL)
+MIN_COST = "least cost"
+MIN_MEASURED_COST = "least cost as measured"
+MAX_METAL = "most metal"
+AIMS = (MIN_COST, MIN_MEASURED_COST, MAX_METAL)
 """Aims of advice; the second keeps to the measured range, and is left out if the first does."""
 BINDS = 5e-3  # relative gain of lifting a limit above which it binds [-]
 WIDER = 0.1  # share by which an end of the machine's range is moved to find what it costs [-]
@@ -210,7 +210,7 @@ def advise(scenario: Scenario, evidence: Evidence) -> list[Advice]:
         )
     advice: list[Advice] = []
     for aim in AIMS:
-        if aim == LEAST_COST_AS_MEASURED and not advice[0].plan.mark:
+        if aim == MIN_MEASURED_COST and not advice[0].plan.mark:
             continue  # the least cost is within the measured range
         best = _best(scenario, evidence, tried, aim=aim)
         if best:
@@ -258,14 +258,14 @@ def _tried(scenario: Scenario, evidence: Evidence) -> Plan:
 
 def _objective(tried: Plan, aim: str) -> Any:
     """Return the quantity that an aim minimises."""
-    return -tried.mean_removal_rate if aim == MOST_METAL else tried.cost
+    return -tried.mean_removal_rate if aim == MAX_METAL else tried.cost
 
 
 def _best(scenario: Scenario, evidence: Evidence, tried: Plan, aim: str) -> Plan | None:
     """Return the best of the plans that are tried, for an aim; None if none keeps the limits."""
     cuts = tried.cuts
     possible = allowed_loads(scenario).keeps(scenario, cuts)
-    if aim == LEAST_COST_AS_MEASURED:
+    if aim == MIN_MEASURED_COST:
         possible = possible & ~tried.prediction.extrapolated
     if not possible.any():
         return None

@@ -77,7 +77,7 @@ _SEPARATORS = ",;\t|"
 
 
 class _Stated(NamedTuple):
-    """What the user states of a sheet, by the names of columns."""
+    """Headers, units and constants that the user states, by the names of columns."""
 
     headers: Mapping[str, str]
     units: Mapping[str, str]

@@ -67,10 +67,11 @@ def was_normalised(model: Any) -> bool:
     """Return whether a model was trained with ``VecNormalize``.
 
     Such a training keeps the observations before normalisation, and the model's file holds its
-    first. They are also there if only rewards were normalised: the file does not say which. Models
-    with a replay buffer keep observations there in every training, so they do not tell.
+    first. They are also there if only rewards were normalised: the file does not say which. A model
+    with a replay buffer keeps observations there in every training, so its environment tells, if it
+    has one; without one, it may have been normalised.
     """
-    if hasattr(model, "replay_buffer"):
+    if hasattr(model, "replay_buffer") and model.get_env() is not None:
         return False
     return getattr(model, "_last_original_obs", None) is not None
 

@@ -16,7 +16,7 @@ from turning_env.scoring.policy import Actions, Observations, Policy
 
 
 class Output(NamedTuple):
-    """What a module returns: tensors with a row for each environment."""
+    """The output of a module: tensors with a row for each environment."""
 
     actions: Any
     memory: Any  # None of a module without memory

@@ -47,7 +47,7 @@ from turning_env.scoring.seeds import tuning_seeds
 
 
 class StatedMinute(NamedTuple):
-    """What the text states of a minute."""
+    """The set point and feasible region that the text states for a minute."""
 
     cutting_speed: float  # chosen [m/min]
     feed: float  # chosen [mm/rev]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 from turning_shop import WorkshopError
-from turning_shop.advise import LEAST_COST, MOST_METAL, Prices, advise, headline, part_volume, plan
+from turning_shop.advise import MAX_METAL, MIN_COST, Prices, advise, headline, part_volume, plan
 from turning_shop.advise_play import best_rule, clocked, constant, play_all
 from turning_shop.prediction import Evidence
 from turning_shop.provenance import load
@@ -49,7 +49,7 @@ def test_advice_keeps_the_limits_and_names_those_that_bind() -> None:
     )
     advice = advise(scenario, Evidence())
     cost, metal = advice
-    assert (cost.aim, metal.aim) == (LEAST_COST, MOST_METAL)
+    assert (cost.aim, metal.aim) == (MIN_COST, MAX_METAL)
     # The life of the one edge in forty that lasts least, over the nominal life.
     worst = math.exp(-1.96 * scenario.tool.wear_factor_spread / scenario.material.wear.time)
     for entry in advice:
