@@ -271,7 +271,7 @@ LIMITS = (
         lower_is_better=True,
     ),
     Column(
-        "severely over",
+        "severe overload",
         "%",
         definition="Cutting time above a limit by more than its tolerance.",
         field="severe_share",
@@ -291,10 +291,10 @@ LIMITS = (
         lower_is_better=True,
     ),
     Column(
-        "severely over, at least",
+        "severe overload, at least",
         "%",
-        definition="Lower 95 % confidence limit (one-sided) of the time severely over. Above the "
-        "allowance, it is infeasible.",
+        definition="Lower 95 % confidence limit (one-sided) of the time in severe overload. Above "
+        "the allowance, it is infeasible.",
         field="severe_lower_limit",
         decimals=2,
         factor=100,
@@ -302,10 +302,10 @@ LIMITS = (
         lower_is_better=True,
     ),
     Column(
-        "severely over, at most",
+        "severe overload, at most",
         "%",
-        definition="Upper 95 % confidence limit (one-sided) of the time severely over. Within the "
-        "allowance, the policy is feasible.",
+        definition="Upper 95 % confidence limit (one-sided) of the time in severe overload. Within "
+        "the allowance, the policy is feasible.",
         field="severe_limit",
         decimals=2,
         factor=100,

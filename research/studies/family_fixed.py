@@ -37,7 +37,7 @@ def row(family: Family, num_jobs: int, shares: SetPointShares) -> dict[str, str]
         "Speed": f"{shares.cutting_speed:.2f}",
         "Feed": f"{shares.feed:.2f}",
         "Return [s]": f"{episodes['return'].mean():.0f}",
-        "Severely over [%]": f"{100.0 * severe_share(severe, engaged):.1f}",
+        "Severe overload [%]": f"{100.0 * severe_share(severe, engaged):.1f}",
         "Feasible": feasibility(limits, allowance),
     }
 
