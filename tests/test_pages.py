@@ -97,7 +97,8 @@ def test_a_page_is_true(pages: tuple[Path, ...], copy: Path) -> None:
 
 
 def test_the_readme_prints_what_it_says() -> None:
-    example = re.search(r"```python\n(.*?)```.*?```text\n(.*?)```", README, re.DOTALL)
+    pattern = r"```python\n([^`]*?)```\n\nprints:\n\n```text\n([^`]*?)```"
+    example = re.search(pattern, README)
     assert example is not None
     program, printed = example.groups()
     assert run([sys.executable, "-c", program], ROOT).stdout == printed
