@@ -69,7 +69,9 @@ class FamilyEnv(FamilyBase, RoughTurningEnv):
     change). With `context="told"`, the nominal model's numbers follow, standardised by the training
     jobs and limited to -10..10 (`Family.context_names`): exponents of the three laws; logarithms of
     load, life, removal rate, prices, spreads, lengths and lags; and at five used lives the best
-    speed, feed and life.
+    speed, feed and life. If the family's `fields` set `sensors.observes_all`, the hidden state
+    follows `removed_wear`, and the context also has these numbers by the true laws, and the hidden
+    forms (`true_...`).
 
     ## Reward and end
 

@@ -102,6 +102,25 @@ def observe_further(state, work, first, last, p):
         for i in env_range(first, last):
             ratio = state.removed_wear[i] / p.wear_criterion[i]
             entries[OBS.removed_wear, i] = min(ratio, MAX_RATIO)
+    if p.observes_all:
+        for i in env_range(first, last):
+            observe_hidden_state(state, work, i, p)
+
+
+@compiled
+def observe_hidden_state(state, work, i, p):
+    """Observe the true cut and the true edge."""
+    entries = work.observation
+    in_metal = state.cutting[i] > 0
+    hardness = exp(state.log_hardness[i])
+    depth = state.depth_of_cut[i] / p.depth_of_cut[i]
+    wear = exp(log_wear(p, i, state.used_life[i])) / p.wear_criterion[i]
+    strength = state.edge_strength[i] / p.thrust_force_limit[i]
+    entries[OBS.hardness, i] = deviation(hardness) if in_metal else 0.0
+    entries[OBS.depth_of_cut, i] = deviation(depth) if in_metal else 0.0
+    entries[OBS.wear, i] = min(wear, MAX_RATIO) if state.used_life[i] > 0.0 else 0.0
+    entries[OBS.wear_factor, i] = deviation(exp(state.log_wear_factor[i]))
+    entries[OBS.edge_strength, i] = deviation(strength)
 
 
 @compiled

@@ -40,6 +40,7 @@ from train.training import SEEDS, algorithm_of, load_agent, train
 from turning_env import FAMILY_ID, IDS, MODEL_VERSION, SPLITS, Family, Scenario
 from turning_env.console import UserError, described, exits, positive
 from turning_env.files import digest_of, replace_file
+from turning_env.scenario.scenario import flat
 from turning_env.scoring.comparators import CAUSAL
 from turning_env.scoring.play import Episodes, play, play_family
 from turning_env.scoring.policy import PolicySpec
@@ -74,7 +75,10 @@ class Variant(BaseModel):
     settings: dict[str, Any] = {}
     """Hyperparameters of the algorithm, or parameters of the controller."""
     scenario: dict[str, dict[str, Any]] = {}
-    """Values of the scenario that differ in training and in play, by section."""
+    """Values of the scenario that differ in training and in play, by section; numbers and switches
+    of all jobs, if the task is a family."""
+    lathes: int | None = Field(None, ge=1)
+    """Number of jobs of the family on which agents are trained; None: the family's."""
     trainings: int = Field(0, ge=0)
     """Number of training seeds; 0: that of the study."""
     true_fields: str | tuple[str, ...] | None = None
@@ -210,14 +214,22 @@ def home_of(study: Study, variant: Variant) -> Scenario | Family:
     home = trained_on(study.task, variant.family)
     if not isinstance(home, Family):
         return with_changes(study.task, variant.scenario)
-    if variant.hidden is None:
+    changes: dict[str, Any] = {}
+    if variant.hidden is not None:
+        changes["name"] = f"{home.name}-part"
+        changes["hidden"] = _beginning_with(variant.hidden, home.hidden)
+    if variant.scenario:
+        changes["fields"] = home.fields | flat(variant.scenario)
+    if variant.lathes is not None:
+        changes["jobs"] = variant.lathes
+    if not changes:
         return home
-    hidden = {
-        name: formula for name, formula in home.hidden.items() if name.startswith(variant.hidden)
-    }
-    return Family.model_validate(
-        home.model_dump(exclude_none=True) | {"name": f"{home.name}-part", "hidden": hidden}
-    )
+    return Family.model_validate(home.model_dump(exclude_none=True) | changes)
+
+
+def _beginning_with(prefixes: tuple[str, ...], fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields whose names begin with one of some prefixes."""
+    return {name: value for name, value in fields.items() if name.startswith(prefixes)}
 
 
 def run_of(study: Study, name: str, seed: int, runs: Path) -> Run:
@@ -276,17 +288,14 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
         seed,
         variant.model_dump(mode="json"),
     ]
-    agent = None
-    seconds = None
+    run = None
     if variant.algorithm:
         run = run_of(study, name, seed, runs)
-        agent = load_agent(train(run, algorithm_of(variant.algorithm)).parent)
-        seconds = max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
         identity.append(run.parameters)
     home = home_of(study, variant)
     if isinstance(home, Family):
-        jobs_episodes = _played_on_family(study, variant, home, agent, identity, runs)
-        return Played({study.task: jobs_episodes}, seconds)
+        jobs_episodes = _played_on_family(study, variant, home, run, identity, runs)
+        return Played({study.task: jobs_episodes}, _seconds(run))
     scenarios = [home]
     if study.splits:
         scenarios += [Scenario.load(split) for split in SPLITS]
@@ -296,30 +305,53 @@ def played(piece: tuple[str, int], study: Study, runs: Path) -> Played:
     seeds = seeds_of(study.episodes)
     episodes = {}
     for scenario in scenarios:
-        spec = agent
-        if spec is None:
-            spec = _controller(variant, scenario, Scenario.load(IDS[study.task]))
-            identity.append(spec.identity)
-        work = partial(play, informed(spec, scenario), scenario, seeds)
+        if run is not None:
+            work = partial(_play_agent, run, scenario, seeds)
+        else:
+            controller = _controller(variant, scenario, Scenario.load(IDS[study.task]))
+            identity.append(controller.identity)
+            work = partial(play, informed(controller, scenario), scenario, seeds)
         episodes[scenario.name] = _cached(runs, [*identity, scenario.digest()], work)
-    return Played(episodes, seconds)
+    return Played(episodes, _seconds(run))
+
+
+def _trained(run: Run) -> PolicySpec:
+    """Return the agent of a training, which is run or resumed unless it is finished."""
+    return load_agent(train(run, algorithm_of(run.algorithm)).parent)
+
+
+def _seconds(run: Run | None) -> float | None:
+    """Return the wall time of a training [s]; None if there is none."""
+    if run is None:
+        return None
+    return max((row["wall_time"] for row in run.read_learning_curve()), default=0.0)
+
+
+def _play_agent(run: Run, scenario: Scenario, seeds: Sequence[int]) -> Episodes:
+    """Train an agent and play it on a scenario."""
+    return play(informed(_trained(run), scenario), scenario, seeds)
+
+
+def _play_agent_on_family(run: Run, family: Family, split: str, jobs: Sequence[int]) -> Episodes:
+    """Train an agent and play it on the jobs of a family."""
+    make = informed(_trained(run), [family.job(number, split).scenario for number in jobs])
+    return play_family(family, split, jobs, make)
 
 
 def _played_on_family(
     study: Study,
     variant: Variant,
     family: Family,
-    agent: PolicySpec | None,
+    run: Run | None,
     identity: list[Any],
     runs: Path,
 ) -> Episodes:
-    """Return the episodes of a variant on a family's jobs; ``agent``: None for a controller."""
+    """Return the episodes of a variant on a family's jobs; ``run``: None for a controller."""
     jobs = range(study.episodes)
     split = JOBS[study.seeds]
     identity = [*identity, family.digest()]
-    if agent is not None:
-        make = informed(agent, [family.job(number, split).scenario for number in jobs])
-        return _cached(runs, identity, partial(play_family, family, split, jobs, make))
+    if run is not None:
+        return _cached(runs, identity, partial(_play_agent_on_family, run, family, split, jobs))
     rule = catalogue.RULES.get(variant.policy)
     identity.append(rule.version if rule else VERSION)
     # The causal oracle receives all true values.

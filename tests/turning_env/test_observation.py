@@ -5,7 +5,7 @@ import pytest
 
 from tests.turning_env.playing import changed, fixed_actions, play
 from turning_env import RoughTurningEnv, Scenario, read
-from turning_env.physics.quantities import OBS
+from turning_env.physics.quantities import OBS, layout
 
 SPREADS = (
     "hardness_bar_spread",
@@ -46,3 +46,29 @@ def test_true_wear_hardness_and_depth_show_in_power_and_force_alone():
         OBS.power_ratio,
         OBS.force_ratio,
     ]
+
+
+def test_the_hidden_state_is_observed_if_asked_for():
+    scenario = changed(Scenario(), sensors={"observes_all": True})
+    actions = fixed_actions(100, 1)[:, 0]
+    record = play(RoughTurningEnv(scenario), 4, actions)
+    plain_record = play(RoughTurningEnv(), 4, actions)
+    columns = record["observation"].astype(float).T
+    shown = dict(zip(layout(scenario), columns, strict=True))
+    # The twin is the same lathe.
+    assert np.array_equal(record["observation"][:, :11], plain_record["observation"])
+    in_metal = record["cutting"]
+    assert 0 < in_metal.sum() < len(in_metal)
+    assert not shown["hardness"][~in_metal].any()
+    assert not shown["depth_of_cut"][~in_metal].any()
+    depth_ratio = record["depth_of_cut"] / scenario.workpiece.depth_of_cut
+    assert shown["hardness"][in_metal] == pytest.approx(
+        5 * (record["hardness"] - 1)[in_metal], abs=1e-5
+    )
+    assert shown["depth_of_cut"][in_metal] == pytest.approx(
+        5 * (depth_ratio - 1)[in_metal], abs=1e-5
+    )
+    assert shown["wear"] == pytest.approx(record["wear"] / scenario.tool.wear_criterion, abs=1e-6)
+    assert shown["wear_factor"] == pytest.approx(5 * (record["wear_factor"] - 1), abs=1e-5)
+    strength_ratio = record["edge_strength"] / scenario.limits.thrust_force
+    assert shown["edge_strength"] == pytest.approx(5 * (strength_ratio - 1), abs=1e-5)

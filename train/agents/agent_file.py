@@ -263,6 +263,7 @@ MEANINGFUL_FIELDS = (
     "control.edge_changes",
     "sensors.force",
     "sensors.probe",
+    "sensors.observes_all",
 )
 """Fields of a scenario that decide what actions and observations mean."""
 

@@ -56,6 +56,11 @@ class Entry(NamedTuple):
     present: Callable[[Scenario | ScenarioBatch], bool] = lambda scenario: True
 
 
+def _observes_all(scenario: Scenario | ScenarioBatch) -> bool:
+    """Return whether a scenario's observations hold the hidden state."""
+    return bool(scenario.sensors.observes_all)
+
+
 Q = Quantity
 
 STATE = (
@@ -327,6 +332,41 @@ OBSERVATION = (
         low=0.0,
         high=MAX_RATIO,
         present=lambda s: s.sensors.inspects_edges,
+    ),
+    Entry(
+        "hardness",
+        "true hardness: `5 * (hardness over nominal - 1)`, 0 in air",
+        low=_LOW,
+        high=_HIGH,
+        present=_observes_all,
+    ),
+    Entry(
+        "depth_of_cut",
+        "true depth of cut: `5 * (depth / drawing's - 1)`, 0 in air",
+        low=_LOW,
+        high=_HIGH,
+        present=_observes_all,
+    ),
+    Entry(
+        "wear",
+        "true flank wear over the criterion",
+        low=0.0,
+        high=MAX_RATIO,
+        present=_observes_all,
+    ),
+    Entry(
+        "wear_factor",
+        "wear of the insert: `5 * (wear over nominal - 1)`",
+        low=_LOW,
+        high=_HIGH,
+        present=_observes_all,
+    ),
+    Entry(
+        "edge_strength",
+        "strength of the edge: `5 * (strength / force limit - 1)`",
+        low=_LOW,
+        high=_HIGH,
+        present=_observes_all,
     ),
 )
 """Observation entries in order. Entries of some scenarios only come last."""

@@ -436,7 +436,11 @@ class Family(Section):
                 f"the context of family {self.name!r} needs {names}, got {dict(shown)}"
             )
         nominal = ScenarioBatch.of([scenario.nominal()])
-        return self.context(features(nominal, plan_of(nominal)) | dict(shown)).ravel()
+        numbers = features(nominal, plan_of(nominal)) | dict(shown)
+        if scenario.sensors.observes_all:
+            true_fields = flat(scenario.model_dump(exclude={"name", "nominal_model"}))
+            numbers |= self._true_features(ScenarioBatch.of([scenario]), true_fields)
+        return self.context(numbers).ravel()
 
     @cached_property
     def context_scale(self) -> tuple[Array, Array]:
@@ -553,17 +557,33 @@ class Family(Section):
 
         # The true fields hold the planned ones, too; hidden nominal ones are those of the base.
         in_range &= _in_range(true_fields, num_jobs)
+        true = self.batch_of(true_fields, num_jobs)
         nominal = self.batch_of(nominal_fields, num_jobs)
-        shown = {name: nominal_values[name] for name in self.shown}
+        numbers = features(nominal, plan)
+        numbers |= {name: nominal_values[name] for name in self.shown}
+        if nominal.sensors.observes_all:
+            numbers |= self._true_features(true, true_fields)
         return DrawnJobs(
-            true=self.batch_of(true_fields, num_jobs),
+            true=true,
             nominal=nominal,
             plan=plan,
             true_fields=true_fields,
             nominal_fields=nominal_fields,
-            features=features(nominal, plan) | shown,
+            features=numbers,
             in_range=in_range,
         )
+
+    def _true_features(self, true: ScenarioBatch, true_fields: Values) -> dict[str, Array]:
+        """Return numbers that describe true scenarios: their plan, and the forms that are hidden.
+
+        Each has the shape (jobs,). Hidden forms are no power laws, so no plan has them.
+        """
+        numbers = {}
+        for name, value in features(true, plan_of(true)).items():
+            numbers[f"true_{name}"] = value
+        for name in self.hidden:
+            numbers[f"true_{name}"] = np.broadcast_to(true_fields[name], true.num_scenarios)
+        return numbers
 
     def _uniforms(
         self, split: str, numbers: NDArray[np.uint64], attempts: NDArray[np.uint64]

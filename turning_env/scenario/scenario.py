@@ -65,6 +65,7 @@ ALWAYS_KNOWN = (
     "sensors.force",
     "sensors.probe",
     "sensors.inspects_edges",
+    "sensors.observes_all",
     "tool.wear_criterion",
     "tool.wear_rule",
     "machine.cutting_speed_min",

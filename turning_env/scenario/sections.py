@@ -407,6 +407,10 @@ class Sensors(Section):
     inspects_edges: bool = False
     """Whether the flank wear of every edge is measured when it is taken out, without error
     (assumption)."""
+    observes_all: bool = False
+    """Whether observations also hold the hidden state: hardness, depth of cut, flank wear, and the
+    insert's wear factor and strength. On a family, the context then also holds the true laws. No
+    machine has such sensors: such a twin of a task shows what hidden state costs."""
     power_noise: float = quantity(
         0.02, 0, 1, "-", "relative standard deviation of measured power (assumption)"
     )

@@ -5,9 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from research.studies.compare import STUDIES, Played, Study, main, table, with_changes
+from research.studies.compare import (
+    STUDIES,
+    Played,
+    Study,
+    home_of,
+    main,
+    table,
+    with_changes,
+)
 from tests.train.small import PARAMETERS
-from turning_env import Scenario
+from turning_env import Family, Scenario
 from turning_env.scoring.play import EPISODE_FIELDS
 from turning_env.scoring.statistics import Floats
 
@@ -116,8 +124,31 @@ def test_what_was_trained_and_played_is_kept(
     assert capsys.readouterr().out.splitlines() == lines
     assert [path.stat().st_mtime_ns for path in kept] == written_at
 
+    # Episodes stand for their training.
+    for policy in tmp_path.rglob("policy.zip"):
+        policy.unlink()
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines() == lines
+    assert not [*tmp_path.rglob("policy.zip")]
+
     assert main([*arguments, "--variants", "rule", "--episodes", "3"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+def test_agents_of_a_family_learn_on_as_many_lathes_with_such_sensors_as_a_study_says() -> None:
+    curves = Study.read("curves")
+    few = home_of(curves, curves.variant("ppo_16_lathes"))
+    all_lathes = home_of(curves, curves.variant("ppo"))
+    assert isinstance(few, Family)
+    assert few.job(16).scenario == few.job(0).scenario
+    assert few.job(16, "validation").scenario != few.job(0, "validation").scenario
+    assert all_lathes == Family.load("shop")
+
+    twins = Study.read("twins_unmodelled")
+    twin = home_of(twins, twins.variant("ppo_all"))
+    assert isinstance(twin, Family)
+    assert twin.job(0).scenario.sensors.observes_all
+    assert twin.hidden == Family.load("unmodelled").hidden
 
 
 def test_leads_are_over_another_variant_seed_by_seed() -> None:

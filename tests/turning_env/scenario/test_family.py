@@ -134,6 +134,28 @@ def test_a_family_is_the_same_from_a_dict_and_a_file(tmp_path):
     assert Family.load(path).name == "mine"
 
 
+def test_a_twin_that_observes_all_has_the_same_jobs_and_shows_the_true_laws():
+    twin = Family.load(
+        UNMODELLED.model_dump(exclude_none=True)
+        | {"fields": UNMODELLED.fields | {"sensors.observes_all": True}}
+    )
+    job = twin.job(5)
+    plain = UNMODELLED.job(5)
+    twin_fields = flat(job.scenario.model_dump())
+    plain_fields = flat(plain.scenario.model_dump())
+    differing = {name for name, value in twin_fields.items() if value != plain_fields[name]}
+    assert differing == {"sensors.observes_all"}
+    assert job.context[: len(plain.context)] == pytest.approx(plain.context)
+
+    # The laws are told as those of the nominal model, and hidden forms by their fields.
+    exponent = "thrust_force_feed_exponent"
+    assert job.numbers[exponent] == job.scenario.nominal().material.thrust_force.feed
+    assert job.numbers[f"true_{exponent}"] == job.scenario.material.thrust_force.feed
+    assert job.numbers["true_machine.chatter"] == job.scenario.machine.chatter
+    shown = {name: job.numbers[name] for name in twin.shown}
+    assert twin.context_of(job.scenario, shown) == pytest.approx(job.context)
+
+
 def test_hidden_forms_are_true_and_the_nominal_model_knows_none_of_them():
     scenario = UNMODELLED.job(3).scenario
     nominal = scenario.nominal()
