@@ -242,6 +242,10 @@ MISTAKES = {
     "tools.audit": [
         "nothing",
     ],
+    "tools.fresh_root": [
+        "",
+        "--archive file",
+    ],
     "tools.soak": [
         "--kills 0",
         "--only nothing",

@@ -22,7 +22,7 @@ def commit(folder: Path, message: str) -> str:
 
 
 @pytest.fixture
-def repository(tmp_path: Path, monkeypatch) -> Path:
+def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a repository whose Makefile names the commit that holds an agent's second seed."""
     folder = tmp_path / "repository"
     (folder / "agents" / "task").mkdir(parents=True)
@@ -57,7 +57,9 @@ def test_a_fresh_root_restores_all_seeds_and_archives_the_history(repository: Pa
     assert git(repository.parent / "restored", "rev-parse", "origin/main").strip() == head
 
 
-def test_a_fresh_root_replaces_no_branch_and_no_file(repository: Path, capsys) -> None:
+def test_a_fresh_root_replaces_no_branch_and_no_file(
+    repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     archive = repository.parent / "history.bundle"
     archive.write_text("mine")
     assert main(["--archive", str(archive)]) != 0
@@ -66,7 +68,9 @@ def test_a_fresh_root_replaces_no_branch_and_no_file(repository: Path, capsys) -
     assert "--branch" in capsys.readouterr().err
 
 
-def test_a_fresh_root_needs_the_commit_of_all_seeds(repository: Path, capsys) -> None:
+def test_a_fresh_root_needs_the_commit_of_all_seeds(
+    repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (repository / "Makefile").write_text("SEEDS ?= 0-9\n")
     commit(repository, "Forget the seeds")
     archive = repository.parent / "history.bundle"

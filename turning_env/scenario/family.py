@@ -559,17 +559,17 @@ class Family(Section):
         in_range &= _in_range(true_fields, num_jobs)
         true = self.batch_of(true_fields, num_jobs)
         nominal = self.batch_of(nominal_fields, num_jobs)
-        numbers = features(nominal, plan)
-        numbers |= {name: nominal_values[name] for name in self.shown}
+        described = features(nominal, plan)
+        described |= {name: nominal_values[name] for name in self.shown}
         if nominal.sensors.observes_all:
-            numbers |= self._true_features(true, true_fields)
+            described |= self._true_features(true, true_fields)
         return DrawnJobs(
             true=true,
             nominal=nominal,
             plan=plan,
             true_fields=true_fields,
             nominal_fields=nominal_fields,
-            features=numbers,
+            features=described,
             in_range=in_range,
         )
 
